@@ -1,0 +1,251 @@
+"""Road maps before every gate and judge: Virginia sites, FARS crash sites, and places drawn at random.
+
+    TRACE_DAG_JUDGES=.venv-judges python benchmarks/roads.py ../shared/data [--random 200] [--every 1]
+
+Converts each site and measures it: time, gates, deviation from the OSM ways, 1 m steps in CARLA's library, ASAM's
+checker at version 1.7, lanes as SUMO's netconvert reads them back. Osm2Odr and netconvert convert some of the sites for
+comparison. Without the judges' environment or the ``carla`` extra, what they would have said is left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import random
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import osmium
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.roads import judges
+from trace_dag.errors import Failure, Rejection, UserError
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.catalog import MapCatalog
+from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.osm.xml import read_osm, write_osm
+from trace_dag.roads.convert import convert
+from trace_dag.roads.gates import check_map
+from trace_dag.roads.map_measures import MapComparison
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.osm2odr import convert_with_osm2odr, with_way_tags
+from trace_dag.settings import OsmSettings, RoadSettings
+
+Result = TypeVar("Result")
+Places = dict[str, tuple[OsmExtract, LocalFrame]]
+
+
+def virginia(data: Path) -> Places:
+    """The published sites, each in the frame of its published map."""
+    found = {}
+    for path in sorted((data / "va-2023" / "osm").glob("*.osm")):
+        published = (data / "va-2023" / "published" / "maps" / f"{path.stem}.xodr").read_text(errors="replace")
+        lat, lon = (float(re.search(rf"\+{key}=(-?[\d.]+)", published)[1]) for key in ("lat_0", "lon_0"))  # type: ignore[index]
+        found[path.stem] = (read_osm(path.read_bytes(), name=path.name), LocalFrame(lat, lon))
+    return found
+
+
+def fars_sites(data: Path) -> list[Site]:
+    """Reported points of the FARS crashes with two vehicles."""
+    sites = []
+    for path in sorted((data / "fars-csv").glob("*/accident.csv")):
+        with path.open(encoding="latin-1", newline="") as file:
+            for row in csv.DictReader(file):
+                values = {key.upper(): value for key, value in row.items()}
+                if values.get("VE_TOTAL", values.get("VE_FORMS")) == "2":
+                    key = f"{path.parent.name}-{values['ST_CASE']}"
+                    sites.append(Site(key, float(values["LATITUDE"]), float(values["LONGITUD"])))
+    return sites
+
+
+def random_sites(data: Path, count: int) -> list[Site]:
+    """Nodes of public roads, equally many out of each extract, always the same ones."""
+    draw = random.Random(20261121)
+    files = sorted((data / "osm").glob("*.pbf"))
+    sites = []
+    for number, path in enumerate(files):
+        nodes = []
+        for way in osmium.FileProcessor(str(path)).with_locations().with_filter(osmium.filter.KeyFilter("highway")):
+            if way.is_way() and way.tags["highway"] not in ("service", "footway", "path", "cycleway", "track", "steps"):
+                nodes += [(node.lat, node.lon) for node in way.nodes if node.location.valid()][:1]
+        share = count * (number + 1) // len(files) - count * number // len(files)
+        name = path.name.split(".")[0]
+        sites += [Site(f"{name}-{i}", *place) for i, place in enumerate(draw.sample(nodes, min(share, len(nodes))))]
+    return sites
+
+
+def cut(data: Path, sites: list[Site]) -> Places:
+    """Extracts of the sites that have any road."""
+    extracts = MapCatalog.open([data / "osm"]).extract(sites, OsmSettings())
+    return {
+        site.key: (extract, LocalFrame(site.latitude_deg, site.longitude_deg))
+        for site in sites
+        if isinstance(extract := extracts[site.key], OsmExtract)
+    }
+
+
+def measure_ours(places: Places, folder: Path) -> None:
+    """Gates and judges of the native converter's maps."""
+    times_s, deviations, steps = [], [], []
+    failed: Counter[str] = Counter()
+    lanes_compared = lanes_differing = 0
+    files: dict[Path, RoadNetwork] = {}
+    for key, (extract, frame) in places.items():
+        start = time.perf_counter()
+        try:
+            network = convert(extract, frame, RoadSettings())
+        except Rejection as rejection:
+            failed["conversion"] += 1
+            print(f"  {key}: {rejection}")
+            continue
+        times_s.append(time.perf_counter() - start)
+        xodr = write_opendrive(network)
+        for gate in check_map(network, extract, xodr, name=key):
+            if gate.passed is False:
+                failed[gate.name] += 1
+                print(f"  {key}: {gate.name} {gate.value} {gate.unit} ({gate.detail[:100]})")
+        comparison = MapComparison(network, extract)
+        deviations.append(comparison.way_deviation())
+        compared, differing, _ = comparison.lanes_against_tags()
+        lanes_compared, lanes_differing = lanes_compared + compared, lanes_differing + differing
+        path = folder / f"{key}.xodr"
+        path.write_bytes(xodr)
+        files[path] = network
+        step = judged(lambda xodr=xodr: judges.carla_steps(judges.carla_map(xodr)).distances_m)
+        if step is not None and len(step) and step.max() > 2.0:
+            print(f"  {key}: a step of {step.max():.2f} m in carla.Map")
+        steps.append(step)
+    length = sum(d.length_m for d in deviations)
+    print(f"converted {len(times_s)} of {len(places)}, {1e3 * np.mean(times_s):.0f} ms on average")
+    print(f"gates that do not hold: {dict(failed) or 'none'}")
+    print(
+        f"OSM centre lines: mean {sum(d.mean_m * d.length_m for d in deviations) / length:.3f} m, "
+        f"{sum(d.share_within_1m * d.length_m for d in deviations) / length:.2%} within 1 m, worst public way "
+        f"{max(d.worst_public_m for d in deviations):.2f} m, over {length / 1e3:.0f} km outside junctions"
+    )
+    print(f"lane counts: {lanes_compared - lanes_differing} of {lanes_compared} tagged roads as tagged")
+    walked = [step for step in steps if step is not None]
+    if walked:
+        every = np.concatenate(walked)
+        inside = np.mean((every >= 0.8) & (every <= 1.25))
+        print(
+            f"carla.Map: all {len(walked)} load; {len(every)} steps of 1 m, {inside:.3%} in 0.8 to 1.25 m, "
+            f"longest {every.max():.2f} m"
+        )
+    verdicts = judged(lambda: judges.official_check(list(files)))
+    if verdicts is not None:
+        rules = Counter(len(verdict["rules"]) for verdict in verdicts)
+        wrong = [verdict["file"] for verdict in verdicts if any(" WARNING" not in issue for issue in verdict["issues"])]
+        print(
+            f"ASAM checker at 1.7: {len(verdicts) - len(wrong)} of {len(verdicts)} without error; "
+            f"maps by number of rules run: {dict(rules)}"
+        )
+        for name in wrong:
+            print(f"  {Path(name).stem}")
+    compared = differing = 0
+    for path, network in files.items():
+        lanes = judged(lambda path=path: judges.sumo_lanes(path, folder))
+        if lanes is None:
+            break
+        compared += 1
+        if lanes != judges.our_lanes(network):
+            differing += 1
+            print(f"  {path.stem}: netconvert reads other lanes")
+    if compared:
+        print(f"netconvert: {compared - differing} of {compared} re-imported with the same lanes in every road")
+
+
+def judged(judge: Callable[[], Result]) -> Result | None:
+    """What a judge says, or nothing where it is not installed."""
+    try:
+        return judge()
+    except pytest.skip.Exception:
+        return None
+
+
+def measure_others(places: Places, folder: Path) -> None:
+    """Time and deviation of Osm2Odr and netconvert on the same extracts."""
+    for name, converter in (("Osm2Odr", _osm2odr), ("netconvert", _netconvert)):
+        times_s, deviations, broken = [], [], 0
+        for extract, frame in places.values():
+            start = time.perf_counter()
+            try:
+                network = converter(extract, frame, folder)
+            except (Failure, Rejection, subprocess.CalledProcessError):
+                broken += 1
+                continue
+            except (UserError, pytest.skip.Exception):
+                break
+            times_s.append(time.perf_counter() - start)
+            deviations.append(MapComparison(network, extract).way_deviation())
+        length = sum(d.length_m for d in deviations)
+        if length:
+            mean = sum(d.mean_m * d.length_m for d in deviations) / length
+            within = sum(d.share_within_1m * d.length_m for d in deviations) / length
+            print(
+                f"{name}: {len(times_s)} converted, {broken} broken, {1e3 * np.mean(times_s):.0f} ms each (with its "
+                f"process), centre lines mean {mean:.2f} m, {within:.1%} within 1 m"
+            )
+
+
+def _osm2odr(extract: OsmExtract, frame: LocalFrame, folder: Path) -> RoadNetwork:
+    return convert_with_osm2odr(extract, frame)
+
+
+def _netconvert(extract: OsmExtract, frame: LocalFrame, folder: Path) -> RoadNetwork:
+    source, target = folder / "net.osm", folder / "net.xodr"
+    source.write_bytes(write_osm(extract))
+    subprocess.run(
+        [
+            *(judges.judges_environment() / "netconvert", "--osm-files", source, "--opendrive-output", target),
+            *("--proj", frame.proj, "--offset.disable-normalization", "true"),
+        ],
+        check=True,
+        capture_output=True,
+        timeout=300,
+    )
+    data = target.read_bytes()
+    if b"lat_0" not in data:
+        data = data.replace(b"</header>", f"<geoReference>{frame.proj}</geoReference></header>".encode(), 1)
+    return with_way_tags(read_opendrive(data, name="netconvert's map"), extract)
+
+
+def main() -> int:
+    """Measure the three cohorts one after the other."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--random", type=int, default=200, help="sites drawn at random (default 200)")
+    parser.add_argument("--every", type=int, default=1, help="measure every n-th site only")
+    parser.add_argument(
+        "--others", type=int, default=10, help="every n-th measured site also by Osm2Odr and netconvert"
+    )
+    arguments = parser.parse_args()
+    data: Path = arguments.data
+    cohorts = {
+        "Virginia": virginia(data),
+        "FARS, two vehicles": cut(data, fars_sites(data)),
+        "random": cut(data, random_sites(data, arguments.random)),
+    }
+    for name, places in cohorts.items():
+        chosen = dict(list(places.items())[:: arguments.every])
+        print(f"\n{name}: {len(chosen)} sites")
+        with tempfile.TemporaryDirectory() as folder:
+            measure_ours(chosen, Path(folder))
+            measure_others(dict(list(chosen.items())[:: arguments.others]), Path(folder))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,81 @@
+"""How fast the embedded simulation is: simulated seconds per second of one core, logging included, and its memory.
+
+    python benchmarks/simulation.py            synthetic crashes of four kinds, 1,000 runs for the memory
+    python benchmarks/simulation.py --runs 50  fewer
+
+Logging means both files of a log as bytes, as the flow stores them. The target is 200 times real time per crash.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import resource
+import statistics
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import Pose
+from trace_dag.settings import SimSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.log_io import logs_to_files
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import Body, BodyKind, Participant
+from trace_dag.states.types import Trajectory
+
+CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
+TRUCK = replace(CAR, vehicle_class=VehicleClass.TRUCK, length_m=8.5, width_m=2.5, height_m=3.2, mass_kg=12000.0)
+
+
+def vehicle(number: int, x_m: float, y_m: float, heading_rad: float, speed_mps: float, body: Body = CAR) -> Participant:
+    """A vehicle on a straight plan of eight seconds."""
+    t = np.arange(0.0, 8.01, 0.1)
+    x, y = x_m + speed_mps * t * math.cos(heading_rad), y_m + speed_mps * t * math.sin(heading_rad)
+    same = np.zeros_like(t)
+    plan = Trajectory(t, x, y, same, same + heading_rad, same + speed_mps)
+    return Participant(number, body, Pose(x_m, y_m, heading_rad), speed_mps, plan)
+
+
+CRASHES = {
+    "head-on": (vehicle(1, -100, 0, 0, 20), vehicle(2, 78, 0.6, math.pi, 15)),
+    "angle": (vehicle(1, 0, -75, math.pi / 2, 15), vehicle(2, -62, 0, 0, 12)),
+    "rear-end": (vehicle(1, -140, 0, 0, 28), vehicle(2, -50, 0.3, 0, 10)),
+    "into a truck": (vehicle(1, -100, 0, 0, 20), vehicle(2, 60, -1.2, math.pi, 12, TRUCK)),
+}
+
+
+def main() -> None:
+    """Print the table."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--runs", type=int, default=1000, help="runs for the memory")
+    runs = arguments.parse_args().runs
+    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
+
+    def run(participants: tuple[Participant, ...]) -> float:
+        log = simulation.run(participants, time_limit_s=20.0)
+        logs_to_files([log])
+        return log.duration_s
+
+    for participants in CRASHES.values():
+        run(participants)
+    print(f"{'crash':14} {'simulated s':>11} {'ms':>7} {'times real time':>16}")
+    for name, participants in CRASHES.items():
+        taken = []
+        for _ in range(20):
+            began = time.process_time()
+            simulated_s = run(participants)
+            taken.append(time.process_time() - began)
+        middle = statistics.median(taken)
+        print(f"{name:14} {simulated_s:11.2f} {1000 * middle:7.1f} {simulated_s / middle:16.0f}")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for i in range(runs):
+        run(list(CRASHES.values())[i % len(CRASHES)])
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(f"peak memory {before / 1024:.0f} MiB before, {after / 1024:.0f} MiB after {runs} runs in one process")
+
+
+if __name__ == "__main__":
+    main()

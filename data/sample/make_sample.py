@@ -1,0 +1,67 @@
+"""Makes the bundled sample anew: ``python data/sample/make_sample.py [--out DIR]``. Same bytes on every run.
+
+Writes ``osm/*.osm``, ``reports/crash_<case>.xml`` and ``truth.json`` into ``--out`` (default: beside this script).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from make import broken_map, crossings, stretches, town
+from make.crash import Crash
+from make.crashapi import crashapi_xml
+from make.motion import Collision, collide
+from make.rejected import rejected
+from make.report import Report, coded
+from make.roads import Road
+from make.truth import truth_of
+
+ABOUT = (
+    "True motion behind the sample's reports. Frame of each crash: transverse Mercator at its reported point, x east, "
+    "y north, metres; headings radians counter-clockwise from east."
+)
+
+
+def sample_crashes(roads: dict[str, Road]) -> list[tuple[Crash, Collision, Report]]:
+    """Every crash with truth: the crash, how it came to the impact, what was reported."""
+    out = []
+    for crash in [*crossings.crashes(roads), *stretches.crashes(roads)]:
+        collision = collide(crash.units[0].driving(), crash.units[1].driving())
+        out.append((crash, collision, coded(crash, collision)))
+    return out
+
+
+def files() -> dict[str, bytes]:
+    """Every file of the sample by its path."""
+    roads = town.roads()
+    crashes = sample_crashes(roads)
+    out = {"osm/merrow.osm": town.draw(roads).xml(), "osm/quill.osm": broken_map.draw().xml()}
+    rows = []
+    for crash, collision, report in crashes:
+        out[f"reports/crash_{report.case}.xml"] = crashapi_xml(report)
+        rows.append(truth_of(crash, report, collision))
+    for item in rejected({report.number: report for _, _, report in crashes}):
+        out[f"reports/crash_{item.case}.xml"] = item.xml
+        expected = {"final_state": "rejected", "reason": item.reason}
+        rows.append({"key": f"2023-{item.case}", "title": item.title, "expected": expected, "vehicles": []})
+    # One line for each crash: readable enough, and a change shows where it is.
+    lines = ",\n".join(json.dumps(row, ensure_ascii=False, separators=(",", ":")) for row in rows)
+    out["truth.json"] = f'{{"about":{json.dumps(ABOUT)},"crashes":[\n{lines}\n]}}\n'.encode()
+    return out
+
+
+def main() -> None:
+    """Write the files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent)
+    folder: Path = parser.parse_args().out
+    for name, data in files().items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+
+
+if __name__ == "__main__":
+    main()

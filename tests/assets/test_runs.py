@@ -1,0 +1,120 @@
+"""What Dagster shows after runs: exactly what broke is failed, the rest materialized, and re-runs repair just that."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import fake_flow
+from dagster import AssetKey, DagsterRunStatus
+
+from trace_dag.assets.launch import PROCESS_TAG, open_instance
+from trace_dag.errors import Reason, Stage
+from trace_dag.pipeline.selection import select_again
+
+KEYS = [f"2023-5100{number}" for number in range(10, 16)]
+
+
+def materializations(campaign, stage: Stage) -> list[tuple[str, dict[str, object]]]:
+    """Crashes and metadata of all materializations of a stage."""
+    records = campaign.instance.fetch_materializations(AssetKey(stage.value), limit=1000).records
+    return [
+        (record.partition_key, {name: value.value for name, value in record.asset_materialization.metadata.items()})
+        for record in records
+    ]
+
+
+def counts(campaign) -> Counter[tuple[str, str]]:
+    return Counter((stage.value, key) for stage in Stage for key, _ in materializations(campaign, stage))
+
+
+def test_a_broken_stage_shows_as_failed_for_its_crashes_and_the_stages_after_and_a_rerun_repairs_just_those(campaign):
+    broken = {KEYS[1]: "fail-once:road_map", KEYS[4]: "fail-once:road_map"}
+    made = campaign({key: broken.get(key, "") for key in KEYS})
+    report = made.run()
+    assert len(report.errors) == 1
+    assert report.errors[0].startswith("2 of 6 crashes failed")
+    failed = {where for where, status in made.statuses().items() if status == "FAILED"}
+    assert failed == {(stage, key) for key in broken for stage in Stage.ROAD_MAP.and_later()}
+    assert {status for where, status in made.statuses().items() if where not in failed} == {"MATERIALIZED"}
+
+    before = counts(made)
+    assert made.run(select_again(made.pipeline, failed=True)).errors == ()
+    assert set(made.statuses().values()) == {"MATERIALIZED"}
+    assert counts(made) - before == dict.fromkeys(failed, 1)
+
+
+def test_rejected_crashes_are_materialized_everywhere_with_their_outcome(campaign):
+    made = campaign({KEYS[0]: "reject:osm_extract"})
+    assert made.run().errors == ()
+    assert set(made.statuses().values()) == {"MATERIALIZED"}
+    for stage in Stage.OSM_EXTRACT.and_later():
+        ((_, metadata),) = materializations(made, stage)
+        assert metadata["outcome"] == "rejected"
+        assert metadata["reason"] == "no_map_coverage"
+        assert metadata["stage_reached"] == "osm_extract"
+        assert "7 m" in str(metadata["detail"])
+
+
+def test_verdict_carries_its_picture_inline(campaign):
+    made = campaign({KEYS[0]: ""})
+    made.run()
+    ((_, metadata),) = materializations(made, Stage.VERDICT)
+    assert str(metadata["picture"]).startswith(f"![{KEYS[0]} from above](data:image/webp;base64,")
+    assert str(metadata["sketch"]).startswith(f"![{KEYS[0]} from above](data:image/svg+xml,%3Csvg%20")
+    assert Path(str(metadata["picture file"])).read_bytes().startswith(b"\x89PNG")
+
+
+def test_nothing_is_run_when_nothing_changed_and_a_changed_setting_runs_from_its_stage_on(campaign):
+    made = campaign(dict.fromkeys(KEYS, ""))
+    made.run()
+    assert made.run().runs == 0
+    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    changed = {"execution": {"executor": "in_process"}, "sim": {"friction": 0.3}}
+    assert made.run(settings=changed).runs == 1
+    (run,) = made.instance.get_runs(limit=1)
+    assert {key.to_user_string() for key in run.asset_selection} == {"simulation_log", "verdict"}
+    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    assert {stage for stage, key in after if after[stage, key] != before[stage, key]} == {"simulation_log"}
+
+
+def test_rejected_crashes_are_examined_again_only_when_asked_for(campaign):
+    made = campaign({KEYS[0]: "reject:road_map", KEYS[1]: "reject:verdict", KEYS[2]: ""})
+    made.run()
+    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    made.run(select_again(made.pipeline, reason=Reason.CRASH_OFF_ROAD))
+    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    assert {where for where in after if after[where] != before.get(where)} == {("road_map", KEYS[0])}
+
+
+def test_work_done_but_never_told_to_dagster_is_told_without_being_done_again(campaign):
+    made = campaign({KEYS[0]: "", KEYS[1]: ""})
+    list(made.pipeline.run(KEYS[:2], run_id="killed before it could say so"))
+    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    assert set(made.statuses().values()) == {"MISSING"}
+    assert made.run().runs == 1
+    assert set(made.statuses().values()) == {"MATERIALIZED"}
+    assert fake_flow.calls(Path(made.pipeline.storage.root)) == before
+
+
+def test_runs_of_dead_processes_are_closed(campaign):
+    made = campaign({KEYS[0]: ""})
+    made.run()
+    (run,) = made.instance.get_runs()
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    host = run.tags[PROCESS_TAG].partition(":")[0]
+    orphan = made.instance.create_run_for_job(
+        made_job(made), tags={PROCESS_TAG: f"{host}:{dead.pid}:123"}, status=DagsterRunStatus.STARTED
+    )
+    with open_instance(made.home) as instance:
+        assert instance.get_run_by_id(orphan.run_id).status is DagsterRunStatus.FAILURE
+        assert instance.get_run_by_id(run.run_id).status is DagsterRunStatus.SUCCESS
+
+
+def made_job(made):
+    from trace_dag.definitions import build_definitions
+
+    return build_definitions(made.home).resolve_job_def("all_stages")

@@ -1,0 +1,208 @@
+"""The contract others script against: commands, exit codes, one-line errors, output formats."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
+
+COMMANDS = ["ingest", "cohort", "run", "status", "rerun", "sql", "score-truth", "demo", "ui"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(tmp_path, command):
+    done = trace_dag(tmp_path, command, "--help")
+    assert done.returncode == 0
+    assert "Usage:" in done.stdout
+    assert not list(tmp_path.iterdir()), "help touches no root"
+
+
+def test_help_is_quick():
+    began = time.monotonic()
+    subprocess.run([sys.executable, "-m", "trace_dag.cli", "--help"], check=True, capture_output=True)
+    assert time.monotonic() - began < 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run"], "no crash is registered"),
+        (["status"], ""),
+        (["run", "--only", "2023-510999"], ""),
+        (["run", "--only", "../../etc/passwd"], ""),
+        (["run", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
+        (["rerun"], "say what to run again"),
+        (["rerun", "--rejected", "bad_luck"], "Invalid value for '--rejected'"),
+        (["run", "--from", "breakfast"], "Invalid value for '--from'"),
+        (["sql", "SELECT 1"], "there is no warehouse yet"),
+        (["ingest", "--reports", "/nowhere/at/all"], "/nowhere/at/all does not exist"),
+        (["ingest"], "nothing to register"),
+        (["breakfast"], "No such command"),
+        (["score-truth"], "has not been run"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_code_2(tmp_path, arguments, said):
+    done = trace_dag(tmp_path / "root", *arguments)
+    if arguments == ["status"]:
+        assert done.returncode == 0
+        return
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    messages = [line for line in done.stderr.splitlines() if line and not line.startswith(("Usage:", "Try "))]
+    assert len(messages) == 1
+
+
+def test_unusable_inputs_of_ingest_are_named(tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    done = trace_dag(tmp_path / "root", "ingest", "--reports", str(empty))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "no crash report" in done.stderr
+
+    no_osm = tmp_path / "map.osm"
+    no_osm.write_text("<html>not a map</html>")
+    reports = reports_of(tmp_path / "reports")
+    done = trace_dag(tmp_path / "root", "ingest", "--reports", str(reports), "--maps", str(no_osm))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "map.osm" in done.stderr
+    assert json.loads(trace_dag(tmp_path / "root", "status", "--json").stdout)["crashes"] == {}, "nothing registered"
+
+
+def test_unreadable_root_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    done = trace_dag(tmp_path / "file" / "root", "status")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "cannot read and write" in done.stderr
+
+
+def test_wrong_setting_is_one_line(tmp_path):
+    ingest(tmp_path / "root", reports_of(tmp_path / "reports", KEYS[:1]))
+    done = trace_dag(tmp_path / "root", "run", TRACE_DAG_SIM__FRICTION="-1")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "sim.friction" in done.stderr
+
+
+def test_ingest_is_idempotent_and_says_what_it_left_aside(tmp_path):
+    reports = reports_of(tmp_path / "reports")
+    (reports / "copy.xml").write_bytes((reports / "crash_319003.xml").read_bytes())
+    (reports / "notes.txt").write_text("not a report")
+    first = ingest(tmp_path / "root", reports)
+    assert first.returncode == 0, first.stderr
+    assert f"{len(KEYS)} crashes registered" in first.stdout
+    assert "copy.xml" in first.stdout
+    assert "notes.txt" in first.stdout
+    again = ingest(tmp_path / "root", reports)
+    assert f"0 crashes registered, {len(KEYS)} known already" in again.stdout
+
+
+def test_several_values_of_one_option_can_follow_each_other(tmp_path):
+    reports = reports_of(tmp_path / "reports", KEYS[:2])
+    maps = sorted(str(path) for path in (SAMPLE / "osm").glob("*.osm"))
+    done = trace_dag(tmp_path / "root", "ingest", "--maps", *maps, "--cohort", "c", "--reports", str(reports))
+    assert done.returncode == 0, done.stderr
+    assert f"{len(maps)} map files" in done.stdout
+
+
+def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_says(finished_root):
+    status = json.loads(trace_dag(finished_root, "status", "--json").stdout)
+    assert sum(status["final_states"].values()) == len(KEYS) == len(status["crashes"])
+    expected = {
+        crash["key"]: crash["expected"]
+        for crash in json.loads((SAMPLE / "truth.json").read_text())["crashes"]
+        if crash["key"] in KEYS
+    }
+    found = {
+        key: {"final_state": crash["final_state"], "reason": crash["reason"]}
+        for key, crash in status["crashes"].items()
+    }
+    assert found == expected
+
+
+def test_artefacts_lie_where_they_are_said_to(finished_root):
+    key = KEYS[0]
+    for name in (
+        f"raw_report/{key}.xml",
+        f"crash_record/{key}.parquet",
+        f"osm_extract/{key}.osm",
+        f"road_map/{key}.xodr",
+        f"road_map/{key}.json",
+        f"state_estimate/{key}.json",
+        f"simulation_log/{key}.parquet",
+        f"simulation_log/{key}.json",
+        f"verdict/{key}.json",
+        f"pictures/{key}.png",
+        "warehouse.duckdb",
+        "dagster/dagster.yaml",
+    ):
+        assert (finished_root / name).is_file(), name
+    settings = (finished_root / "dagster/dagster.yaml").read_text()
+    assert "telemetry:\n  enabled: false" in settings
+    assert "nux:\n  enabled: false" in settings
+
+
+def test_second_run_has_nothing_to_do(finished_root):
+    before = {path: path.stat().st_mtime_ns for path in finished_root.glob("*/*.outcome.json")}
+    done = trace_dag(finished_root, "run")
+    assert done.returncode == 0
+    assert "Nothing to run" in done.stdout
+    assert {path: path.stat().st_mtime_ns for path in finished_root.glob("*/*.outcome.json")} == before
+
+
+def test_status_for_people_shows_the_funnel_and_the_reasons(finished_root):
+    done = trace_dag(finished_root, "status")
+    assert done.returncode == 0
+    for word in ("registered", "verified", "published", "no_map_coverage", "malformed_report"):
+        assert word in done.stdout
+
+
+def test_sql_in_every_format(finished_root):
+    query = "SELECT key, final_state FROM crashes ORDER BY key LIMIT 2"
+    as_json = json.loads(trace_dag(finished_root, "sql", query, "--format", "json").stdout)
+    as_csv = list(csv.DictReader(io.StringIO(trace_dag(finished_root, "sql", query, "--format", "csv").stdout)))
+    assert as_json == as_csv
+    assert [row["key"] for row in as_json] == sorted(KEYS)[:2]
+    table = trace_dag(finished_root, "sql", query).stdout
+    assert all(row["key"] in table for row in as_json)
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "DELETE FROM crashes",
+        "SELEC 1",
+        "SELECT * FROM read_csv('/etc/passwd')",
+        "COPY crashes TO '/tmp/stolen.csv'",
+        "ATTACH '/tmp/other.duckdb'",
+        "INSTALL httpfs",
+    ],
+)
+def test_sql_can_only_read_the_warehouse(finished_root, query):
+    done = trace_dag(finished_root, "sql", query)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+def test_score_truth_measures_what_was_estimated(finished_root):
+    result = json.loads(trace_dag(finished_root, "score-truth", "--json").stdout)
+    estimated = {row["key"] for row in result["vehicles"] if row.get("impact_point_error_m") is not None}
+    assert {"2023-319003", "2023-319022", "2023-319024"} <= estimated
+    assert trace_dag(finished_root, "score-truth").returncode == 0
+
+
+def test_root_from_the_environment(finished_root, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "trace_dag.cli", "status", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env={"PATH": "", "HOME": str(tmp_path), "TRACE_DAG_ROOT": str(finished_root)},
+    )
+    assert Path(json.loads(done.stdout)["root"]) == finished_root

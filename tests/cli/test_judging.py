@@ -1,0 +1,97 @@
+"""Replays, negative controls and the comparison with a published benchmark, from the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from sample_runs import trace_dag
+
+from trace_dag.roads.opendrive_writer import write_opendrive
+
+VERIFIED = "SELECT key FROM verdicts WHERE accepted ORDER BY key"
+
+
+@pytest.fixture(scope="module")
+def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A root of their own: these commands write."""
+    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("judging") / "root"))
+
+
+@pytest.fixture(scope="module")
+def verified(root: Path) -> list[str]:
+    """Keys of the verified crashes."""
+    return [row["key"] for row in asked(root, VERIFIED)]
+
+
+def asked(root: Path, query: str) -> list[dict]:
+    return json.loads(trace_dag(root, "sql", query, "--format", "json").stdout)
+
+
+@pytest.mark.parametrize(("image_format", "begins"), [("html", b"<!DOCTYPE html>"), ("webp", b"RIFF")])
+def test_a_simulated_crash_can_be_watched(
+    root: Path, verified: list[str], tmp_path: Path, image_format: str, begins: bytes
+) -> None:
+    target = tmp_path / f"crash.{image_format}"
+    done = trace_dag(root, "replay", verified[0], "--format", image_format, "--output", str(target))
+    assert done.returncode == 0, done.stderr
+    assert target.read_bytes().startswith(begins)
+
+
+def test_a_crash_that_was_not_simulated_has_no_replay(root: Path) -> None:
+    rejected = asked(root, "SELECT key FROM crashes WHERE stage_reached = 'crash_record' LIMIT 1")[0]["key"]
+    done = trace_dag(root, "replay", rejected)
+    assert done.returncode == 2
+    assert "was not simulated" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_controls_enter_the_warehouse(root: Path, verified: list[str]) -> None:
+    done = trace_dag(root, "controls")
+    assert done.returncode == 0, done.stderr
+    assert "another crash's report" in done.stdout
+    rows = asked(
+        root, "SELECT kind, count(*) AS n, avg(accepted::INTEGER) AS rate FROM negative_controls GROUP BY kind"
+    )
+    found = {row["kind"]: row for row in rows}
+    assert found["other_report"]["n"] == len(verified) * (len(verified) - 1)
+    assert found["shifted"]["n"] == len(verified)
+    assert found["true"]["n"] >= len(verified)
+    assert found["shifted"]["rate"] in (0.0, None)
+    assert found["other_report"]["rate"] < found["true"]["rate"]
+
+
+def test_controls_need_verdicts(tmp_path: Path) -> None:
+    done = trace_dag(tmp_path / "empty", "controls")
+    assert done.returncode == 2
+    assert "no crash is registered" in done.stderr
+
+
+def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str], tmp_path: Path) -> None:
+    from tests.verdict.crashes import STREET
+
+    case = verified[0].partition("-")[2]
+    folder = tmp_path / "published"
+    (folder / "simulations").mkdir(parents=True)
+    (folder / "maps").mkdir()
+    (folder / "maps" / f"map_{case}.xodr").write_bytes(write_opendrive(STREET))
+
+    def drives(start_m: float, step_m: float) -> dict:
+        waypoints = [[start_m + step_m * i, 1.75] for i in range(12)]
+        return {"speed_kmh": 54.0, "yaw": math.degrees(math.atan2(0.0, step_m)), "trajectory": waypoints}
+
+    scenario = {"vehicle1": drives(-50.0, 5.0), "vehicle2": drives(50.0, -5.0), "crash_point": {"x": 0.0, "y": 0.0}}
+    (folder / "simulations" / f"simulation_{case}.json").write_text(json.dumps(scenario))
+    done = trace_dag(root, "peer", str(folder))
+    assert done.returncode == 0, done.stderr
+    rows = {row["benchmark"]: row for row in asked(root, "FROM benchmark_comparison")}
+    assert rows.keys() == {"published", "trace-dag"}
+    assert rows["published"]["contact"]
+    assert rows["published"]["contact_distance_m"] < 5.0
+    assert rows["trace-dag"]["accepted"]
+    done = trace_dag(root, "peer", str(tmp_path))
+    assert done.returncode == 2
+    assert "simulation_<stateCase>.json" in done.stderr

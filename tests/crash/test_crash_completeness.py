@@ -1,0 +1,120 @@
+"""Which records say enough, and what the others are rejected for."""
+
+from __future__ import annotations
+
+import pytest
+from crash_reports import report
+
+from trace_dag.crash.completeness import RULES, Rule, check, shortcomings
+from trace_dag.crash.parse import read_report
+from trace_dag.errors import Reason, Rejection
+from trace_dag.settings import CrashSettings
+
+SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98}
+"""Codes of a vehicle that say nothing about how it moved."""
+
+
+def test_every_mapped_report_is_complete(
+    real_reports: dict[str, bytes], mapped_names: set[str], settings: CrashSettings
+) -> None:
+    assert len(mapped_names) == 35
+    for name in mapped_names:
+        check(read_report(real_reports[name], name=name, settings=settings), settings)
+
+
+def test_single_vehicle_reports_are_outside_the_cohort(real_reports: dict[str, bytes], settings: CrashSettings) -> None:
+    rejected = {}
+    for name, data in real_reports.items():
+        try:
+            check(read_report(data, name=name, settings=CrashSettings(repair_malformed=True)), settings)
+        except Rejection as rejection:
+            rejected[name] = rejection.reason
+    single = ("crash_510006.xml", "crash_510014.xml", "crash_510037.xml", "crash_510141.xml")
+    assert rejected == dict.fromkeys(single, Reason.OUTSIDE_COHORT)
+
+
+def test_any_number_of_vehicles_if_the_cohort_does_not_ask(settings: CrashSettings) -> None:
+    single = read_report(report({"VE_FORMS": 1}, vehicles=[{}]), name="report.xml", settings=settings)
+    check(single, CrashSettings(vehicles=None))
+    check(single, CrashSettings(vehicles=1))
+    with pytest.raises(Rejection, match="1 motor vehicle in transport; the cohort takes 2"):
+        check(single, settings)
+
+
+def test_what_is_stated_counts_even_if_a_vehicle_is_not_listed(settings: CrashSettings) -> None:
+    record = read_report(report({"VE_FORMS": 3}), name="report.xml", settings=settings)
+    with pytest.raises(Rejection, match="3 motor vehicles in transport"):
+        check(record, settings)
+
+
+@pytest.mark.parametrize(
+    ("crash", "vehicles", "reason"),
+    [
+        ({"LATITUDE": "48.1", "LONGITUD": "11.6"}, None, Reason.INCOMPLETE_LOCATION),
+        ({"LONGITUD": "77.5"}, None, Reason.INCOMPLETE_LOCATION),
+        ({"TYP_INT": 99, "RELJCT2": 98}, None, Reason.INCOMPLETE_TOPOLOGY),
+        ({"TYP_INT": None, "RELJCT2": None}, None, Reason.INCOMPLETE_TOPOLOGY),
+        ({"HARM_EV": 8, "MAN_COLL": 0}, [SILENT, SILENT | {"VEH_NO": 2}], Reason.INCOMPLETE_TRAJECTORY),
+        (
+            {"HARM_EV": 8, "MAN_COLL": 0},
+            [SILENT | {"P_CRASH1": 1}, SILENT | {"VEH_NO": 2, "P_CRASH1": 0}],
+            Reason.INCOMPLETE_TRAJECTORY,
+        ),
+        ({"VE_FORMS": 2}, [], Reason.INCOMPLETE_TRAJECTORY),
+    ],
+)
+def test_incomplete(
+    crash: dict[str, object], vehicles: list[dict[str, object]] | None, reason: Reason, settings: CrashSettings
+) -> None:
+    record = read_report(report(crash, vehicles), name="report.xml", settings=settings)
+    with pytest.raises(Rejection) as caught:
+        check(record, settings)
+    assert caught.value.reason is reason
+
+
+@pytest.mark.parametrize(
+    ("crash", "first", "second", "events"),
+    [
+        ({}, {"P_CRASH1": 1}, {"P_CRASH1": 11}, []),
+        ({}, {"ACC_TYPE": 13}, {"P_CRASH1": 14}, []),
+        ({}, {"ACC_TYPE": 50}, {}, []),
+        ({}, {"P_CRASH2": 54}, {"P_CRASH2": 62}, []),
+        ({"MAN_COLL": 2}, {}, {}, [{}]),
+        ({"HARM_EV": 8, "MAN_COLL": 0}, {"P_CRASH1": 1}, {}, [{"SOE": 65, "VNUMBER1": 2, "VNUMBER2": 5555}]),
+        ({"HARM_EV": 8, "MAN_COLL": 0}, {"P_CRASH1": 1}, {"TRAV_SP": 0}, []),
+    ],
+)
+def test_any_field_that_tells_the_trajectory_will_do(
+    crash: dict[str, object],
+    first: dict[str, object],
+    second: dict[str, object],
+    events: list[dict[str, object]],
+    settings: CrashSettings,
+) -> None:
+    vehicles = [SILENT | first, SILENT | {"VEH_NO": 2} | second]
+    check(read_report(report(crash, vehicles, events), name="report.xml", settings=settings), settings)
+
+
+def test_a_relation_to_a_junction_is_enough_topology(settings: CrashSettings) -> None:
+    check(read_report(report({"TYP_INT": 98, "RELJCT2": 2}), name="report.xml", settings=settings), settings)
+
+
+def test_further_rules_reject_with_their_own_reason(settings: CrashSettings) -> None:
+    record = read_report(report({"LGT_COND": 2}), name="report.xml", settings=settings)
+    daylight = Rule(
+        "daylight",
+        Reason.OUTSIDE_COHORT,
+        "in daylight",
+        lambda crash: None if crash.light_code == 1 else f"light {crash.light_code}; the cohort takes daylight",
+    )
+    with pytest.raises(Rejection, match="the cohort takes daylight"):
+        check(record, settings, further=[daylight])
+    assert [rule.name for rule, _ in shortcomings(record, [daylight, *RULES])] == ["daylight"]
+
+
+def test_rules_are_the_papers() -> None:
+    assert [rule.reason for rule in RULES] == [
+        Reason.INCOMPLETE_LOCATION,
+        Reason.INCOMPLETE_TOPOLOGY,
+        Reason.INCOMPLETE_TRAJECTORY,
+    ]

@@ -1,0 +1,273 @@
+"""Maps around crashes, cut out of files of every kind."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+
+import osmium
+import pytest
+import shapely
+
+from tests.osm.osm_text import ORIGIN, document, node, place, restriction, save, way
+from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.catalog import MapCatalog, box_around
+from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.settings import OsmSettings
+
+SITE = Site("2023-1", *ORIGIN)
+CROSSROADS = (
+    node(1, -100, 0),
+    node(2, 0, 0, highway="traffic_signals", note="long-standing"),
+    node(3, 100, 0),
+    node(4, 0, -100),
+    node(5, 0, 100),
+    way(10, [1, 2, 3], name="Main Street", lanes="2", source__lanes="survey"),
+    way(11, [4, 2, 5], name="Elm Street"),
+    restriction(20, 10, 2, 11),
+)
+
+
+def extract(*files: Path, site: Site = SITE, **settings: object) -> OsmExtract | Rejection:
+    return MapCatalog.open(files).extract([site], OsmSettings(**settings))[site.key]  # type: ignore[arg-type]
+
+
+def found(result: OsmExtract | Rejection) -> OsmExtract:
+    assert isinstance(result, OsmExtract), result
+    return result
+
+
+def rejected(result: OsmExtract | Rejection) -> Rejection:
+    assert isinstance(result, Rejection)
+    assert result.reason == Reason.NO_MAP_COVERAGE
+    return result
+
+
+def convert(source: Path, target: Path) -> Path:
+    """Another format of the same file, by libosmium itself."""
+    with osmium.SimpleWriter(str(target)) as writer:
+        for element in osmium.FileProcessor(str(source)):
+            writer.add(element)
+    return target
+
+
+@pytest.mark.parametrize("suffix", [".osm", ".osm.gz", ".osm.bz2", ".osm.pbf"])
+def test_every_format_gives_the_same_map(tmp_path: Path, suffix: str) -> None:
+    plain = save(tmp_path / "plain.osm", *CROSSROADS)
+    cut = found(extract(convert(plain, tmp_path / f"town{suffix}") if suffix != ".osm" else plain))
+    assert [w.id for w in cut.ways] == [10, 11]
+    assert cut.ways[0].tags == {
+        "highway": "residential",
+        "name": "Main Street",
+        "lanes": "2",
+        "source:lanes": "survey",
+    }
+    assert cut.nodes[2].tags == {"highway": "traffic_signals", "note": "long-standing"}
+    assert [(m.type, m.id, m.role) for m in cut.relations[0].members] == [
+        ("way", 10, "from"),
+        ("node", 2, "via"),
+        ("way", 11, "to"),
+    ]
+    assert cut.nodes[3].longitude_deg == pytest.approx(place(100, 0)[1], abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_order_of_objects_in_a_file_does_not_matter(tmp_path: Path, seed: int) -> None:
+    sorted_map = found(extract(save(tmp_path / "a.osm", *CROSSROADS)))
+    shuffled = random.Random(seed).sample(CROSSROADS, len(CROSSROADS))
+    any_order = found(extract(save(tmp_path / "b.osm", *shuffled)))
+    assert (any_order.nodes, any_order.ways, any_order.relations) == (
+        sorted_map.nodes,
+        sorted_map.ways,
+        sorted_map.relations,
+    )
+
+
+def test_ways_are_cut_at_the_box(tmp_path: Path) -> None:
+    file = save(
+        tmp_path / "long.osm",
+        node(1, -5000, 20),
+        node(2, 5000, 20),
+        node(3, 0, -150),
+        node(4, 0, 900),
+        way(10, [1, 2], highway="primary"),  # no node of it lies in the box
+        way(11, [3, 4]),
+    )
+    cut = found(extract(file, radius_m=200.0))
+    frame = LocalFrame(*ORIGIN)
+    at = {n.id: frame.to_local(n.latitude_deg, n.longitude_deg) for n in cut.nodes.values()}
+    ends = {w.id: [at[i] for i in w.node_ids] for w in cut.ways}
+    assert ends[10][0] == pytest.approx([-200, 20], abs=0.6)
+    assert ends[10][1] == pytest.approx([200, 20], abs=0.6)
+    assert ends[11] == [pytest.approx([0, -150], abs=0.3), pytest.approx([0, 200], abs=0.6)]
+    made = [n for n in cut.nodes.values() if n.clipped]
+    assert len(made) == 3
+    assert all(n.id < 0 for n in made)
+    assert not cut.nodes[3].clipped
+    again = found(extract(file, radius_m=200.0))
+    assert again == cut
+
+
+def test_a_way_that_comes_back_becomes_two_with_different_ids(tmp_path: Path) -> None:
+    file = save(
+        tmp_path / "hairpin.osm",
+        *(node(1, 0, 0), node(2, 400, 0), node(3, 400, 60), node(4, 0, 60), node(5, 0, 120)),
+        way(10, [1, 2, 3, 4]),
+        way(11, [4, 5]),
+        restriction(20, 10, 4, 11),
+    )
+    cut = found(extract(file, radius_m=200.0))
+    parts = [w for w in cut.ways if w.id != 11]
+    assert len({w.id for w in parts}) == 2
+    assert 10 in {w.id for w in parts}
+    part_at_via = next(w for w in parts if 4 in w.node_ids)
+    assert cut.relations[0].members[0].id == part_at_via.id
+
+
+def test_nodes_that_are_missing_break_a_way_instead_of_bridging_the_gap(tmp_path: Path) -> None:
+    file = save(
+        tmp_path / "holes.osm",
+        *(node(1, 0, 0), node(2, 20, 0), node(4, 80, 0), node(5, 100, 0)),
+        way(10, [1, 2, 3, 4, 5]),
+        way(11, [6, 7]),
+    )
+    cut = found(extract(file))
+    assert sorted(w.node_ids for w in cut.ways) == [(1, 2), (4, 5)]
+
+
+def test_only_what_a_vehicle_drives_on_is_kept(tmp_path: Path) -> None:
+    ends = [node(i, 10 * i, 0) for i in range(10)]
+    file = save(
+        tmp_path / "all.osm",
+        *ends,
+        way(20, [0, 1], highway="footway"),
+        way(21, [1, 2], highway="service", service="driveway"),
+        way(22, [2, 3], highway="motorway_link"),
+        way(23, [3, 4], highway="construction"),
+        way(24, [4, 5], highway="residential", access="no"),
+        way(25, [5, 6], highway="residential", access="no", motor_vehicle="yes"),
+        way(26, [6, 7], highway="residential", access="private"),
+        way(27, [7, 8], highway="residential", area="yes"),
+    )
+    assert [w.id for w in found(extract(file)).ways] == [21, 22, 25, 26]
+    assert [w.id for w in found(extract(file, service_roads=False)).ways] == [22, 25, 26]
+
+
+def test_a_restriction_is_dropped_with_the_way_it_speaks_of(tmp_path: Path) -> None:
+    file = save(tmp_path / "a.osm", *CROSSROADS[:-2], restriction(20, 10, 2, 11))
+    assert found(extract(file)).relations == ()
+
+
+def test_each_crash_gets_the_file_that_covers_it(tmp_path: Path) -> None:
+    west = save(tmp_path / "west.osm", *CROSSROADS, bounds_m=(-150, -150, 150, 150))
+    far = (node(1, 50_000, 0), node(2, 50_100, 0), way(10, [1, 2], name="Far Street"))
+    east = save(tmp_path / "east.osm", *far)  # does not say what it covers
+    (tmp_path / "notes.txt").write_text("not a map")
+    sites = [Site("2023-1", *place(0, 0)), Site("2023-2", *place(50_050, 0)), Site("2023-3", *place(20_000, 0))]
+    maps = MapCatalog.open([tmp_path]).extract(sites, OsmSettings())
+    assert found(maps["2023-1"]).source == west.name
+    assert found(maps["2023-2"]).source == east.name
+    missing = rejected(maps["2023-3"])
+    assert missing.measured == pytest.approx(20_000 - 150, rel=0.01)
+    assert "19.8 km" in missing.detail or "19.9 km" in missing.detail
+
+
+def test_of_two_files_the_one_with_more_road_around_the_crash_is_taken(tmp_path: Path) -> None:
+    save(tmp_path / "edge.osm", node(1, 100, 0), node(2, 300, 0), way(10, [1, 2]))
+    save(tmp_path / "middle.osm", *CROSSROADS)
+    assert found(extract(tmp_path)).source == "middle.osm"
+
+
+def test_a_box_without_a_drivable_way_is_no_coverage(tmp_path: Path) -> None:
+    nothing_near = (node(1, 5000, 0), node(2, 5100, 0), way(10, [1, 2]))
+    file = save(tmp_path / "wide.osm", *nothing_near, bounds_m=(-9000, -9000, 9000, 9000))
+    assert "no drivable way within 300 m" in rejected(extract(file)).detail
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude"),
+    [(90.0, 0.0), (-89.9999, 10.0), (51.0, 180.0), (51.0, -180.0), (math.nan, 0.0), (91.0, 0.0), (0.0, 0.0)],
+)
+def test_sites_at_the_edges_of_the_earth_are_rejected_not_fatal(
+    tmp_path: Path, latitude: float, longitude: float
+) -> None:
+    file = save(tmp_path / "a.osm", *CROSSROADS)
+    rejected(extract(file, site=Site("2023-1", latitude, longitude)))
+
+
+def test_an_empty_map_is_no_coverage(tmp_path: Path) -> None:
+    assert "no map data at all" in rejected(extract(save(tmp_path / "empty.osm"))).detail
+
+
+@pytest.mark.parametrize("suffix", [".osm", ".osm.gz", ".osm.bz2", ".osm.pbf"])
+@pytest.mark.parametrize(
+    "content", [b"", b"hello", b"<html><body>404</body></html>", b'<osm version="0.5"/>', b"\x00\x01\x02\x03" * 20]
+)
+def test_what_is_no_osm_is_named(tmp_path: Path, suffix: str, content: bytes) -> None:
+    file = tmp_path / f"broken{suffix}"
+    file.write_bytes(content)
+    with pytest.raises(UserError, match=f"broken{suffix}"):
+        extract(file)
+
+
+@pytest.mark.parametrize("suffix", [".osm", ".osm.pbf"])
+def test_a_file_that_ends_too_early_is_named(tmp_path: Path, suffix: str) -> None:
+    plain = save(tmp_path / "plain.osm", *CROSSROADS)
+    whole = convert(plain, tmp_path / f"whole{suffix}")
+    half = tmp_path / f"half{suffix}"
+    half.write_bytes(whole.read_bytes()[: int(0.9 * whole.stat().st_size)])
+    with pytest.raises(UserError, match=f"half{suffix}"):
+        extract(half)
+
+
+def test_paths_that_are_no_maps_are_named(tmp_path: Path) -> None:
+    (tmp_path / "map.txt").write_bytes(document(*CROSSROADS))
+    for path, said in ((tmp_path, "no OSM file"), (tmp_path / "map.txt", "by its name"), (tmp_path / "x", "no such")):
+        with pytest.raises(UserError, match=said):
+            MapCatalog.open([path])
+
+
+def test_every_way_that_touches_a_box_is_found_and_none_else(shared_data: Path) -> None:
+    """Against a plain reading of the whole file and shapely's intersections."""
+    file = shared_data / "osm" / "tempe-az.osm.pbf"
+    randomly = random.Random(7)
+    sites = [Site(str(i), randomly.uniform(33.305, 33.448), randomly.uniform(-111.978, -111.888)) for i in range(60)]
+    settings = OsmSettings(service_roads=False, radius_m=250.0)
+    maps = MapCatalog.open([file]).extract(sites, settings)
+    classes = {"motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"}
+    lines: dict[int, shapely.LineString] = {}
+    for obj in osmium.FileProcessor(str(file)).with_locations():
+        if not obj.is_way() or obj.tags.get("highway", "").removesuffix("_link") not in classes:
+            continue
+        if {obj.tags.get(key) for key in ("access", "vehicle", "motor_vehicle", "motorcar", "area")} == {None}:
+            places = [n.location for n in obj.nodes]
+            if len(places) > 1 and all(p.valid() for p in places):
+                lines[obj.id] = shapely.LineString([(p.lon, p.lat) for p in places])
+    ids, tree = list(lines), shapely.STRtree(list(lines.values()))
+    checked = 0
+    for site in sites:
+        box = box_around(site, settings.radius_m)
+        area = shapely.box(box.west_deg, box.south_deg, box.east_deg, box.north_deg)
+        expected = {ids[i] for i in tree.query(area, predicate="intersects")}
+        cut = maps[site.key]
+        actual = {w.id for w in cut.ways if w.id in lines} if isinstance(cut, OsmExtract) else set()
+        assert actual == expected
+        checked += len(expected)
+    assert checked > 500
+
+
+def test_every_published_site_has_its_own_map(shared_data: Path) -> None:
+    """The maps cover one site each; crash and map carry the same case number in their names."""
+    folder = shared_data / "va-2023"
+    sites = []
+    for report in sorted((folder / "reports").glob("*.xml")):
+        text = report.read_text(encoding="utf-8", errors="replace")
+        latitude, longitude = (float(text.split(f"<{tag}>")[1].split("<")[0]) for tag in ("LATITUDE", "LONGITUD"))
+        sites.append(Site(report.stem.removeprefix("crash_"), latitude, longitude))
+    maps = MapCatalog.open([folder / "osm"]).extract(sites, OsmSettings())
+    with_map = {path.stem.removeprefix("map_") for path in (folder / "osm").glob("*.osm")}
+    assert {key for key, cut in maps.items() if isinstance(cut, OsmExtract)} == with_map
+    assert all(found(maps[key]).source == f"map_{key}.osm" for key in with_map)
+    assert all(rejected(maps[key]).measured for key in maps.keys() - with_map)

@@ -1,0 +1,141 @@
+"""The storage root, locally and on fsspec's memory file system in place of an object store."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import string
+from pathlib import Path
+
+import fsspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trace_dag.errors import Failure, TransientFailure, UserError
+from trace_dag.storage import Storage, check_name
+
+
+@pytest.fixture(params=["local", "memory"])
+def storage(request, tmp_path: Path) -> Storage:
+    if request.param == "local":
+        return Storage.open(tmp_path / "root")
+    fsspec.filesystem("memory").store.clear()
+    return Storage.open("memory://bucket/root")
+
+
+def test_what_is_written_is_read_back_and_described(storage):
+    stored = storage.write("road_map/2023-1.xodr", b"<OpenDRIVE/>")
+    assert storage.read(stored.name) == b"<OpenDRIVE/>"
+    assert (stored.size, stored.sha256) == (12, hashlib.sha256(b"<OpenDRIVE/>").hexdigest())
+    assert storage.sizes([stored.name, "road_map/none.xodr"]) == {stored.name: 12}
+    assert storage.exists(stored.name)
+
+
+def test_listing_tells_replaced_files_from_unchanged_ones(storage):
+    storage.write("verdict/a.json", b"1")
+    storage.write("verdict/b.json", b"22")
+    before = storage.list("verdict")
+    assert {name: entry.size for name, entry in before.items()} == {"verdict/a.json": 1, "verdict/b.json": 2}
+    storage.write("verdict/a.json", b"9")
+    after = storage.list("verdict")
+    assert after["verdict/a.json"].version != before["verdict/a.json"].version
+    assert after["verdict/b.json"] == before["verdict/b.json"]
+    assert storage.list("nothing_here") == {}
+
+
+def test_many_are_read_at_once_and_absent_ones_left_out(storage):
+    names = [f"crash_record/{number}.parquet" for number in range(5)]
+    for name in names:
+        storage.write(name, name.encode())
+    assert storage.read_many([*names, "crash_record/none.parquet"]) == {name: name.encode() for name in names}
+
+
+def test_deleting_and_reading_what_is_not_there(storage):
+    storage.write("a/b.txt", b"x")
+    storage.delete("a/b.txt")
+    storage.delete("a/b.txt")
+    with pytest.raises(FileNotFoundError):
+        storage.read("a/b.txt")
+
+
+def test_travels_to_another_process(storage):
+    storage.write("a/b.txt", b"x")
+    assert pickle.loads(pickle.dumps(storage)).read("a/b.txt") == b"x"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "/etc/passwd", "../x", "a/../../x", "a//b", ".hidden", "a/.hidden", "-rf", "a/b c", "a\\b", "a\n", "a/"],
+)
+def test_names_that_lead_elsewhere_are_refused(storage, name):
+    with pytest.raises(ValueError, match="unsafe name"):
+        storage.write(name, b"")
+
+
+@given(st.text(alphabet=string.ascii_letters + string.digits + "./\\-_ ~$\x00é", max_size=30))
+def test_no_name_leads_out_of_the_root(name):
+    try:
+        check_name(name)
+    except ValueError:
+        return
+    root = Path("/root/of/storage")
+    inside = Path(os.path.normpath(root / name))
+    assert root in inside.parents
+
+
+def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    storage = Storage.open(tmp_path)
+    storage.write("a/b.txt", b"old")
+
+    def full(self: Path, target: Path) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(Failure, match="free some space"):
+        storage.write("a/b.txt", b"new")
+    assert storage.read("a/b.txt") == b"old"
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b.txt"]
+
+
+def test_orphans_of_killed_writers_are_neither_listed_nor_kept_for_ever(tmp_path):
+    storage = Storage.open(tmp_path)
+    storage.write("a/b.txt", b"x")
+    orphan = tmp_path / "a/.writing-dead"
+    orphan.write_bytes(b"half")
+    assert list(storage.list("a")) == ["a/b.txt"]
+    assert storage.remove_orphans("a") == 0, "it may still be being written"
+    os.utime(orphan, (0, 0))
+    assert storage.remove_orphans("a") == 1
+    assert not orphan.exists()
+
+
+def test_unusable_roots_are_one_line_errors(tmp_path):
+    (tmp_path / "file").write_text("")
+    for root in (tmp_path / "file" / "below", "nosuchprotocol://x"):
+        with pytest.raises(UserError, match="cannot read and write"):
+            Storage.open(root)
+
+
+class _Flaky:
+    """An object store that fails a few times before it answers."""
+
+    def __init__(self, failures: int) -> None:
+        self.failures = failures
+
+    def cat_file(self, path: str) -> bytes:
+        if self.failures:
+            self.failures -= 1
+            raise OSError("503 Slow Down")
+        return b"here"
+
+
+def test_object_store_errors_are_waited_out_but_not_for_ever(monkeypatch):
+    monkeypatch.setattr("time.sleep", lambda _: None)
+    storage = Storage("memory://bucket")
+    storage.__dict__["_filesystem"] = _Flaky(2)
+    assert storage.read("a/b") == b"here"
+    storage.__dict__["_filesystem"] = _Flaky(99)
+    with pytest.raises(TransientFailure, match="after 4 attempts"):
+        storage.read("a/b")

@@ -1,0 +1,111 @@
+"""Small maps and reports for the tests of placing crashes: streets as lines of metres around the reported point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
+from trace_dag.roads.convert import convert
+from trace_dag.roads.crossings import with_kinds
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.settings import RoadSettings
+from trace_dag.units import mph_to_mps
+
+FRAME = LocalFrame(37.0, -77.0)
+SETTINGS = RoadSettings()
+Points = Sequence[tuple[float, float]]
+
+
+class Town:
+    """An extract made of streets. Streets that share a point share its node, unless they are on different ``level``."""
+
+    def __init__(self) -> None:
+        self._ids = count(1)
+        self._nodes: dict[tuple[float, float, str], OsmNode] = {}
+        self._ways: list[OsmWay] = []
+
+    def street(self, points: Points, *, highway: str = "residential", level: str = "", **tags: str) -> int:
+        """A way through points in metres; ``__`` in a key stands for a colon. Returns its id."""
+        refs = tuple(self._node(x, y, level).id for x, y in points)
+        named = {key.replace("__", ":"): value for key, value in tags.items()}
+        self._ways.append(OsmWay(len(self._ways) + 1, refs, {"highway": highway, **named}))
+        return self._ways[-1].id
+
+    def sign(self, x_m: float, y_m: float, **tags: str) -> int:
+        """Tags on the node at a place."""
+        node = self._node(x_m, y_m, "")
+        node.tags.update(tags)
+        return node.id
+
+    def extract(self) -> OsmExtract:
+        """What the converter takes."""
+        nodes = {node.id: node for node in self._nodes.values()}
+        return OsmExtract(BoundingBox(36.99, -77.01, 37.01, -76.99), nodes, tuple(self._ways))
+
+    def network(self) -> RoadNetwork:
+        """What the converter makes of it."""
+        extract = self.extract()
+        return with_kinds(convert(extract, FRAME, SETTINGS), extract)
+
+    def _node(self, x_m: float, y_m: float, level: str) -> OsmNode:
+        key = (float(x_m), float(y_m), level)
+        if key not in self._nodes:
+            latitude, longitude = FRAME.to_geographic([x_m, y_m]).tolist()  # type: ignore[arg-type]
+            self._nodes[key] = OsmNode(next(self._ids), latitude, longitude)
+        return self._nodes[key]
+
+
+def vehicle(
+    number: int = 1,
+    *,
+    lanes: int | None = None,
+    trafficway: int | None = None,
+    control: int | None = None,
+    limit_mph: float | None = None,
+) -> VehicleRecord:
+    """A car that says something of its road."""
+    return VehicleRecord(
+        number=number,
+        vehicle_class=VehicleClass.CAR,
+        length_m=4.7,
+        width_m=1.85,
+        height_m=1.5,
+        mass_kg=1600.0,
+        lanes=lanes,
+        trafficway_code=trafficway,
+        traffic_control_code=control,
+        speed_limit_mps=None if limit_mph is None else mph_to_mps(limit_mph),
+    )
+
+
+def report(
+    *vehicles: VehicleRecord,
+    at_m: tuple[float, float] = (0.0, 0.0),
+    street: str = "",
+    cross: str = "",
+    topology: RoadTopology = RoadTopology.NOT_AN_INTERSECTION,
+    function_class: int | None = None,
+    junction_relation: int | None = None,
+) -> CrashRecord:
+    """A crash at a point in metres."""
+    latitude, longitude = FRAME.to_geographic(at_m).tolist()  # type: ignore[arg-type]
+    return CrashRecord(
+        key="2023-510001",
+        case_year=2023,
+        state_case=510001,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        vehicles=vehicles or (vehicle(1), vehicle(2)),
+        events=(),
+        collision_type=CollisionType.ANGLE,
+        road_topology=topology,
+        vehicle_trajectory=VehicleTrajectory.INTERSECTING,
+        trafficway_1=street,
+        trafficway_2=cross,
+        function_class_code=function_class,
+        junction_relation_code=junction_relation,
+    )

@@ -1,0 +1,68 @@
+"""Planned motions made by hand for the simulation's tests: straight lines and bends, exact in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import Pose
+from trace_dag.sim.types import Body, BodyKind, Participant
+from trace_dag.states.types import Trajectory
+
+CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
+TRUCK = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.TRUCK, 8.5, 2.5, 3.2, 12000.0)
+
+
+def straight(
+    x_m: float, y_m: float, heading_rad: float, speed_mps: float, *, until_s: float = 10.0, z_m: float = 0.0
+) -> Trajectory:
+    """Constant speed along a line."""
+    return driven(x_m, y_m, heading_rad, lambda _: speed_mps, lambda _: 0.0, until_s=until_s, z_m=z_m)
+
+
+def driven(
+    x_m: float,
+    y_m: float,
+    heading_rad: float,
+    speed_of_time: Callable[[float], float],
+    curvature_of_distance: Callable[[float], float],
+    *,
+    until_s: float = 10.0,
+    z_m: float = 0.0,
+) -> Trajectory:
+    """A point driven at a speed (m/s, by time) along a curvature (1/m, by distance), integrated finely."""
+    per_point, step = 50, 0.1
+    fine = step / per_point
+    time = np.arange(round(until_s / fine) + 1) * fine
+    speed = np.array([speed_of_time(t) for t in time])
+    travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * fine)])
+    curvature = np.array([curvature_of_distance(s) for s in travelled])
+    heading = heading_rad + np.concatenate(
+        [[0.0], np.cumsum((curvature[1:] + curvature[:-1]) / 2 * np.diff(travelled))]
+    )
+    vx, vy = speed * np.cos(heading), speed * np.sin(heading)
+    x = x_m + np.concatenate([[0.0], np.cumsum((vx[1:] + vx[:-1]) / 2 * fine)])
+    y = y_m + np.concatenate([[0.0], np.cumsum((vy[1:] + vy[:-1]) / 2 * fine)])
+    every = slice(None, None, per_point)
+    return Trajectory(time[every], x[every], y[every], np.full_like(x[every], z_m), heading[every], speed[every])
+
+
+def participant(number: int, trajectory: Trajectory, body: Body = CAR) -> Participant:
+    """A vehicle that starts as its plan does."""
+    t = trajectory
+    start = Pose(float(t.x_m[0]), float(t.y_m[0]), float(t.heading_rad[0]), float(t.z_m[0]))
+    return Participant(number, body, start, float(t.speed_mps[0]), trajectory)
+
+
+def meeting(angle_rad: float, speed_1_mps: float, speed_2_mps: float, offset_m: float = 0.0) -> tuple[Participant, ...]:
+    """Two cars whose centres would coincide after 2 s but for ``offset_m``, the second at an angle to the first."""
+    lead_s = 2.0
+    one = straight(-speed_1_mps * lead_s, 0.0, 0.0, speed_1_mps)
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    two = straight(
+        -speed_2_mps * lead_s * c - offset_m * s, -speed_2_mps * lead_s * s + offset_m * c, angle_rad, speed_2_mps
+    )
+    return participant(1, one), participant(2, two)

@@ -1,0 +1,98 @@
+"""Logs: what is in them, that they are the same every time and everywhere, and their files."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from tests.sim.motions import meeting, participant, straight
+from trace_dag.errors import Failure
+from trace_dag.settings import SimSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.log_io import SIMULATION_STEPS, logs_from_files, logs_to_files
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import SimulationLog
+
+
+def two_logs() -> tuple[SimulationLog, SimulationLog]:
+    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
+    return (
+        simulation.run(meeting(2.2, 18.0, 22.0, 0.4), time_limit_s=20.0),
+        simulation.run(
+            (participant(1, straight(0, 0, 0, 9.0)), participant(2, straight(0, 20, 0, 9.0))), time_limit_s=3.0
+        ),
+    )
+
+
+def digest() -> str:
+    """Of both files of two runs."""
+    return hashlib.sha256(b"".join(logs_to_files(two_logs()))).hexdigest()
+
+
+def test_logs_are_the_same_bits_in_every_process() -> None:
+    code = "from tests.sim.test_logs import digest; print(digest())"
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=Path(__file__).parents[2]
+        ).stdout.strip()
+        for _ in range(2)
+    }
+    assert outputs == {digest()}
+
+
+def test_files_give_back_the_logs() -> None:
+    logs = two_logs()
+    again = logs_from_files(*logs_to_files(logs))
+    assert len(again) == len(logs)
+    for one, two in zip(logs, again, strict=True):
+        assert (one.contacts, one.bodies, one.termination, one.reason) == (
+            two.contacts,
+            two.bodies,
+            two.termination,
+            two.reason,
+        )
+        for a, b in zip(one.vehicles, two.vehicles, strict=True):
+            for column in SIMULATION_STEPS.columns[2:]:
+                assert np.array_equal(getattr(a, column.name), getattr(b, column.name))
+
+
+def test_the_parquet_file_says_what_its_columns_are(tmp_path: Path) -> None:
+    (tmp_path / "log.parquet").write_bytes(logs_to_files(two_logs())[0])
+    table = pq.read_table(tmp_path / "log.parquet")
+    assert table.schema.field("speed_mps").metadata[b"unit"] == b"mps"
+    assert table.column("hypothesis").unique().to_pylist() == [0, 1]
+    assert sorted(table.column("vehicle_number").unique().to_pylist()) == [1, 2]
+    assert table.column("time_s").to_numpy().min() == 0.0
+
+
+def test_files_that_are_no_log_are_refused() -> None:
+    steps, summary = logs_to_files(two_logs())
+    with pytest.raises(Failure, match="simulate again"):
+        logs_from_files(steps, b'[{"hypothesis": 0}]')
+    with pytest.raises(Failure, match="no steps of vehicle 7"):
+        logs_from_files(steps, summary.replace(b'"vehicle_numbers": [\n   1', b'"vehicle_numbers": [\n   7', 1))
+
+
+def test_the_log_is_on_its_own_clock_and_ends_at_the_end() -> None:
+    log = two_logs()[0]
+    time = log.vehicles[0].time_s
+    assert np.diff(time)[:-1] == pytest.approx(0.02)
+    assert time[-1] == pytest.approx(log.duration_s)
+    assert np.hypot(log.vehicles[0].velocity_x_mps[-1], log.vehicles[0].velocity_y_mps[-1]) < 0.1
+
+
+def test_velocities_are_the_derivative_of_positions_before_the_contact() -> None:
+    log = two_logs()[0]
+    vehicle, contact = log.vehicles[1], log.contacts[0]
+    before = vehicle.time_s < contact.time_s - 0.05
+    assert np.gradient(vehicle.x_m, vehicle.time_s)[before] == pytest.approx(vehicle.velocity_x_mps[before], abs=0.02)
+    assert np.gradient(vehicle.y_m, vehicle.time_s)[before] == pytest.approx(vehicle.velocity_y_mps[before], abs=0.02)
+    assert vehicle.heading_rad[0] == pytest.approx(2.2)
+    assert math.hypot(vehicle.velocity_x_mps[0], vehicle.velocity_y_mps[0]) == pytest.approx(22.0)

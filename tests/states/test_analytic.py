@@ -1,0 +1,275 @@
+"""The analytic estimator on the bundled sample, whose truth is known, and on real crashes."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import os
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from cases import SAMPLE, SETTINGS, Case, cases, sample_case, sample_cases
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from trace_dag.crash.record import ImpactArea, Movement, VehicleClass
+from trace_dag.errors import Failure, Reason, Rejection
+from trace_dag.geometry import rectangle_corners
+from trace_dag.pipeline.truth import SampleTruth, load_truth
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.run import simulate
+from trace_dag.states.crash_types import CRASH_TYPES
+from trace_dag.states.estimate import estimate
+from trace_dag.states.json_io import estimate_from_json, estimate_to_json
+from trace_dag.states.types import Hypothesis, SpeedSource, StateEstimate
+from trace_dag.units import clock_to_bearing_rad
+from trace_dag.verdict.judge import judge
+
+
+def estimated(case: Case) -> StateEstimate:
+    return estimate(case.record, case.network, case.report, SETTINGS.states)
+
+
+@pytest.fixture(scope="module")
+def sample() -> dict[str, StateEstimate]:
+    found = {}
+    for case in sample_cases():
+        with contextlib.suppress(Rejection):
+            found[case.key] = estimated(case)
+    return found
+
+
+@pytest.fixture(scope="module")
+def truth() -> SampleTruth:
+    return load_truth(SAMPLE / "truth.json")
+
+
+def test_approach_lane_and_impact_of_the_sample_are_found(sample, truth):
+    from trace_dag.pipeline.truth import score_truth
+
+    summary = score_truth(truth, sample).summary
+    assert summary.estimated >= 30
+    assert summary.approach_correct_share >= 0.94
+    assert summary.lane_correct_share >= 0.94
+    assert summary.median_impact_point_error_m <= 0.5
+    assert summary.median_heading_error_deg <= 5
+    assert summary.median_initial_position_error_m <= 3
+
+
+def test_every_crash_of_the_sample_with_a_truth_gets_an_estimate(sample, truth):
+    wanted = {case.key for case in sample_cases()} & {crash.key for crash in truth.crashes if crash.vehicles}
+    assert wanted <= set(sample)
+
+
+def test_reported_speeds_are_kept_exactly(sample):
+    records = {case.key: case.record for case in sample_cases()}
+    for key, made in sample.items():
+        reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in records[key].vehicles}
+        for hypothesis in made.hypotheses:
+            for state in hypothesis.participants:
+                if reported[state.vehicle_number] is None:
+                    assert state.speed_source is not SpeedSource.REPORTED
+                else:
+                    assert state.speed_source is SpeedSource.REPORTED
+                    assert abs(state.initial_speed_mps) == pytest.approx(reported[state.vehicle_number], abs=1e-6)
+
+
+def outline(state, index: int) -> shapely.Polygon:
+    from trace_dag.geometry import Pose
+
+    t = state.trajectory
+    pose = Pose(float(t.x_m[index]), float(t.y_m[index]), float(t.heading_rad[index]))
+    return shapely.Polygon(rectangle_corners(pose, state.length_m, state.width_m))
+
+
+def judge_geometry(hypothesis: Hypothesis) -> None:
+    """Bodies touch at the impact and never before, motion is smooth and consistent; by shapely and differences."""
+    one, two = hypothesis.participants
+    impact = int(np.argmin(np.abs(one.trajectory.time_s - hypothesis.impact_time_s)))
+    for index in range(0, impact, 3):
+        assert not outline(one, index).intersects(outline(two, index))
+    assert outline(one, impact).distance(outline(two, impact)) <= 0.03
+    assert outline(one, impact).intersection(outline(two, impact)).area <= 0.05
+    for state in (one, two):
+        t = state.trajectory
+        step = np.diff(t.time_s)
+        assert step == pytest.approx(step[0], abs=1e-5)
+        travelled = np.hypot(np.diff(t.x_m), np.diff(t.y_m))
+        mean_speed = np.abs(t.speed_mps[1:] + t.speed_mps[:-1]) / 2
+        assert travelled == pytest.approx(mean_speed * step, rel=0.02, abs=2e-3)
+        assert np.abs(np.diff(t.heading_rad)).max() < 0.05
+        moving = mean_speed > 1
+        course = np.arctan2(np.diff(t.y_m), np.diff(t.x_m)) + np.where(t.speed_mps[:-1] < 0, np.pi, 0)
+        apart = np.abs(np.remainder(course - t.heading_rad[:-1] + np.pi, 2 * np.pi) - np.pi)
+        assert apart[moving].max(initial=0) < 0.06
+
+
+def test_motion_of_every_kept_hypothesis_holds_before_independent_judges(sample):
+    for made in sample.values():
+        for hypothesis in made.hypotheses:
+            judge_geometry(hypothesis)
+
+
+def test_hypotheses_are_ranked_and_their_evidence_adds_up(sample):
+    for made in sample.values():
+        failed = [sum(not check.passed for check in hypothesis.checks) for hypothesis in made.hypotheses]
+        assert failed == sorted(failed)
+        for hypothesis in made.hypotheses:
+            assert sum(hypothesis.evidence.values()) == pytest.approx(hypothesis.score, abs=1e-4)
+        assert 0 <= made.ambiguity <= 1
+        assert len(made.hypotheses) <= SETTINGS.states.max_hypotheses
+        assert len({hypothesis.name for hypothesis in made.hypotheses}) == len(made.hypotheses)
+
+
+def test_the_same_json_twice_and_in_another_process():
+    key = "2023-319022"
+    first = estimate_to_json(estimated(sample_case(key)))
+    assert estimate_to_json(estimated(sample_case(key))) == first
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from cases import SETTINGS, sample_case\n"
+        "from trace_dag.states.estimate import estimate\n"
+        "from trace_dag.states.json_io import estimate_to_json\n"
+        f"case = sample_case({key!r})\n"
+        "made = estimate(case.record, case.network, case.report, SETTINGS.states)\n"
+        "sys.stdout.buffer.write(estimate_to_json(made))\n"
+    )
+    other = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, check=True, env=os.environ | {"PYTHONHASHSEED": "77"}
+    )
+    assert other.stdout == first
+
+
+def test_json_round_trip(sample):
+    for made in list(sample.values())[:5]:
+        data = estimate_to_json(made)
+        assert estimate_to_json(estimate_from_json(data)) == data
+    with pytest.raises(Failure, match="not a state estimate"):
+        estimate_from_json(b'{"key": 3}')
+
+
+def test_order_of_vehicles_in_the_record_does_not_matter():
+    case = sample_case("2023-319022")
+    swapped = dataclasses.replace(case.record, vehicles=case.record.vehicles[::-1])
+    made = estimate(swapped, case.network, case.report, SETTINGS.states)
+    assert made.best.name == estimated(case).best.name
+
+
+def test_two_standing_vehicles_are_no_crash():
+    case = sample_case("2023-319022")
+    standing = tuple(
+        dataclasses.replace(vehicle, travel_speed_mps=0.0, movement=Movement.STOPPED)
+        for vehicle in case.record.vehicles
+    )
+    with pytest.raises(Rejection, match="in none do the bodies touch") as caught:
+        estimate(dataclasses.replace(case.record, vehicles=standing), case.network, case.report, SETTINGS.states)
+    assert caught.value.reason is Reason.NO_FEASIBLE_STATE
+
+
+@pytest.mark.parametrize("lead_time_s", [3.0, 7.5])
+def test_the_lead_time_is_a_setting(lead_time_s):
+    case = sample_case("2023-319022")
+    chosen = SETTINGS.states.model_copy(update={"lead_time_s": lead_time_s})
+    best = estimate(case.record, case.network, case.report, chosen).best
+    assert best.impact_time_s == lead_time_s
+    assert all(check.passed for check in best.checks)
+
+
+codes = st.sampled_from(sorted(CRASH_TYPES))
+areas = st.one_of(st.none(), st.integers(1, 12))
+bodies = st.sampled_from(
+    [(VehicleClass.MOTORCYCLE, 2.2, 0.8), (VehicleClass.CAR, 4.8, 1.9), (VehicleClass.TRACTOR_TRAILER, 21.0, 2.6)]
+)
+vehicles = st.tuples(
+    codes,
+    st.sampled_from(list(Movement)),
+    areas,
+    st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 67)),
+    bodies,
+    st.sampled_from([None, 10, 15, 17, 54, 62, 66, 71, 99]),
+    st.sampled_from([None, 1, 16]),
+)
+
+
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+@given(vehicles, vehicles, st.integers(0, 2))
+def test_whatever_the_record_says_the_motion_holds_or_the_crash_is_rejected(one, two, place):
+    case = sample_cases()[place]
+    changed = []
+    for vehicle, (code, movement, area, speed, body, event, avoidance) in zip(
+        case.record.vehicles, (one, two), strict=True
+    ):
+        impact = None
+        if area is not None:
+            impact = ImpactArea(area, float(area), clock_to_bearing_rad(area), math.radians(15))
+        changed.append(
+            dataclasses.replace(
+                vehicle,
+                crash_type_code=code,
+                movement=movement,
+                impact=impact,
+                travel_speed_mps=speed,
+                vehicle_class=body[0],
+                length_m=body[1],
+                width_m=body[2],
+                critical_event_code=event,
+                avoidance_code=avoidance,
+            )
+        )
+    record = dataclasses.replace(case.record, vehicles=tuple(changed))
+    try:
+        made = estimate(record, case.network, case.report, SETTINGS.states)
+    except Rejection as rejection:
+        event_of(rejection)
+        return
+    for hypothesis in made.hypotheses:
+        judge_geometry(hypothesis)
+        for state, vehicle in zip(hypothesis.participants, changed, strict=True):
+            if vehicle.travel_speed_mps is not None:
+                assert abs(state.initial_speed_mps) == pytest.approx(vehicle.travel_speed_mps, abs=1e-6)
+    data = estimate_to_json(made)
+    assert estimate_to_json(estimate_from_json(data)) == data
+
+
+def event_of(rejection: Rejection) -> None:
+    """A rejection of this stage, with its reason."""
+    if rejection.reason is not Reason.NO_FEASIBLE_STATE:
+        raise rejection
+
+
+def test_a_map_without_roads_is_a_rejection():
+    case = sample_case("2023-319022")
+    empty = RoadNetwork(case.network.frame, ())
+    for movement in (Movement.GOING_STRAIGHT, Movement.BACKING):
+        vehicles = tuple(dataclasses.replace(vehicle, movement=movement) for vehicle in case.record.vehicles)
+        record = dataclasses.replace(case.record, vehicles=vehicles)
+        with pytest.raises(Rejection, match="no lane of the map passes the crash"):
+            estimate(record, empty, case.report, SETTINGS.states)
+
+
+def accepted(case: Case, made: StateEstimate, backend: EmbeddedBackend) -> bool:
+    logs = simulate(backend, case.network, case.xodr, made, SETTINGS.sim, record=case.record)
+    return judge(case.record, case.network, case.report, made, logs, SETTINGS.verdict).accepted
+
+
+def test_real_crashes_pass_every_check_and_are_accepted(shared_data):
+    folder = shared_data / "va-2023"
+    reports = {path.name: path.read_bytes() for path in (folder / "reports").glob("*.xml")}
+    found = cases(reports, folder / "osm")
+    assert len(found) >= 30
+    backend = EmbeddedBackend(SETTINGS.sim)
+    verdicts, failed = [], {}
+    for case in found:
+        made = estimated(case)
+        judge_geometry(made.best)
+        failed[case.key] = [f"{check.name}: {check.detail}" for check in made.best.checks if not check.passed]
+        verdicts.append(accepted(case, made, backend))
+    assert not {key: checks for key, checks in failed.items() if checks}
+    assert statistics.mean(verdicts) >= 0.95

@@ -1,0 +1,96 @@
+"""The table of crash types against what the coding manual's diagrams and real records say."""
+
+from __future__ import annotations
+
+import pytest
+
+from trace_dag.states.crash_types import (
+    CRASH_TYPES,
+    Relation,
+    Role,
+    Side,
+    Turn,
+    critical_event,
+    opposite_side,
+)
+
+FARS_CODES = {*range(17), *range(20, 94), 98, 99}
+
+
+def test_every_code_of_fars_has_a_row():
+    assert set(CRASH_TYPES) == FARS_CODES
+
+
+PARTNERS = {
+    20: 21,
+    24: 25,
+    28: 29,
+    34: 35,
+    38: 39,
+    50: 51,
+    54: 55,
+    60: 61,
+    64: 65,
+    68: 69,
+    70: 71,
+    72: 73,
+    76: 77,
+    78: 79,
+    80: 81,
+    82: 83,
+    86: 87,
+    88: 89,
+}
+LEFT_TURNS, RIGHT_TURNS, NO_TURNS = (22, 26, 68, 72, 76, 82), (23, 27, 70, 78, 80), (21, 51, 69, 77, 83, 86, 89)
+
+
+@pytest.mark.parametrize(("first", "second"), PARTNERS.items())
+def test_partners_agree(first, second):
+    one, two = CRASH_TYPES[first], CRASH_TYPES[second]
+    assert one.relation is two.relation
+    assert {one.role, two.role} in ({Role.STRIKING, Role.STRUCK}, {Role.ENCROACHING, Role.STEADY})
+    if one.relation is Relation.CROSSING and one.turn is None:
+        assert {one.other_from, two.other_from} == {Side.LEFT, Side.RIGHT}
+
+
+@pytest.mark.parametrize(
+    ("code", "turn"),
+    [(code, Turn.LEFT) for code in LEFT_TURNS]
+    + [(code, Turn.RIGHT) for code in RIGHT_TURNS]
+    + [(code, None) for code in NO_TURNS],
+)
+def test_who_turns(code, turn):
+    assert CRASH_TYPES[code].turn is turn
+
+
+@pytest.mark.parametrize(
+    ("turning", "going", "heading_after_turn_from_other"),
+    # Turning into the same direction ends along the other's heading, into opposite directions against it.
+    [(76, 77, 0), (78, 79, 0), (80, 81, 180), (82, 83, 180)],
+)
+def test_turns_into_a_path_end_as_the_diagram_has_it(turning, going, heading_after_turn_from_other):
+    turner, other = CRASH_TYPES[turning], CRASH_TYPES[going]
+    heading = 90 if turner.turn is Turn.LEFT else -90  # it came along 0 degrees
+    other_heading = 90 if turner.other_from is Side.RIGHT else -90  # from the right means heading left
+    assert (heading - other_heading) % 360 == heading_after_turn_from_other
+    seen_by_other = (0 - other_heading) % 360  # heading of the turner before its turn, as the other sees it
+    assert other.other_from is (Side.RIGHT if seen_by_other == 90 else Side.LEFT)
+
+
+def test_the_struck_side_is_where_the_other_came_from():
+    assert CRASH_TYPES[87].other_from is Side.RIGHT
+    assert CRASH_TYPES[89].other_from is Side.LEFT
+
+
+def test_critical_events_say_whose_doing_it_was():
+    assert critical_event(10).own is True
+    assert critical_event(62).own is False
+    assert critical_event(62).relation is Relation.OPPOSITE_DIRECTION
+    assert critical_event(71).driveway
+    assert critical_event(99).own is None
+    assert critical_event(None).relation is None
+
+
+def test_sides():
+    assert opposite_side(Side.LEFT) is Side.RIGHT
+    assert opposite_side(opposite_side(Side.LEFT)) is Side.LEFT

@@ -1,0 +1,81 @@
+"""Speeds: what is reported is kept, what is not is inferred and marked, distances are the integral of speed."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
+from trace_dag.states.crash_types import CRASH_TYPES, CrashType, Turn
+from trace_dag.states.speeds import SpeedProfile, speed_profile, travel_speed
+from trace_dag.states.types import SpeedSource
+from trace_dag.units import mph_to_mps
+
+CAR = VehicleRecord(1, VehicleClass.CAR, 4.8, 1.9, 1.5, 1500.0)
+
+
+def car(**changes: object) -> VehicleRecord:
+    return dataclasses.replace(CAR, **changes)
+
+
+@settings(deadline=None)
+@given(st.floats(0, 70), st.floats(0, 1), st.floats(0.1, 6), st.floats(0.5, 8))
+def test_distance_is_the_integral_of_speed_and_the_impact_is_a_sample(initial, share, change_s, lead_s):
+    profile = SpeedProfile(initial, initial * share, change_s)
+    time, distance, speed = profile.sample(lead_s, 2.0)
+    impact = int(np.argmin(np.abs(time - lead_s)))
+    assert time[0] == 0
+    assert time[impact] == pytest.approx(lead_s, abs=1e-9)
+    assert distance[impact] == pytest.approx(0, abs=1e-9)
+    assert speed[impact] == pytest.approx(profile.impact_mps, abs=1e-9)
+    integral = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
+    # Trapezoids miss half a step's worth where the rate sets in.
+    assert np.abs((distance - distance[0]) - integral).max() <= 0.02 * 0.02 * initial / change_s + 1e-6
+
+
+@settings(deadline=None)
+@given(st.floats(0.1, 67))
+def test_a_reported_speed_is_the_initial_speed_exactly(speed):
+    for movement in Movement:
+        vehicle = car(travel_speed_mps=speed, movement=movement, avoidance_code=16, traffic_control_code=20)
+        found = travel_speed(vehicle, CRASH_TYPES[68], Turn.LEFT, None, crossing=True)
+        assert (found.speed_mps, found.source) == (speed, SpeedSource.REPORTED)
+        assert speed_profile(vehicle, speed).initial_mps == speed
+
+
+def test_constant_unless_the_record_says_otherwise():
+    assert speed_profile(car(movement=Movement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
+    assert speed_profile(car(avoidance_code=6), 15.0) == SpeedProfile(15.0, 15.0)
+
+
+@pytest.mark.parametrize("avoidance", [2, 3, 4, 8, 9, 15, 16])
+def test_braking_reported_is_braking_done(avoidance):
+    profile = speed_profile(car(avoidance_code=avoidance), 25.0)
+    assert 0.4 * 25 <= profile.impact_mps < 25
+
+
+def test_starting_begins_at_rest():
+    vehicle = car(movement=Movement.STARTING)
+    found = travel_speed(vehicle, CrashType(), None, None, crossing=False)
+    assert found.speed_mps == 0
+    assert speed_profile(vehicle, 0.0).impact_mps > 3
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "crash_type", "turn", "expected", "source"),
+    [
+        (car(movement=Movement.STOPPED), CrashType(), None, 0.0, SpeedSource.INFERRED_MANOEUVRE),
+        (CAR, CRASH_TYPES[21], None, 0.0, SpeedSource.INFERRED_MANOEUVRE),
+        (car(speed_limit_mps=mph_to_mps(45)), CrashType(), None, mph_to_mps(45), SpeedSource.INFERRED_LIMIT),
+        (car(speed_limit_mps=mph_to_mps(45)), CrashType(), Turn.LEFT, mph_to_mps(15), SpeedSource.INFERRED_MANOEUVRE),
+        (CAR, CrashType(), None, mph_to_mps(35), SpeedSource.INFERRED_CLASS),
+    ],
+)
+def test_unreported_speeds_say_where_they_come_from(vehicle, crash_type, turn, expected, source):
+    found = travel_speed(vehicle, crash_type, turn, None, crossing=False)
+    assert found.speed_mps == pytest.approx(expected)
+    assert found.source is source

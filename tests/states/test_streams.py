@@ -1,0 +1,151 @@
+"""Streams past real and sample crashes: the approaches there are, where one can turn, roundabouts, centre lanes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from cases import Case, sample_case
+
+from trace_dag.states.analytic import build_scene
+from trace_dag.states.crash_types import Turn
+from trace_dag.states.rings import ring_through
+from trace_dag.states.scene import Scene
+from trace_dag.states.streams import Stream
+from trace_dag.units import GRAVITY_MPS2, wrap_angle
+
+FOUR_WAY, T, ROUNDABOUT, CENTRE_LANE, STRAIGHT, DIVIDED, CORNER = (
+    "2023-319001",
+    "2023-319009",
+    "2023-319018",
+    "2023-319011",
+    "2023-319022",
+    "2023-319024",
+    "2023-319020",
+)
+
+
+def scene(case: Case) -> Scene:
+    return build_scene(case.record, case.network, case.report, lead_time_s=5.0)
+
+
+def from_direction(stream: Stream) -> int:
+    """Where traffic comes from, in eighths of the compass."""
+    return round(math.degrees(stream.heading_rad) / 45) % 8
+
+
+@pytest.fixture(scope="module")
+def straight_road() -> Scene:
+    return scene(sample_case(STRAIGHT))
+
+
+def test_a_plain_road_has_one_stream_each_way_on_the_right_of_the_other(straight_road):
+    one, two = straight_road.on_road(straight_road.through)
+    assert abs(wrap_angle(one.heading_rad - two.heading_rad)) > math.radians(175)
+    for here, there in ((one, two), (two, one)):
+        pose = there.path.pose(there.station_m)
+        assert here.path.project(pose.x_m, pose.y_m)[1] > 2  # oncoming traffic on the left
+    assert not any(stream.one_way or stream.wrong_way or stream.off_map for stream in (one, two))
+
+
+def test_a_four_way_crossing_lets_one_go_straight_and_turn_from_where_lanes_allow():
+    found = scene(sample_case(FOUR_WAY))
+    through = [stream for stream in found.through if not stream.extended]
+    assert len({from_direction(stream) for stream in through}) >= 3
+    turns = {stream.turn for stream in found.streams}
+    assert {Turn.LEFT, Turn.RIGHT} <= turns
+    for stream in found.streams:
+        if stream.turn in (Turn.LEFT, Turn.RIGHT):
+            change = wrap_angle(stream.exit_pose.heading_rad - stream.heading_rad)
+            assert change > 0 if stream.turn is Turn.LEFT else change < 0
+
+
+def test_the_stem_of_a_t_turns_both_ways_and_only_goes_straight_beyond_the_road():
+    found = scene(sample_case(T))
+    stems = [stream for stream in found.streams if stream.extended]
+    assert stems
+    stem = stems[0]
+    own = [stream for stream in found.streams if stream.road is stem.road and stream.turn is not None]
+    assert {stream.turn for stream in own} >= {Turn.LEFT, Turn.RIGHT}
+
+
+def test_every_entry_of_a_roundabout_leads_around_it_counter_clockwise():
+    case = sample_case(ROUNDABOUT)
+    found = scene(case)
+    around = [
+        stream
+        for stream in found.through
+        if stream.path.heading_rad[-1] - stream.path.heading_rad[0] > math.radians(150)
+        or stream.curve_rad > math.radians(60)
+    ]
+    assert len({stream.road.id for stream in around}) >= 2
+    assert all(0 <= stream.share_of_ring <= 1 for stream in around)
+
+
+def test_a_ring_is_found_from_any_of_its_lanes_and_straight_roads_are_none():
+    case = sample_case(ROUNDABOUT)
+    network = case.network
+    rings = set()
+    for ref in network.drivable_lanes():
+        ring = ring_through(network, ref, network.centreline)
+        if ring:
+            rings.add(frozenset(ring))
+            assert ref in ring
+            turned = sum(float(np.diff(np.unwrap(network.centreline(lane)[:, 3])).sum()) for lane in ring)
+            assert turned == pytest.approx(2 * math.pi, abs=0.5)
+    assert len(rings) == 1
+    plain = sample_case(STRAIGHT).network
+    assert not any(ring_through(plain, ref, plain.centreline) for ref in plain.drivable_lanes())
+
+
+def test_the_shared_lane_in_the_middle_is_used_in_both_directions():
+    found = scene(sample_case(CENTRE_LANE))
+    centre = [stream for stream in found.streams if stream.centre_lane]
+    headings = [stream.course_rad for stream in centre]
+    assert any(abs(wrap_angle(one - two)) > math.radians(170) for one in headings for two in headings)
+    assert not any(stream.wrong_way for stream in centre)
+
+
+def test_halves_of_a_divided_road_are_one_way():
+    found = scene(sample_case(DIVIDED))
+    assert all(stream.one_way for stream in found.on_road(found.through))
+
+
+def test_the_wrong_way_is_the_same_line_the_other_way():
+    found = scene(sample_case(DIVIDED))
+    stream = found.on_road(found.through)[0]
+    against = found.finder.against(stream)
+    assert against.wrong_way
+    assert abs(wrap_angle(against.course_rad - stream.course_rad)) > math.radians(179)
+    pose = stream.path.pose(stream.station_m)
+    assert abs(against.path.project(pose.x_m, pose.y_m)[1]) < 0.2
+
+
+def test_a_driveway_comes_from_both_sides_at_right_angles(straight_road):
+    main = straight_road.on_road(straight_road.through)[0]
+    right, left = straight_road.finder.driveways(main)
+    assert wrap_angle(right.heading_rad - main.course_rad) == pytest.approx(math.pi / 2, abs=0.01)
+    assert wrap_angle(left.heading_rad - main.course_rad) == pytest.approx(-math.pi / 2, abs=0.01)
+    for drive in (right, left):
+        x, y = straight_road.place_xy_m
+        assert abs(drive.path.project(x, y)[1]) < 1e-6
+
+
+@pytest.mark.parametrize("speed_mps", [5.0, 8.0, 12.0])
+def test_a_corner_is_driven_as_the_speed_allows(speed_mps):
+    found = scene(sample_case(CORNER))
+    for stream in found.through:
+        fitted = stream.fitted(speed_mps)
+        driven = fitted.path.s_m < fitted.station_m + 10
+        taken = np.abs(fitted.path.curvature_1pm[driven]).max() * speed_mps**2
+        plain = np.abs(stream.path.curvature_1pm).max() * speed_mps**2
+        assert taken <= max(0.75 * GRAVITY_MPS2, 0.8 * plain)
+        assert fitted.fitted(0.1) is fitted
+
+
+def test_the_streams_do_not_depend_on_what_was_asked_before():
+    case = sample_case(FOUR_WAY)
+    names = [stream.name for stream in scene(case).streams]
+    assert names == [stream.name for stream in scene(case).streams]
+    assert len(names) == len(set(names))

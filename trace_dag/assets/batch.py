@@ -1,0 +1,111 @@
+"""The one step that runs the stages: a batch of crashes, any contiguous choice of stages.
+
+The step logs a materialization for each stage and crash itself, as it is done, and yields nothing; at its end it
+fails once if any crash failed. So exactly the failed stage and those after it show as failed for exactly those
+crashes, and everything else is materialized. A rejected crash is materialized at every stage, with the outcome in its
+metadata: it is data, neither failed nor missing.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from dagster import (
+    AssetExecutionContext,
+    AssetKey,
+    AssetMaterialization,
+    BackfillPolicy,
+    Config,
+    Failure,
+    MetadataValue,
+    multi_asset,
+)
+from pydantic import Field
+
+from trace_dag.assets.metadata import event_metadata
+from trace_dag.assets.reports import REPORTS
+from trace_dag.assets.roads import ROADS
+from trace_dag.assets.scenarios import SCENARIOS
+from trace_dag.assets.verdicts import VERDICTS
+from trace_dag.errors import Stage, UserError
+from trace_dag.pipeline.home import Home
+from trace_dag.pipeline.worker import StageEvent
+from trace_dag.settings import ExecutionSettings
+
+_FAILURES_NAMED = 20
+CRASHES_PER_RUN: int = ExecutionSettings().batch_size
+
+
+class BatchConfig(Config):
+    """How a batch is run."""
+
+    force: list[str] = Field(
+        default_factory=list, description="Stages to compute again even where nothing has changed; 'all' for all."
+    )
+    settings: dict[str, Any] = Field(
+        default_factory=dict, description="Settings over the root's own, as {section: {name: value}}."
+    )
+
+
+@multi_asset(
+    name="crashes",
+    specs=[*REPORTS, *ROADS, *SCENARIOS, *VERDICTS],
+    can_subset=True,
+    required_resource_keys={"home"},
+    backfill_policy=BackfillPolicy.multi_run(max_partitions_per_run=CRASHES_PER_RUN),
+    description="The stages of the flow for a batch of crashes.",
+)
+def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any]:
+    """Run the selected stages for the run's partitions."""
+    home: Home = context.resources.home
+    stages = [stage for stage in Stage if AssetKey(stage.value) in context.selected_asset_keys]
+    force = [stage for stage in stages if "all" in config.force or stage.value in config.force]
+    try:
+        pipeline = home.pipeline(config.settings)
+        events = pipeline.run(
+            context.partition_keys, stages, run_id=context.run.run_id, force=force, executor=home.executor
+        )
+        failed: dict[str, StageEvent] = {}
+        for event in events:
+            if event.failed:
+                failed.setdefault(event.key, event)
+            else:
+                context.log_event(
+                    AssetMaterialization(
+                        event.stage.value,
+                        partition=event.key,
+                        metadata=event_metadata(event, pipeline.storage),
+                    )
+                )
+            if home.listener is not None:
+                home.listener(event)
+    except UserError as error:
+        raise Failure(str(error), allow_retries=False) from error
+    if failed:
+        raise Failure(
+            _summary(failed, len(context.partition_keys)),
+            metadata={"failed": MetadataValue.md(_table(failed))},
+            allow_retries=False,
+        )
+    yield from ()
+
+
+def _summary(failed: dict[str, StageEvent], total: int) -> str:
+    named = [f"{key} in {_stage(event)}" for key, event in list(failed.items())[:_FAILURES_NAMED]]
+    more = f" and {len(failed) - len(named)} more" if len(failed) > len(named) else ""
+    return f"{len(failed)} of {total} crashes failed: {', '.join(named)}{more}"
+
+
+def _table(failed: dict[str, StageEvent]) -> str:
+    rows = [
+        f"| {key} | {_stage(event)} | {_one_line(event.record.detail if event.record else 'has not run')} |"
+        for key, event in failed.items()
+    ]
+    return "\n".join(["| crash | stage | what happened |", "|---|---|---|", *rows])
+
+
+def _stage(event: StageEvent) -> Stage:
+    return event.record.stage if event.record else event.stage
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")[:300]

@@ -1,0 +1,111 @@
+"""Checks over all crashes, made from the warehouse: what stands failed, and whether everything adds up.
+
+They are not partitioned: each states for the whole collection how many crashes hold, and names those that do not. They
+stand on the warehouse, whose run evaluates them; on a stage, every run of that stage would show them as skipped.
+"""
+
+from typing import Any
+
+from dagster import AssetCheckExecutionContext, AssetCheckResult, AssetCheckSeverity, MetadataValue, asset_check
+
+from trace_dag.assets.summaries import warehouse
+from trace_dag.pipeline.home import Home
+from trace_dag.warehouse.query import query
+
+_NAMED = 50
+
+
+def _ask(context: AssetCheckExecutionContext, sql: str) -> list[tuple[Any, ...]]:
+    home: Home = context.resources.home
+    return query(home.warehouse, sql)[1]
+
+
+def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
+    lines = [" | ".join(names), " | ".join("---" for _ in names)]
+    lines += [" | ".join(str(value).replace("|", "\\|") for value in row) for row in rows[:_NAMED]]
+    return MetadataValue.md("\n".join(f"| {line} |" for line in lines))
+
+
+@asset_check(
+    asset=warehouse,
+    required_resource_keys={"home"},
+    description="No crash stands failed. The ones that do are named, with the stage and what happened.",
+)
+def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
+    """The standing set of failed crashes."""
+    rows = _ask(context, "SELECT key, stage_reached, detail FROM crashes WHERE final_state = 'failed' ORDER BY key")
+    return AssetCheckResult(
+        passed=not rows,
+        metadata={"failed": len(rows), "crashes": _listing(["crash", "stage", "what happened"], rows)},
+    )
+
+
+@asset_check(
+    asset=warehouse,
+    required_resource_keys={"home"},
+    description="Every registered crash is in exactly one final state, and the funnel only narrows.",
+)
+def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
+    """Counts of the tables against each other."""
+    ((crashes, keys, rejected, verified),) = _ask(
+        context,
+        "SELECT count(*), count(DISTINCT key), count(*) FILTER (final_state = 'rejected'),"
+        " count(*) FILTER (final_state = 'verified') FROM crashes",
+    )
+    steps = [row[0] for row in _ask(context, "SELECT crashes FROM funnel")]
+    ((reasons,),) = _ask(context, "SELECT coalesce(sum(crashes), 0) FROM failure_reasons")
+    adds_up = (
+        crashes == keys == steps[0]
+        and verified == steps[-1]
+        and rejected == reasons
+        and steps == sorted(steps, reverse=True)
+    )
+    return AssetCheckResult(
+        passed=adds_up,
+        metadata={"crashes": crashes, "rejected": rejected, "reasons": int(reasons), "verified": verified},
+    )
+
+
+@asset_check(
+    asset=warehouse,
+    required_resource_keys={"home"},
+    description="Every accepted road map passes every gate.",
+)
+def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResult:
+    """Gates that do not hold, by map."""
+    rows = _ask(
+        context,
+        "SELECT key, gate, value, threshold, unit, detail FROM map_checks WHERE passed = false ORDER BY key, gate",
+    )
+    ((maps, gates),) = _ask(context, "SELECT count(DISTINCT key), count(*) FROM map_checks")
+    return AssetCheckResult(
+        passed=not rows,
+        metadata={
+            "maps": maps,
+            "gates": gates,
+            "do not hold": _listing(["crash", "gate", "value", "threshold", "unit", "detail"], rows),
+        },
+    )
+
+
+@asset_check(
+    asset=warehouse,
+    required_resource_keys={"home"},
+    description="How each criterion that decides does over all verdicts. Rejections are data, so this only warns when "
+    "a criterion could be evaluated for no crash at all.",
+)
+def criteria_are_evaluated(context: AssetCheckExecutionContext) -> AssetCheckResult:
+    """Criteria by how often they hold, fail and are left open."""
+    rows = _ask(
+        context,
+        "SELECT criterion, count(*) FILTER (passed), count(*) FILTER (NOT passed), count(*) FILTER (passed IS NULL)"
+        " FROM verdict_criteria WHERE reason IS NOT NULL GROUP BY criterion ORDER BY criterion",
+    )
+    return AssetCheckResult(
+        passed=all(row[1] + row[2] > 0 for row in rows),
+        severity=AssetCheckSeverity.WARN,
+        metadata={"criteria": _listing(["criterion", "holds", "fails", "not evaluated"], rows)},
+    )
+
+
+CHECKS = (no_failed_crashes, everything_adds_up, maps_pass_their_gates, criteria_are_evaluated)

@@ -1,0 +1,197 @@
+"""Dagster runs started from this process: the same assets, instance and records that the UI shows.
+
+Belongs here: the instance of a storage root, and running planned batches through it. Does not belong here: deciding
+what to run (:mod:`trace_dag.pipeline.planning`).
+"""
+
+import os
+import socket
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dagster import (
+    AssetKey,
+    DagsterInstance,
+    DagsterRunStatus,
+    ExecuteInProcessResult,
+    JobDefinition,
+    RunsFilter,
+)
+from dagster_shared.error import SerializableErrorInfo
+
+from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
+from trace_dag.assets.partitions import CRASHES, add_partitions
+from trace_dag.errors import Stage
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.home import ROOT_VARIABLE, Home
+from trace_dag.pipeline.planning import PlannedBatch, plan
+from trace_dag.pipeline.selection import Selection
+from trace_dag.storage import Storage
+
+COHORT_TAG = "trace_dag/cohort"
+PROCESS_TAG = "trace_dag/process"
+_RANGE_START_TAG = "dagster/asset_partition_range_start"
+_RANGE_END_TAG = "dagster/asset_partition_range_end"
+_UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
+
+_INSTANCE_SETTINGS = """\
+# Dagster's records of this storage root. Nothing is sent anywhere, and no dialog asks for it.
+telemetry:
+  enabled: false
+nux:
+  enabled: false
+# A run uses all cores by itself.
+concurrency:
+  runs:
+    max_concurrent_runs: 2
+"""
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """What the runs of one call did: how many there were, and the crashes that failed, by run."""
+
+    runs: int = 0
+    errors: tuple[str, ...] = field(default=())
+
+
+def prepare_dagster_home(home: Home) -> Path:
+    """Dagster's folder of this root, made if need be, and named in this process's environment."""
+    folder = home.dagster_home
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = folder / "dagster.yaml"
+    if not settings.exists():
+        settings.write_text(_INSTANCE_SETTINGS)
+    os.environ["DAGSTER_HOME"] = str(folder)
+    os.environ[ROOT_VARIABLE] = Storage(home.root).root
+    return folder
+
+
+def open_instance(home: Home) -> DagsterInstance:
+    """Dagster's records of this root. Runs whose process is gone are closed as failed."""
+    instance = DagsterInstance.from_config(str(prepare_dagster_home(home)))
+    _close_orphans(instance)
+    return instance
+
+
+def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
+    """Crashes that Dagster does not hold as materialized at every stage, with the first stage that is not."""
+    partitions = instance.get_dynamic_partitions("crashes")
+    wanted = set(keys)
+    found: dict[str, Stage] = {}
+    for stage in Stage:
+        status = instance.get_status_by_partition(AssetKey(stage.value), partitions, CRASHES) or {}
+        for key in partitions:
+            held = status.get(key)
+            if key in wanted and (held is None or held.value != "MATERIALIZED"):
+                found.setdefault(key, stage)
+    return found
+
+
+def planned(pipeline: Pipeline, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
+    """A selection as runs. Crashes that are up to date but that Dagster does not know of are run too, to be told."""
+    add_partitions(instance, pipeline.registry.keys())
+    start = dict(selection.start)
+    if not selection.exact:
+        for key, stage in needing_records(instance, selection.asked).items():
+            start[key] = min(start.get(key, stage), stage, key=lambda each: each.position)
+    partitions = instance.get_dynamic_partitions("crashes")
+    return plan(partitions, replace(selection, start=start), size=pipeline.settings.execution.batch_size)
+
+
+def run_batches(
+    home: Home,
+    instance: DagsterInstance,
+    batches: Sequence[PlannedBatch],
+    *,
+    settings: Mapping[str, Any],
+) -> RunReport:
+    """Run planned batches one after the other, each as one Dagster run in this process."""
+    job = _job(home, ALL_STAGES)
+    cohort_of = {
+        key: name for name, cohort in home.pipeline(settings).registry.cohorts().items() for key in cohort.reports
+    }
+    errors: list[str] = []
+    for batch in batches:
+        cohorts = sorted({cohort_of[key] for key in batch.keys if key in cohort_of})
+        forced = [stage.value for stage in Stage if stage in batch.force]
+        result = job.execute_in_process(
+            run_config=_quiet({"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings)}}}}),
+            instance=instance,
+            asset_selection=[AssetKey(stage.value) for stage in batch.stages],
+            tags={
+                **range_tags(batch),
+                COHORT_TAG: ",".join(cohorts),
+                PROCESS_TAG: _this_process(),
+            },
+            raise_on_error=False,
+        )
+        errors.extend(_errors(result))
+    return RunReport(len(batches), tuple(errors))
+
+
+def range_tags(batch: PlannedBatch) -> dict[str, str]:
+    """The tags by which Dagster knows which partitions a run is for."""
+    return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
+
+
+def summarise(home: Home, instance: DagsterInstance) -> RunReport:
+    """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
+    result = _job(home, SUMMARY).execute_in_process(
+        run_config=_quiet({}), instance=instance, tags={PROCESS_TAG: _this_process()}, raise_on_error=False
+    )
+    return RunReport(1, tuple(_errors(result)))
+
+
+def _job(home: Home, name: str) -> JobDefinition:
+    from trace_dag.definitions import build_definitions
+
+    return build_definitions(home).resolve_job_def(name)
+
+
+def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
+    return {**config, "loggers": {"console": {"config": {"log_level": "CRITICAL"}}}}
+
+
+def _errors(result: ExecuteInProcessResult) -> list[str]:
+    """What failed, in the words of the step's own failure where there are any."""
+    if result.success:
+        return []
+    messages = []
+    for event in result.all_events:
+        if event.is_step_failure:
+            data = event.step_failure_data
+            stated = data.user_failure_data.description if data.user_failure_data else None
+            messages.append(stated or _innermost(data.error) or event.message or "a step failed")
+        elif event.is_run_failure and not messages:
+            messages.append(_innermost(event.job_failure_data.error) or event.message or "the run failed")
+    return messages
+
+
+def _innermost(error: SerializableErrorInfo | None) -> str:
+    while error is not None and error.cause is not None:
+        error = error.cause
+    return error.message.strip() if error else ""
+
+
+def _this_process() -> str:
+    return f"{socket.gethostname()}:{os.getpid()}:{_started(os.getpid())}"
+
+
+def _started(pid: int) -> str:
+    """When a process began, in ticks, so that another one with its number is not taken for it; '' if it is gone."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19]
+    except (FileNotFoundError, ProcessLookupError, IndexError):
+        return ""
+
+
+def _close_orphans(instance: DagsterInstance) -> None:
+    """Runs of killed processes of this machine would stand as running for ever."""
+    for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
+        host, _, rest = run.tags.get(PROCESS_TAG, "").partition(":")
+        pid, _, started = rest.partition(":")
+        if host == socket.gethostname() and pid.isdigit() and _started(int(pid)) != started:
+            instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")

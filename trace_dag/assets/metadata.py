@@ -1,0 +1,59 @@
+"""What the UI shows of a stage and crash: outcome first, then the figures, and the picture."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+from dagster import MetadataValue
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline.worker import Action, StageEvent, picture_name
+from trace_dag.provenance import Outcome
+from trace_dag.scenario.sketch import data_url
+from trace_dag.storage import Storage
+
+
+def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
+    """Metadata of a materialization. ``outcome``, ``reason`` and ``stage_reached`` are always there."""
+    record = event.record
+    if record is None:
+        raise ValueError(f"{event.key} {event.stage}: nothing to show of a stage that did not run")
+    metadata: dict[str, Any] = {
+        "outcome": record.outcome.value,
+        "stage_reached": record.stage.value,
+        "reason": record.reason.value if record.reason else "",
+    }
+    if record.outcome is Outcome.REJECTED:
+        metadata["detail"] = record.detail
+        metadata["published_category"] = record.reason.published_category.value if record.reason else ""
+        if record.measured is not None:
+            metadata["measured"] = record.measured
+        if record.threshold is not None:
+            metadata["threshold"] = record.threshold
+    if event.stage is Stage.VERDICT:
+        metadata.update(picture_metadata(event.key, storage))
+    if event.action is Action.NOT_REACHED:
+        return metadata
+    metadata.update({name: value for name, value in record.figures.items() if value is not None})
+    for file in record.artefacts:
+        metadata[f"artefact .{file.name.partition('.')[2]}"] = MetadataValue.path(storage.path(file.name))
+    metadata["computed"] = event.action is Action.COMPUTED
+    metadata["duration_s"] = record.duration_s
+    return metadata
+
+
+def picture_metadata(key: str, storage: Storage) -> dict[str, Any]:
+    """The crash as a sketch, shown in place; its picture, a click away; and where the file lies. Nothing if there is
+    none."""
+    names = {extension: picture_name(key, extension) for extension in ("svg", "webp", "png")}
+    pictures = storage.read_many([names["svg"], names["webp"]])
+    if len(pictures) < 2:
+        return {}
+    inline = base64.b64encode(pictures[names["webp"]]).decode()
+    return {
+        "sketch": MetadataValue.md(f"![{key} from above]({data_url(pictures[names['svg']].decode())})"),
+        "picture": MetadataValue.md(f"![{key} from above](data:image/webp;base64,{inline})"),
+        "picture file": MetadataValue.path(storage.path(names["png"])),
+    }

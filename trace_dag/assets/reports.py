@@ -1,0 +1,23 @@
+"""What the reports say."""
+
+from trace_dag.assets.specs import stage_spec
+from trace_dag.crash.tables import CRASH_RECORD
+from trace_dag.errors import Stage
+
+REPORTS = (
+    stage_spec(
+        Stage.RAW_REPORT,
+        group="reports",
+        kinds={"xml", "file"},
+        description="The crash report as served by NHTSA's CrashAPI, untouched.",
+    ),
+    stage_spec(
+        Stage.CRASH_RECORD,
+        group="reports",
+        kinds={"parquet", "python"},
+        deps=[Stage.RAW_REPORT],
+        columns=CRASH_RECORD,
+        description="The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, "
+        "classified along the three dimensions of coverage. Rejected if it does not say enough.",
+    ),
+)

@@ -1,0 +1,54 @@
+"""A sensor on the folders that cohorts watch: what arrives is registered, gets a partition, and is run."""
+
+from dagster import (
+    DefaultSensorStatus,
+    ResourceParam,
+    RunRequest,
+    SensorEvaluationContext,
+    SensorResult,
+    SkipReason,
+    sensor,
+)
+
+from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
+from trace_dag.assets.launch import range_tags
+from trace_dag.assets.partitions import add_partitions
+from trace_dag.errors import Stage
+from trace_dag.pipeline.home import Home
+from trace_dag.pipeline.planning import plan
+from trace_dag.pipeline.selection import Selection
+from trace_dag.pipeline.watching import register_arrivals
+
+_INTERVAL_S = 30
+
+
+@sensor(
+    jobs=[job for job in STAGE_JOBS if job.name == ALL_STAGES],
+    minimum_interval_seconds=_INTERVAL_S,
+    default_status=DefaultSensorStatus.STOPPED,
+    description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
+    "runs them through all stages.",
+)
+def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]) -> SensorResult | SkipReason:
+    """Register what arrived since the last look, and request runs for it."""
+    pipeline = home.pipeline()
+    arrivals = register_arrivals(pipeline.storage, context.cursor or "")
+    if not arrivals.folders:
+        return SkipReason("No cohort watches a folder; trace-dag ingest --reports DIR --watch makes one.")
+    if not arrivals.keys:
+        context.update_cursor(arrivals.state)
+        return SkipReason(f"Nothing new in {arrivals.folders} folders.")
+    add_partitions(context.instance, arrivals.keys)
+    selection = Selection(arrivals.keys, dict.fromkeys(arrivals.keys, Stage.RAW_REPORT))
+    partitions = context.instance.get_dynamic_partitions("crashes")
+    batches = plan(partitions, selection, size=pipeline.settings.execution.batch_size)
+    return SensorResult(
+        run_requests=[
+            RunRequest(run_key=f"{arrivals.state}-{number}", tags=range_tags(batch))
+            for number, batch in enumerate(batches)
+        ],
+        cursor=arrivals.state,
+    )
+
+
+SENSORS = (arriving_reports,)

@@ -1,0 +1,84 @@
+"""What is made of all crashes together: the warehouse and the benchmark. Unpartitioned."""
+
+from typing import Any
+
+from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataValue, TableColumn, TableSchema, asset
+
+from trace_dag.assets.specs import OWNERS, as_markdown
+from trace_dag.errors import Stage
+from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
+from trace_dag.pipeline.home import Home
+from trace_dag.warehouse.build import build_warehouse, table_documentation
+from trace_dag.warehouse.query import open_warehouse, query
+
+_SHOWN = ("funnel", "failure_reasons", "coverage")
+_ERRORS_NAMED = 10
+
+
+@asset(
+    deps=[Stage.VERDICT.value],
+    group_name="warehouse",
+    kinds={"duckdb", "sql"},
+    owners=OWNERS,
+    required_resource_keys={"home"},
+    description="All crashes in one DuckDB file: where each stands, what every stage said, vehicles, maps, estimates, "
+    "contacts, criteria, and as views the funnel, the reasons, the coverage and its gaps.",
+)
+def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
+    """Build the warehouse beside the old one and put it in its place."""
+    home: Home = context.resources.home
+    report = build_warehouse(home.pipeline().storage, home.local_folder)
+    metadata: dict[str, Any] = {
+        "file": MetadataValue.path(str(home.warehouse)),
+        "size_bytes": report.size,
+        "duration_s": round(report.duration_s, 2),
+        "crashes": report.rows["crashes"],
+        "dagster/row_count": report.rows["crashes"],
+    }
+    for view in _SHOWN:
+        metadata[view] = MetadataValue.md(_markdown(*query(home.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
+    with open_warehouse(home.warehouse) as connection:
+        columns = [
+            TableColumn(f"{table}.{name}", type=kind.lower(), description=as_markdown(comment))
+            for table, documented in table_documentation(connection).items()
+            for name, kind, comment in documented
+        ]
+    metadata["dagster/column_schema"] = TableSchema(columns=columns)
+    return MaterializeResult(metadata=metadata)
+
+
+@asset(
+    deps=[warehouse],
+    group_name="benchmark",
+    kinds={"html", "openscenario"},
+    owners=OWNERS,
+    required_resource_keys={"home"},
+    description="A scenario package for every verified crash, and a static page about all of them that opens from a "
+    "file.",
+)
+def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
+    """Bring packages and pages up to date."""
+    home: Home = context.resources.home
+    pipeline = home.pipeline()
+    report = build_benchmark(pipeline, home.warehouse, home.executor)
+    if report.errors:
+        named = list(report.errors.items())[:_ERRORS_NAMED]
+        raise Failure(
+            f"{len(report.errors)} of {report.pages} crashes have no page: {', '.join(key for key, _ in named)}",
+            metadata={key: MetadataValue.text(error) for key, error in named},
+            allow_retries=False,
+        )
+    return MaterializeResult(
+        metadata={
+            "index": MetadataValue.path(pipeline.storage.path(f"{FOLDER}/index.html")),
+            "packages": report.packages,
+            "pages": report.pages,
+            "made_now": report.made,
+        }
+    )
+
+
+def _markdown(names: list[str], rows: list[tuple[Any, ...]]) -> str:
+    lines = [" | ".join(names), " | ".join("---" for _ in names)]
+    lines += [" | ".join("" if value is None else str(value) for value in row) for row in rows]
+    return "\n".join(f"| {line} |" for line in lines)

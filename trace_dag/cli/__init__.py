@@ -1,0 +1,9 @@
+"""The command line: a thin layer over the pipeline and over Dagster.
+
+Exit codes: 0 done, 1 some crashes failed, 2 asked for something impossible (one line says what). Each module holds one
+group of commands; what is slow to import is imported inside the command that needs it.
+"""
+
+from trace_dag.cli.main import main
+
+__all__ = ["main"]

@@ -1,0 +1,161 @@
+"""What a verdict is worth, and a crash to watch: ``controls``, ``peer``, ``replay``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from trace_dag.cli.printing import print_table, write_json
+
+if TYPE_CHECKING:
+    from trace_dag.pipeline.home import Home
+    from trace_dag.verdict.controls import ControlRow
+    from trace_dag.verdict.peer import ComparisonRow
+
+Row = TypeVar("Row")
+
+
+def _home(root: str) -> Home:
+    from trace_dag.pipeline.home import Home
+    from trace_dag.pipeline.stages import FLOW
+
+    return Home(root, FLOW)
+
+
+def _cohorts(home: Home, cohort: str | None) -> list[str]:
+    from trace_dag.errors import UserError
+
+    registry = home.pipeline().registry
+    if cohort is not None:
+        return [registry.cohort(cohort).name]
+    names = list(registry.cohorts())
+    if not names:
+        raise UserError(f"no crash is registered in {home.root}; see trace-dag ingest")
+    return names
+
+
+def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> dict[str, list[Row]]:
+    """Rows of every cohort that has something to compare; the last one's complaint if none has."""
+    from trace_dag.errors import UserError
+
+    found: dict[str, list[Row]] = {}
+    complaint: UserError | None = None
+    for name in cohorts:
+        try:
+            found[name] = compared(name)
+        except UserError as error:
+            complaint = error
+    if complaint is not None and not found:
+        raise complaint
+    return found
+
+
+@click.command()
+@click.option("--cohort", help="Only this cohort; else each by itself.")
+@click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
+@click.pass_obj
+def controls(root: str, cohort: str | None, as_json: bool) -> None:
+    """Judge crashes against what they are not: another crash's report, and one vehicle late.
+
+    Prints how many are accepted beside the true pairing's rate. Every judgement enters the warehouse, as table
+    negative_controls.
+    """
+    from dataclasses import asdict
+
+    from trace_dag.pipeline.comparisons import negative_controls
+    from trace_dag.warehouse.build import build_warehouse
+
+    home = _home(root)
+    found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(home.pipeline(), name))
+    build_warehouse(home.pipeline().storage, home.local_folder)
+    if as_json:
+        write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
+        return
+    print_table(
+        ["cohort", "judged against", "judgements", "accepted", "rate"],
+        [line for name, rows in found.items() for line in _control_lines(name, rows)],
+    )
+
+
+def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, ...]]:
+    differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
+    groups = (
+        ("its own report", [row for row in rows if row.kind == "true"]),
+        ("another crash's report", [row for row in rows if row.kind == "other_report"]),
+        ("another that says something else", differ),
+        ("its own, one vehicle late", [row for row in rows if row.kind == "shifted"]),
+    )
+    lines = []
+    for title, group in groups:
+        judged = [row.accepted for row in group if row.accepted is not None]
+        rate = f"{100 * sum(judged) / len(judged):.1f} %" if judged else ""
+        lines.append((cohort, title, len(judged), sum(judged), rate))
+    return lines
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--cohort", help="The cohort that holds the same cases; else each by itself.")
+@click.option("--json", "as_json", is_flag=True, help="Every crash of both, as JSON.")
+@click.pass_obj
+def peer(root: str, folder: Path, cohort: str | None, as_json: bool) -> None:
+    """Run a published benchmark's scenarios on its own maps, judged by the same rules, beside ours.
+
+    FOLDER holds simulations/ and maps/. Every judgement enters the warehouse, as table benchmark_comparison.
+    """
+    from dataclasses import asdict
+
+    from trace_dag.pipeline.comparisons import published_comparison
+    from trace_dag.warehouse.build import build_warehouse
+
+    home = _home(root)
+    rows_of = _of_each(_cohorts(home, cohort), lambda name: published_comparison(home.pipeline(), name, folder))
+    found = [row for rows in rows_of.values() for row in rows]
+    build_warehouse(home.pipeline().storage, home.local_folder)
+    if as_json:
+        write_json([asdict(row) for row in found])
+        return
+    names = sorted({row.benchmark for row in found})
+    columns = [_peer_column([row for row in found if row.benchmark == name]) for name in names]
+    print_table(["", *names], [(title, *(column[title] for column in columns)) for title in columns[0]])
+
+
+def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
+    def share(good: Sequence[bool | None]) -> str:
+        known = [each for each in good if each is not None]
+        return f"{sum(known)} of {len(known)}"
+
+    return {
+        "crashes": str(len(rows)),
+        "contact": share([row.contact for row in rows]),
+        "first contact within the threshold": share([row.within_distance for row in rows]),
+        "impacts as reported": share([bool(row.clocks_ok) for row in rows]),
+        "both": share([row.within_distance and bool(row.clocks_ok) for row in rows]),
+        "both speeds kept, where both are reported": share([row.speeds_kept for row in rows]),
+        "accepted": share([row.accepted for row in rows]),
+    }
+
+
+@click.command()
+@click.argument("key")
+@click.option(
+    "--format",
+    "image_format",
+    type=click.Choice(["html", "webp", "gif"]),
+    default="html",
+    show_default=True,
+    help="A page with a time slider, or an animated picture.",
+)
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
+@click.pass_obj
+def replay(root: str, key: str, image_format: str, output: Path | None) -> None:
+    """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
+    from trace_dag.pipeline.comparisons import replay as made_of
+
+    content = made_of(_home(root).pipeline(), key, image_format)
+    target = output or Path(f"replay-{key}.{image_format}")
+    target.write_bytes(content)
+    click.echo(f"{target}  {len(content) // 1024} kB")

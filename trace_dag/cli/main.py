@@ -1,0 +1,72 @@
+"""The command ``trace-dag``: its root option, its subcommands, and how errors end it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+
+import click
+
+from trace_dag import __version__
+from trace_dag.cli.asking import sql, status
+from trace_dag.cli.cohorts import cohort
+from trace_dag.cli.ingesting import ingest
+from trace_dag.cli.judging import controls, peer, replay
+from trace_dag.cli.running import rerun, run
+from trace_dag.cli.sample import demo, score_truth
+from trace_dag.cli.serving import ui
+from trace_dag.errors import Failure, UserError
+
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="trace-dag")
+@click.option(
+    "--root",
+    metavar="DIR",
+    help="Storage root: a folder or a URL such as s3://bucket/folder. Else TRACE_DAG_ROOT, else ./trace_dag_home.",
+)
+@click.pass_context
+def cli(context: click.Context, root: str | None) -> None:
+    """From police-reported fatal crashes to runnable, judged crash scenarios on the real road.
+
+    Register crashes with ingest, run them, and see where each stands with status. Everything is kept below one
+    storage root.
+    """
+    from trace_dag.pipeline.home import storage_root
+
+    context.obj = storage_root(root)
+
+
+for command in (ingest, cohort, run, rerun, status, sql, replay, controls, peer, score_truth, demo, ui):
+    cli.add_command(command)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    logging.basicConfig(level=os.environ.get("TRACE_DAG_LOG", "WARNING").upper(), format="%(levelname)s %(message)s")
+    try:
+        sys.exit(cli.main(standalone_mode=False))
+    except click.ClickException as error:
+        error.show()
+        sys.exit(EXIT_USAGE)
+    except click.exceptions.Abort:
+        click.echo("interrupted; what was finished is kept, run again for the rest", err=True)
+        sys.exit(130)
+    except UserError as error:
+        click.echo(f"trace-dag: {_one_line(error)}", err=True)
+        sys.exit(EXIT_USAGE)
+    except Failure as error:
+        click.echo(f"trace-dag: failed: {_one_line(error)}", err=True)
+        sys.exit(EXIT_FAILED)
+    except BrokenPipeError:
+        # The reader (head, less) has had enough.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

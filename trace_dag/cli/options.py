@@ -1,0 +1,63 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from trace_dag.errors import Stage
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class ManyValuesCommand(click.Command):
+    """A command whose repeatable options also take several values at once: ``--maps A B`` is ``--maps A --maps B``.
+
+    For commands without positional arguments, where that can mean nothing else.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Repeat the option's name before each further value."""
+        many = {
+            name
+            for parameter in self.params
+            if isinstance(parameter, click.Option) and parameter.multiple
+            for name in parameter.opts
+        }
+        spread: list[str] = []
+        option, values = "", 0
+        for arg in args:
+            if arg.startswith("-"):
+                option, values = (arg if arg in many else ""), 0
+            elif option:
+                if values:
+                    spread.append(option)
+                values += 1
+            spread.append(arg)
+        return super().parse_args(ctx, spread)
+
+
+def stage_option(*names: str, help: str) -> Callable[[F], F]:
+    """An option that takes the name of a stage."""
+
+    def as_stage(_context: click.Context, _parameter: click.Parameter, value: str | None) -> Stage | None:
+        return Stage(value) if value else None
+
+    return click.option(*names, type=click.Choice([stage.value for stage in Stage]), callback=as_stage, help=help)
+
+
+def executor_options(command: F) -> F:
+    """How the work runs, over the settings of the root."""
+    command = click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")(command)
+    return click.option(
+        "--executor",
+        type=click.Choice(["in_process", "processes", "dask"]),
+        help="Where the work runs; default processes.",
+    )(command)
+
+
+def execution_overrides(executor: str | None, workers: int | None) -> dict[str, Any]:
+    """The executor options as settings."""
+    return {name: value for name, value in (("executor", executor), ("workers", workers)) if value is not None}

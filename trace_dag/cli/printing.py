@@ -1,0 +1,84 @@
+"""What the commands print: funnels, reasons, tables."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from trace_dag.pipeline.standing import Standing
+
+
+def print_standings(crashes: Mapping[str, Standing]) -> None:
+    """The funnel beside the published one, the final states, and why crashes were rejected."""
+    from trace_dag.pipeline.standing import FinalState, funnel
+
+    states = Counter(crash.final_state for crash in crashes.values())
+    click.echo()
+    print_table(
+        ["step", "crashes", "published"],
+        [(step.step, step.crashes, step.published) for step in funnel(crashes.values())],
+    )
+    click.echo()
+    click.echo(", ".join(f"{states[state]} {state}" for state in FinalState) + f"; {len(crashes)} in all")
+    reasons = Counter(
+        (crash.stage_reached, crash.reason) for crash in crashes.values() if crash.final_state is FinalState.REJECTED
+    )
+    if reasons:
+        click.echo()
+        print_table(
+            ["rejected at", "reason", "crashes", "category in the paper"],
+            [
+                (stage, reason, count, reason.published_category if reason else "")
+                for (stage, reason), count in sorted(
+                    reasons.items(), key=lambda item: (item[0][0].position if item[0][0] else 0, -item[1])
+                )
+            ],
+        )
+
+
+def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Columns aligned, numbers to the right; as wide as it has to be where nobody is watching."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, name in enumerate(names):
+        numeric = any(row[index] is not None for row in rows) and all(
+            row[index] is None or (isinstance(row[index], int | float) and not isinstance(row[index], bool))
+            for row in rows
+        )
+        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_cell(value) for value in row))
+    console = Console(highlight=False, markup=False, soft_wrap=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, markup=False, width=10_000)
+    console.print(table)
+
+
+def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Comma-separated values on standard output."""
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+
+
+def write_json(value: object) -> None:
+    """JSON on standard output, dates and the like as text."""
+    click.echo(json.dumps(value, indent=1, ensure_ascii=False, default=str))
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)

@@ -1,0 +1,147 @@
+"""Running crashes: ``run`` and ``rerun``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, execution_overrides, executor_options, stage_option
+from trace_dag.errors import Reason, Stage, UserError
+
+if TYPE_CHECKING:
+    from trace_dag.pipeline.batch import Pipeline
+    from trace_dag.pipeline.selection import Selection
+    from trace_dag.pipeline.worker import StageEvent
+
+_FAILURES_SHOWN = 20
+
+
+@click.command(cls=ManyValuesCommand)
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")
+@stage_option("--from", "first", help="Compute this stage and all after it again, changed or not.")
+@click.option("--estimator", type=click.Choice(["analytic", "llm"]), help="How states are estimated, for this run.")
+@executor_options
+@click.pass_obj
+def run(
+    root: str,
+    cohort: str | None,
+    only: tuple[str, ...],
+    first: Stage | None,
+    estimator: str | None,
+    executor: str | None,
+    workers: int | None,
+) -> None:
+    """Run the registered crashes through all stages, then build the warehouse and the benchmark.
+
+    What is up to date is left alone; failures are tried again. Exit code 1 if a crash failed.
+    """
+    settings: dict[str, Any] = {"execution": execution_overrides(executor, workers)}
+    if estimator:
+        settings["states"] = {"estimator": estimator}
+    from trace_dag.pipeline.selection import select_stale
+
+    sys.exit(carry_out(root, settings, lambda pipeline: select_stale(pipeline, cohort, only, first)))
+
+
+@click.command(cls=ManyValuesCommand)
+@click.option("--failed", is_flag=True, help="The crashes that failed, from the stage that broke.")
+@click.option("--rejected", type=click.Choice([reason.value for reason in Reason]), help="Those rejected for a reason.")
+@stage_option("--from", "first", help="Every crash that got there, from this stage on.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@executor_options
+@click.pass_obj
+def rerun(
+    root: str,
+    failed: bool,
+    rejected: str | None,
+    first: Stage | None,
+    cohort: str | None,
+    only: tuple[str, ...],
+    executor: str | None,
+    workers: int | None,
+) -> None:
+    """Run again exactly the crashes and stages asked for, unchanged or not."""
+    if failed + (rejected is not None) + (first is not None) != 1:
+        raise UserError("rerun: say what to run again with one of --failed, --rejected REASON, --from STAGE")
+    settings = {"execution": execution_overrides(executor, workers)}
+    from trace_dag.pipeline.selection import select_again
+
+    reason = Reason(rejected) if rejected else None
+    sys.exit(
+        carry_out(
+            root,
+            settings,
+            lambda pipeline: select_again(pipeline, cohort, only, failed=failed, reason=reason, first=first),
+        )
+    )
+
+
+def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline], Selection]) -> int:
+    """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
+    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise
+    from trace_dag.cli.printing import print_standings
+    from trace_dag.pipeline.home import Home
+    from trace_dag.pipeline.records import read_records
+    from trace_dag.pipeline.stages import FLOW
+    from trace_dag.pipeline.standing import FinalState, standings
+
+    home = Home(root, FLOW)
+    pipeline = home.pipeline(settings)
+    selection = select(pipeline)
+    with open_instance(home) as instance:
+        batches = planned(pipeline, instance, selection)
+        errors: tuple[str, ...] = ()
+        if batches:
+            with _progress(sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
+                errors = run_batches(Home(root, FLOW, listener=tell), instance, batches, settings=settings).errors
+        else:
+            click.echo("Nothing to run: every crash asked for is up to date.")
+        if batches or not home.warehouse.is_file():
+            errors += summarise(home, instance).errors
+    stand = standings(read_records(pipeline.storage, selection.asked))
+    print_standings(stand)
+    failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
+    for crash in failed[:_FAILURES_SHOWN]:
+        click.echo(f"failed: {crash.key} in {crash.stage_reached}: {' '.join(crash.detail.split())[:200]}", err=True)
+    if len(failed) > _FAILURES_SHOWN:
+        click.echo(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
+    if not failed:
+        for error in errors:
+            click.echo(f"failed: {' '.join(error.split())[:500]}", err=True)
+    return 1 if failed or errors else 0
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[StageEvent], None]]:
+    """A progress bar over stages and crashes on the terminal; a line now and then where there is none."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    counts = {"rejected": 0, "failed": 0}
+
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    ) as progress:
+        task = progress.add_task("stages", total=total)
+
+        def tell(event: StageEvent) -> None:
+            record = event.record
+            if record is not None and record.stage is event.stage and record.outcome.value in counts:
+                counts[record.outcome.value] += 1
+            progress.update(
+                task,
+                advance=1,
+                description=f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)",
+            )
+
+        yield tell

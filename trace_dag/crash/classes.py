@@ -1,0 +1,115 @@
+"""The three coverage dimensions of the published table and how FARS codes fall into them.
+
+Source: FARS Analytical User's Manual (``MAN_COLL``, ``TYP_INT``, ``ACC_TYPE``) and the coverage table of the paper.
+Classes are mapped by number, never by label: labels of ``ACC_TYPE`` 68-85 changed in 2023.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.codes.crash import NON_JUNCTION, TYP_INT
+
+
+class CollisionType(StrEnum):
+    """From ``MAN_COLL``."""
+
+    FRONT_TO_REAR = "front_to_rear"
+    FRONT_TO_FRONT = "front_to_front"
+    ANGLE = "angle"
+    SIDESWIPE_SAME_DIRECTION = "sideswipe_same_direction"
+    SIDESWIPE_OPPOSITE_DIRECTION = "sideswipe_opposite_direction"
+    REAR_TO_SIDE = "rear_to_side"
+    REAR_TO_REAR = "rear_to_rear"
+    OTHERS = "others"
+
+
+class RoadTopology(StrEnum):
+    """From ``TYP_INT``."""
+
+    NOT_AN_INTERSECTION = "not_an_intersection"
+    FOUR_WAY = "four_way"
+    T = "t"
+    Y = "y"
+    ROUNDABOUT = "roundabout"
+    FIVE_POINT_OR_MORE = "five_point_or_more"
+    L = "l"
+    OTHERS = "others"
+
+
+class VehicleTrajectory(StrEnum):
+    """From the ``ACC_TYPE`` of the vehicle pair."""
+
+    SAME_DIRECTION = "same_direction"
+    OPPOSITE_DIRECTION = "opposite_direction"
+    TURNING = "turning"
+    INTERSECTING = "intersecting"
+    OTHERS = "others"
+
+
+_COLLISION_TYPES: Final = {
+    1: CollisionType.FRONT_TO_REAR,
+    2: CollisionType.FRONT_TO_FRONT,
+    6: CollisionType.ANGLE,
+    7: CollisionType.SIDESWIPE_SAME_DIRECTION,
+    8: CollisionType.SIDESWIPE_OPPOSITE_DIRECTION,
+    9: CollisionType.REAR_TO_SIDE,
+    10: CollisionType.REAR_TO_REAR,
+}
+_ROAD_TOPOLOGIES: Final = {
+    1: RoadTopology.NOT_AN_INTERSECTION,
+    2: RoadTopology.FOUR_WAY,
+    3: RoadTopology.T,
+    4: RoadTopology.Y,
+    5: RoadTopology.ROUNDABOUT,
+    6: RoadTopology.ROUNDABOUT,
+    7: RoadTopology.FIVE_POINT_OR_MORE,
+    10: RoadTopology.L,
+}
+
+
+def collision_type(man_coll: int | None) -> CollisionType:
+    """Class of ``MAN_COLL``; every other code and None are others."""
+    return _COLLISION_TYPES.get(man_coll or 0, CollisionType.OTHERS)
+
+
+def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopology:
+    """Class of ``TYP_INT``; every other code and None are others.
+
+    Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that there is none.
+    """
+    if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
+        return RoadTopology.NOT_AN_INTERSECTION
+    return _ROAD_TOPOLOGIES.get(typ_int or 0, RoadTopology.OTHERS)
+
+
+def trajectory_of_crash_type(acc_type: int | None) -> VehicleTrajectory:
+    """Class of one vehicle's ``ACC_TYPE``; every other code and None are others."""
+    match acc_type:
+        case int(code) if 20 <= code <= 49:
+            return VehicleTrajectory.SAME_DIRECTION
+        case int(code) if 50 <= code <= 67:
+            return VehicleTrajectory.OPPOSITE_DIRECTION
+        case int(code) if 68 <= code <= 85:
+            return VehicleTrajectory.TURNING
+        case int(code) if 86 <= code <= 91:
+            return VehicleTrajectory.INTERSECTING
+        case _:
+            return VehicleTrajectory.OTHERS
+
+
+def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
+    """Class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
+
+    A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
+    name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
+    """
+    named = [trajectory_of_crash_type(code) for code in acc_types]
+    return next((each for each in named if each is not VehicleTrajectory.OTHERS), VehicleTrajectory.OTHERS)
+
+
+def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
+    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes."""
+    return len({trajectory_of_crash_type(code) for code in acc_types if code is not None}) > 1

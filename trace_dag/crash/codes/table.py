@@ -1,0 +1,90 @@
+"""What a table of FARS codes is: which codes an element may hold in which year, and what they mean in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+FIRST_YEAR = 2010
+"""The first case year the tables speak of; FARS was restructured with it."""
+
+LAST_YEAR = 2023
+"""The last case year the tables were checked against. Later years are read with the codes of this one."""
+
+
+class UnknownCodeError(ValueError):
+    """A code its element's table does not hold in that year."""
+
+    def __init__(self, element: str, value: str, year: int, expected: str) -> None:
+        super().__init__(f"{element} holds {value!r}, which is no code of case year {year}; expected {expected}")
+        self.element = element
+        self.value = value
+        self.year = year
+
+
+@dataclass(frozen=True)
+class CodeTable:
+    """The codes of one FARS element.
+
+    ``meanings`` are phrases of ours, not FARS's labels (which change from year to year). ``unknown`` lists the codes
+    that say "not reported" or "unknown". ``years`` holds first and last case year of codes that come or go.
+    """
+
+    element: str
+    title: str
+    meanings: Mapping[int, str]
+    unknown: frozenset[int] = frozenset()
+    years: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+
+    def holds(self, code: int, year: int) -> bool:
+        """Whether ``code`` is one of the element's in case year ``year``."""
+        if code not in self.meanings:
+            return False
+        first, last = self.years.get(code, (FIRST_YEAR, LAST_YEAR))
+        return first <= min(max(year, FIRST_YEAR), LAST_YEAR) <= last
+
+    def check(self, code: int, year: int) -> int:
+        """``code`` itself; raises :class:`UnknownCodeError` if the element has no such code in that year."""
+        if not self.holds(code, year):
+            expected = ranges(known for known in self.meanings if self.holds(known, year))
+            raise UnknownCodeError(self.element, str(code), year, expected)
+        return code
+
+    def known(self, code: int | None) -> int | None:
+        """``code``, or None if it says that the value is not known."""
+        return None if code is None or code in self.unknown else code
+
+    def meaning(self, code: int | None) -> str:
+        """The code in plain words; "" for None and for codes that say "unknown"."""
+        return "" if code is None or code in self.unknown else self.meanings.get(code, "")
+
+
+def table(
+    element: str,
+    title: str,
+    meanings: Mapping[int, str],
+    *,
+    unknown: Iterable[int] = (),
+    since: Mapping[int, int] | None = None,
+    until: Mapping[int, int] | None = None,
+) -> CodeTable:
+    """A code table; the ``unknown`` codes need no meaning. ``since`` and ``until`` are case years, inclusive."""
+    first, last = since or {}, until or {}
+    return CodeTable(
+        element,
+        title,
+        {**meanings, **dict.fromkeys(unknown, "unknown")},
+        frozenset(unknown),
+        {code: (first.get(code, FIRST_YEAR), last.get(code, LAST_YEAR)) for code in {*first, *last}},
+    )
+
+
+def ranges(codes: Iterable[int]) -> str:
+    """Codes as "0-3, 5, 98-99"."""
+    parts: list[list[int]] = []
+    for code in sorted(codes):
+        if parts and parts[-1][-1] == code - 1:
+            parts[-1].append(code)
+        else:
+            parts.append([code])
+    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]}-{part[-1]}" for part in parts)

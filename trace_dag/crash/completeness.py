@@ -1,0 +1,165 @@
+"""Whether a record says enough to be reconstructed: one table of rules, each with the reason it rejects with.
+
+The rules are the paper's (TRACE, FSE Companion '26): a report is usable if the place of the crash, the topology of
+the road there and the trajectories of the vehicles can be told from it. Any field that says so will do, and what other
+fields imply counts. A report without any position is rejected while it is read, since a record has a place.
+Further rules (filters of a cohort) are passed to :func:`check` beside these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trace_dag.crash.classes import VehicleTrajectory, trajectory_of_crash_type
+from trace_dag.crash.codes.crash import TYP_INT
+from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.derive import UNSAID_MOVEMENTS
+from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.settings import CrashSettings
+
+US_LATITUDE_DEG: Final = (17.5, 71.6)
+US_LONGITUDE_DEG: Final = (-180.0, -64.4)
+"""The fifty states, Puerto Rico and the Virgin Islands; the Aleutians beyond 180 degrees have no road FARS covers."""
+
+_SINGLE_VEHICLE_TYPES: Final = range(1, 17)
+_BACKING_TYPES: Final = (92, 93)
+_TELLING_EVENTS: Final = frozenset({*range(10, 19), 20, 21, *range(50, 79)})
+"""``P_CRASH2`` values that say how this vehicle moved, or how the other one did relative to it."""
+
+_DIRECTED_MANNERS: Final = frozenset({1, 2, 7, 8, 10})
+"""``MAN_COLL`` values that say how the two vehicles were headed relative to each other."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule: ``shortcoming`` returns what the record lacks, as the sentence of the rejection, or None."""
+
+    name: str
+    reason: Reason
+    meaning: str
+    shortcoming: Callable[[CrashRecord], str | None]
+
+
+def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rule] = ()) -> None:
+    """Raises :class:`Rejection` with the first rule a record falls short of.
+
+    The cohort's filters come first: whether a crash outside the cohort is complete does not matter.
+    """
+    for rule in (*filters_of(settings), *further, *RULES):
+        detail = rule.shortcoming(record)
+        if detail is not None:
+            raise Rejection(rule.reason, detail)
+
+
+def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule, str]]:
+    """Every rule a record falls short of, with its sentence."""
+    return [(rule, detail) for rule in rules if (detail := rule.shortcoming(record)) is not None]
+
+
+def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
+    """The cohort filters that settings ask for."""
+    return () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
+
+
+def number_of_vehicles(wanted: int) -> Rule:
+    """A crash must involve that many motor vehicles in transport."""
+
+    def shortcoming(record: CrashRecord) -> str | None:
+        listed = sum(vehicle.in_transport for vehicle in record.vehicles)
+        found = listed if record.vehicles_in_transport is None else record.vehicles_in_transport
+        if found == wanted:
+            return None
+        parked = len(record.vehicles) - listed
+        beside = f" (and {parked} parked or working)" if parked else ""
+        return f"{found} motor vehicle{'' if found == 1 else 's'} in transport{beside}; the cohort takes {wanted}"
+
+    return Rule(
+        "number_of_vehicles",
+        Reason.OUTSIDE_COHORT,
+        f"{wanted} motor vehicles in transport",
+        shortcoming,
+    )
+
+
+def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
+    """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's."""
+    return (
+        vehicle.movement not in (*UNSAID_MOVEMENTS, Movement.NO_DRIVER)
+        or not vehicle.in_transport
+        or _names_a_path(vehicle.crash_type_code)
+        or vehicle.critical_event_code in _TELLING_EVENTS
+        or (partner is not None and _names_a_pair(partner.crash_type_code))
+        or any(event.vehicle_1 == vehicle.number and event.code in DEPARTURES for event in record.events)
+        or (
+            partner is not None
+            and record.first_harmful_event_code == MOTOR_VEHICLE_IN_TRANSPORT
+            and record.manner_of_collision_code in _DIRECTED_MANNERS
+        )
+    )
+
+
+def _names_a_path(acc_type: int | None) -> bool:
+    return _names_a_pair(acc_type) or acc_type in _SINGLE_VEHICLE_TYPES
+
+
+def _names_a_pair(acc_type: int | None) -> bool:
+    named = trajectory_of_crash_type(acc_type) is not VehicleTrajectory.OTHERS
+    return named or acc_type in _BACKING_TYPES
+
+
+def _location(record: CrashRecord) -> str | None:
+    low, high = US_LATITUDE_DEG
+    west, east = US_LONGITUDE_DEG
+    if low <= record.latitude_deg <= high and west <= record.longitude_deg <= east:
+        return None
+    return (
+        f"the reported position ({record.latitude_deg:g}, {record.longitude_deg:g}) lies outside the United States "
+        f"(latitude {low:g} to {high:g}, longitude {west:g} to {east:g})"
+    )
+
+
+def _topology(record: CrashRecord) -> str | None:
+    known = (
+        TYP_INT.known(record.intersection_type_code) is not None
+        or "road_topology" in record.implied
+        or record.junction_relation_code is not None
+    )
+    if known:
+        return None
+    return (
+        f"neither TYP_INT ({_said(record.intersection_type_code)}) nor RELJCT2 (not known) tells whether and what "
+        "intersection the crash was at"
+    )
+
+
+def _trajectory(record: CrashRecord) -> str | None:
+    vehicles = record.colliding_pair or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
+    if not vehicles:
+        return "the report lists no vehicle, so that nothing tells how any of them moved"
+    for index, vehicle in enumerate(vehicles):
+        partner = vehicles[1 - index] if len(vehicles) == 2 else None
+        if not trajectory_known(record, vehicle, partner):
+            return (
+                f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {_movement(vehicle.movement)}, ACC_TYPE "
+                f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
+            )
+    return None
+
+
+def _said(code: int | None) -> str:
+    return "not reported" if code is None else str(code)
+
+
+def _movement(movement: Movement) -> str:
+    return "unknown" if movement is Movement.UNKNOWN else str(int(movement))
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    Rule("location", Reason.INCOMPLETE_LOCATION, "the place of the crash is known", _location),
+    Rule("topology", Reason.INCOMPLETE_TOPOLOGY, "the topology of the road is known", _topology),
+    Rule("trajectory", Reason.INCOMPLETE_TRAJECTORY, "how each vehicle moved can be told", _trajectory),
+)
+"""The paper's rules, in the order they are applied."""

@@ -1,0 +1,310 @@
+"""What fields imply about each other: areas of impact, movements, events, where a report leaves one of them out.
+
+Rules follow the FARS/CRSS Coding and Validation Manual's definitions of ``ACC_TYPE``, ``P_CRASH1``, ``P_CRASH2`` and
+``IMPACT1``. Everything that is implied is marked as such by the caller.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT, VEHICLE_EVENTS
+from trace_dag.crash.codes.vehicle import CURVED
+from trace_dag.crash.record import EventRecord, ImpactArea, Movement, VehicleRecord
+from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
+
+HOUR_RAD: Final = math.pi / 6
+SAME_AREA_H: Final = 1.5
+"""Two areas this many hours apart or nearer are taken for the same one."""
+
+_SIDE_AREAS: Final[Mapping[int, tuple[float, float]]] = {
+    61: (9.0, 1.5),
+    62: (9.75, 0.75),
+    63: (8.25, 0.75),
+    81: (3.0, 1.5),
+    82: (2.25, 0.75),
+    83: (3.75, 0.75),
+}
+"""Centre and half width, in hours, of the areas that are no clock position: sides run from corner to corner."""
+
+
+def impact_area(code: int | None) -> ImpactArea | None:
+    """The area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it."""
+    if code is None:
+        return None
+    if 1 <= code <= 12:
+        centre_h, half_width_h = float(code), 0.5
+    elif code in _SIDE_AREAS:
+        centre_h, half_width_h = _SIDE_AREAS[code]
+    else:
+        return None
+    return ImpactArea(code, centre_h, clock_to_bearing_rad(centre_h), half_width_h * HOUR_RAD)
+
+
+# --- events --------------------------------------------------------------------------------------------------------
+
+
+def is_vehicle_to_vehicle(event: EventRecord, numbers: Iterable[int]) -> bool:
+    """Whether both parties of an event are among the vehicles of those numbers."""
+    known = set(numbers)
+    return event.vehicle_1 in known and event.vehicle_2 in known and event.vehicle_1 != event.vehicle_2
+
+
+def first_collision(events: Sequence[EventRecord], numbers: Iterable[int]) -> EventRecord | None:
+    """The first event between two of the vehicles, or None."""
+    known = tuple(numbers)
+    return next((event for event in events if is_vehicle_to_vehicle(event, known)), None)
+
+
+@dataclass(frozen=True)
+class VehicleEvent:
+    """One event as a single vehicle saw it (``VSOE``): without the other party."""
+
+    vehicle: int
+    code: int
+    area: ImpactArea | None
+
+
+def events_of_vehicles(by_vehicle: Mapping[int, Sequence[VehicleEvent]]) -> tuple[EventRecord, ...]:
+    """The crash's sequence put together from the vehicles' own sequences (``VSOE``).
+
+    A collision in transport appears once in the sequence of each of its two vehicles. With two vehicles the first of
+    one is the first of the other, and so on; with more the partner is not known and stays None.
+    """
+    numbers = sorted(by_vehicle)
+    pending = {number: list(by_vehicle[number]) for number in numbers}
+    merged: list[tuple[VehicleEvent, VehicleEvent | None]] = []
+    while any(pending.values()):
+        for number in numbers:
+            while pending[number] and pending[number][0].code != MOTOR_VEHICLE_IN_TRANSPORT:
+                merged.append((pending[number].pop(0), None))
+        colliding = [pending[number].pop(0) for number in numbers if pending[number]]
+        if len(numbers) == 2 and len(colliding) == 2:
+            merged.append((colliding[0], colliding[1]))
+        else:
+            merged.extend((event, None) for event in colliding)
+    return tuple(
+        EventRecord(
+            number=index,
+            code=first.code,
+            vehicle_1=first.vehicle,
+            area_1=first.area,
+            vehicle_2=second.vehicle if second else None,
+            area_2=second.area if second else None,
+        )
+        for index, (first, second) in enumerate(merged, start=1)
+    )
+
+
+# --- crash type ----------------------------------------------------------------------------------------------------
+
+_COUNTERPART: Final[Mapping[int, int]] = {
+    **{code: code + 1 for code in (20, 24, 28, 50, 64, 68, 70, 72, 76, 78, 80, 82, 86, 88, 92)},
+    **{code: code - 1 for code in (21, 25, 29, 51, 65, 69, 71, 73, 77, 79, 81, 83, 87, 89, 93)},
+    **dict.fromkeys((22, 23), 20),
+    **dict.fromkeys((26, 27), 24),
+    **dict.fromkeys((30, 31), 28),
+    **{code: code for code in (32, 33, 42, 43, 48, 49, 52, 53, 62, 63, 66, 67, 74, 75, 84, 85, 90, 91)},
+}
+"""The ``ACC_TYPE`` of the other vehicle of a pair: crash types come in configurations of two."""
+_CRASH_TYPE_UNKNOWN: Final = 99
+
+
+def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
+    """The vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked."""
+    pair = _pair(vehicles, events)
+    if pair is None:
+        return tuple(vehicles)
+    implied: dict[int, VehicleRecord] = {}
+    for vehicle, partner in (pair, pair[::-1]):
+        counterpart = _COUNTERPART.get(partner.crash_type_code or 0)
+        if vehicle.crash_type_code in (None, _CRASH_TYPE_UNKNOWN) and counterpart is not None:
+            implied[vehicle.number] = replace(
+                vehicle, crash_type_code=counterpart, implied=(*vehicle.implied, "crash_type_code")
+            )
+    return tuple(implied.get(vehicle.number, vehicle) for vehicle in vehicles)
+
+
+def _pair(
+    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
+) -> tuple[VehicleRecord, VehicleRecord] | None:
+    """The two vehicles that collided; two vehicles whose events are not known are taken to have."""
+    by_number = {vehicle.number: vehicle for vehicle in vehicles}
+    collision = first_collision(events, by_number)
+    if collision is not None and collision.vehicle_1 is not None and collision.vehicle_2 is not None:
+        return by_number[collision.vehicle_1], by_number[collision.vehicle_2]
+    if len(vehicles) == 2 and not _struck_others_only(events):
+        return vehicles[0], vehicles[1]
+    return None
+
+
+# --- movement ------------------------------------------------------------------------------------------------------
+
+_STRAIGHT, _LEFT, _RIGHT = Movement.GOING_STRAIGHT, Movement.TURNING_LEFT, Movement.TURNING_RIGHT
+_MOVEMENT_OF_CRASH_TYPE: Final[Mapping[int, Movement]] = {
+    **dict.fromkeys(range(1, 17), _STRAIGHT),
+    **dict.fromkeys((20, 24, 25, 28), _STRAIGHT),
+    **dict.fromkeys((21, 22, 23), Movement.STOPPED),
+    **dict.fromkeys((26, 30, 72, 76, 82), _LEFT),
+    **dict.fromkeys((27, 31, 70, 78, 80), _RIGHT),
+    29: Movement.DECELERATING,
+    **dict.fromkeys(range(34, 46), _STRAIGHT),
+    **dict.fromkeys((46, 47), Movement.CHANGING_LANES),
+    **dict.fromkeys(range(50, 68), _STRAIGHT),
+    68: _LEFT,
+    **dict.fromkeys((69, 71, 73, 77, 79, 81, 83), _STRAIGHT),
+    **dict.fromkeys(range(86, 92), _STRAIGHT),
+    92: Movement.BACKING,
+}
+_MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, Movement]] = {
+    10: _STRAIGHT,
+    11: _STRAIGHT,
+    12: _STRAIGHT,
+    13: _STRAIGHT,
+    15: _LEFT,
+    16: _RIGHT,
+    17: _STRAIGHT,
+    18: Movement.DECELERATING,
+    20: Movement.BACKING,
+    21: Movement.U_TURN,
+}
+UNSAID_MOVEMENTS: Final = frozenset({Movement.OTHER, Movement.UNKNOWN})
+
+
+def implied_movement(vehicle: VehicleRecord) -> Movement | None:
+    """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does."""
+    movement = _MOVEMENT_OF_CRASH_TYPE.get(vehicle.crash_type_code or 0)
+    if movement is None:
+        movement = _MOVEMENT_OF_CRITICAL_EVENT.get(vehicle.critical_event_code or 0)
+    if movement is None and vehicle.travel_speed_mps == 0:
+        movement = Movement.STOPPED
+    if movement is Movement.GOING_STRAIGHT and vehicle.alignment_code in CURVED:
+        return Movement.NEGOTIATING_CURVE
+    return movement
+
+
+# --- impact --------------------------------------------------------------------------------------------------------
+
+_FRONT, _RIGHT_SIDE, _REAR, _LEFT_SIDE = 12, 3, 6, 9
+_IMPACT_OF_CRASH_TYPE: Final[Mapping[int, int]] = {
+    **dict.fromkeys((20, 24, 28, 50, 51, 52, 53, 86, 88), _FRONT),
+    **dict.fromkeys((21, 22, 23, 25, 26, 27, 29, 30, 31), _REAR),
+    87: _RIGHT_SIDE,
+    89: _LEFT_SIDE,
+    92: _REAR,
+}
+_FRONT_TO_REAR, _FRONT_TO_FRONT, _REAR_TO_REAR = 1, 2, 10
+
+
+def implied_impact_of_crash_type(acc_type: int | None) -> ImpactArea | None:
+    """The area that ``ACC_TYPE`` alone says was struck, None if it leaves that open."""
+    return impact_area(_IMPACT_OF_CRASH_TYPE.get(acc_type or 0))
+
+
+def implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
+    """The area that ``MAN_COLL`` says was struck, given that of the other vehicle."""
+    if man_coll == _FRONT_TO_FRONT:
+        return impact_area(_FRONT)
+    if man_coll == _REAR_TO_REAR:
+        return impact_area(_REAR)
+    if man_coll == _FRONT_TO_REAR and partner is not None:
+        if is_near(partner, _FRONT):
+            return impact_area(_REAR)
+        if is_near(partner, _REAR):
+            return impact_area(_FRONT)
+    return None
+
+
+def implied_impact_of_damage(damaged_areas: Sequence[int]) -> ImpactArea | None:
+    """The middle of the damaged clock positions, if they lie together; its interval covers them all."""
+    bearings = [clock_to_bearing_rad(code) for code in damaged_areas if 1 <= code <= 12]
+    if not bearings:
+        return None
+    mean = sum(cmath.rect(1.0, bearing) for bearing in bearings) / len(bearings)
+    if abs(mean) < _DAMAGE_CONCENTRATION:
+        return None
+    centre_rad = wrap_angle(cmath.phase(mean))
+    spread_rad = max(abs(wrap_angle(bearing - centre_rad)) for bearing in bearings)
+    clock_h = bearing_to_clock_h(centre_rad)
+    return ImpactArea(round(clock_h) or 12, clock_h, centre_rad, spread_rad + HOUR_RAD / 2)
+
+
+_DAMAGE_CONCENTRATION: Final = 0.7
+"""Mean resultant length below which damage says nothing about one impact: positions over more than 150 degrees."""
+
+
+def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) -> bool:
+    """Whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre."""
+    reach_h = max(tolerance_h, area.half_width_rad / HOUR_RAD)
+    return clock_difference_h(area.clock_h, clock_h) <= reach_h
+
+
+def with_impacts(
+    vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord], man_coll: int | None
+) -> tuple[VehicleRecord, ...]:
+    """The vehicles with ``impact`` set as far as any field says it, marked as implied unless ``IMPACT1`` does.
+
+    ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
+    with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
+    """
+    collision = first_collision(events, (vehicle.number for vehicle in vehicles))
+    pair = _pair(vehicles, events) or ()
+    found = {
+        vehicle.number: _with_own_impact(vehicle, events, collision, in_pair=vehicle in pair) for vehicle in vehicles
+    }
+    for vehicle, partner in (pair, pair[::-1]) if pair else ():
+        if found[vehicle.number].impact is None:
+            area = implied_impact_of_manner(man_coll, found[partner.number].impact)
+            if area is None and not _harmful_before(vehicle.number, events, None):
+                area = implied_impact_of_damage(vehicle.damaged_areas)
+            if area is not None:
+                found[vehicle.number] = _implied(found[vehicle.number], area)
+    return tuple(found[vehicle.number] for vehicle in vehicles)
+
+
+def _with_own_impact(
+    vehicle: VehicleRecord, events: Sequence[EventRecord], collision: EventRecord | None, *, in_pair: bool
+) -> VehicleRecord:
+    initial = impact_area(vehicle.initial_impact_code)
+    of_event = area_in(collision, vehicle.number) if collision else None
+    if of_event is not None and (initial is None or _harmful_before(vehicle.number, events, collision)):
+        unchanged = initial is not None and initial.code == of_event.code
+        return replace(vehicle, impact=initial) if unchanged else _implied(vehicle, of_event)
+    if initial is not None:
+        return replace(vehicle, impact=initial)
+    own = next((area for event in events if (area := area_in(event, vehicle.number)) is not None), None)
+    area = implied_impact_of_crash_type(vehicle.crash_type_code) if in_pair else own
+    return _implied(vehicle, area) if area is not None else vehicle
+
+
+def area_in(event: EventRecord, number: int) -> ImpactArea | None:
+    """Where on its body an event touched the vehicle of that number."""
+    if event.vehicle_1 == number:
+        return event.area_1
+    return event.area_2 if event.vehicle_2 == number else None
+
+
+def _harmful_before(number: int, events: Sequence[EventRecord], collision: EventRecord | None) -> bool:
+    """Whether the vehicle met something else that did harm, before ``collision`` (or at all, if that is None)."""
+    for event in events:
+        if event is collision:
+            return False
+        if number in (event.vehicle_1, event.vehicle_2) and event.code in HARM_EV.meanings:
+            if collision is None and event.code in VEHICLE_EVENTS:
+                continue
+            if area_in(event, number) is not None:
+                return True
+    return False
+
+
+def _struck_others_only(events: Sequence[EventRecord]) -> bool:
+    """Whether the sequence is known and no vehicle of it met another one."""
+    return bool(events) and not any(event.code in VEHICLE_EVENTS for event in events)
+
+
+def _implied(vehicle: VehicleRecord, area: ImpactArea) -> VehicleRecord:
+    return replace(vehicle, impact=area, implied=(*vehicle.implied, "impact"))

@@ -1,0 +1,315 @@
+"""FARS national CSV files as a source: crashes listed for cohorts, and each as the XML the CrashAPI would serve.
+
+Stage 1 thus yields the same artefact whatever the source, and everything after it is the same. Nothing is
+interpreted here: columns become elements of their own names, rows the members of CrashAPI's lists. Older names of
+columns and older codes are understood where reports are read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
+from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.fars_files import Release, find_releases
+from trace_dag.crash.keys import crash_key, parse_key, state_of
+from trace_dag.crash.listing import CrashListing
+from trace_dag.errors import UserError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Row: TypeAlias = dict[str, str]
+Rows: TypeAlias = dict[int, list[Row]]
+"""Rows by ``ST_CASE``."""
+
+_VEHICLE_LISTS: Final = {
+    "person": ("Persons", "Person"),
+    "damage": ("Damages", "Damage"),
+    "vpicdecode": ("VinDeriveds", "VINDerived"),
+    "maneuver": ("Maneuvers", "Maneuver"),
+    "vevent": ("VEvents", "VEvent"),
+    "vsoe": ("Vsoes", "VSOEs"),
+}
+_TELLING_TABLES: Final = ("vsoe", "vevent", "maneuver", "damage")
+"""Tables with rows for vehicles in transport only, ``VEH_NO`` above 0."""
+_CRASH_LISTS: Final = {
+    "weather": ("Weathers", "Weather"),
+    "cevent": ("CEvents", "CEvent"),
+    "pbtype": ("PbTypes", "PBType"),
+}
+_NOT_XML: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
+_INTEGER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
+_DECIMAL: Final = re.compile(r"-?[0-9]{1,4}(?:\.[0-9]*)?")
+_BATCH: Final = 1000
+"""Crashes whose rows are turned into Python objects at a time; bounds the memory of a national year."""
+
+
+class FarsCsvSource:
+    """The crashes of every release at one path. Tables are read when they are first needed, and then kept."""
+
+    def __init__(self, releases: Iterable[Release]) -> None:
+        self._releases = tuple(_ReleaseTables(release) for release in releases)
+
+    @classmethod
+    def open(cls, path: Path) -> FarsCsvSource:
+        """The releases in a folder (searched to the bottom) or zip. Raises UserError if there is none."""
+        return cls(find_releases(Path(path)))
+
+    def listings(self) -> list[CrashListing]:
+        """One line per crash, in order of keys. A crash that several releases hold is listed from the first one."""
+        found: dict[str, CrashListing] = {}
+        for release in self._releases:
+            for listing in release.listings():
+                found.setdefault(listing.key, listing)
+        return [found[key] for key in sorted(found)]
+
+    def reports(self, keys: Iterable[str] | None = None) -> Iterator[tuple[str, bytes]]:
+        """Key and CrashAPI-shaped XML of the crashes asked for (None: all), once each; others are left out.
+
+        Raises UserError for a key that is none.
+        """
+        wanted = None if keys is None else {parse_key(key) for key in keys}
+        done: set[tuple[int, int]] = set()
+        for release in self._releases:
+            cases = [
+                state_case
+                for state_case in release.state_cases
+                if (release.year, state_case) not in done and (wanted is None or (release.year, state_case) in wanted)
+            ]
+            done.update((release.year, state_case) for state_case in cases)
+            yield from release.reports(cases)
+
+
+class _SortedTable:
+    """A table in order of ``ST_CASE``, so that the rows of some crashes are found without a search."""
+
+    def __init__(self, table: pa.Table, label: str) -> None:
+        import pyarrow as pa
+        import pyarrow.compute as pc
+
+        try:
+            cases = pc.cast(pc.utf8_trim_whitespace(table["ST_CASE"]), pa.int64()).to_numpy()
+        except pa.ArrowInvalid as error:
+            raise UserError(f"{label}: a value of ST_CASE is no number ({error})") from error
+        order = np.argsort(cases, kind="stable")
+        self.cases: NDArray[np.int64] = cases[order]
+        self.table = table.take(order)
+
+    def rows(self, first: int, last: int, columns: Sequence[str] | None = None) -> Iterator[tuple[int, Row]]:
+        """``ST_CASE`` and the values that are not blank of every row from case ``first`` to ``last``."""
+        low, high = np.searchsorted(self.cases, [first, last + 1])
+        part = self.table.slice(low, high - low)
+        names = [name for name in (columns or part.column_names) if name in part.column_names]
+        values = [part[name].to_pylist() for name in names]
+        for index, case in enumerate(self.cases[low:high].tolist()):
+            row = {
+                name: text
+                for name, column in zip(names, values, strict=True)
+                if (value := column[index]) and (text := value.strip())
+            }
+            yield case, row
+
+
+class _ReleaseTables:
+    """The tables of one release, of one case year."""
+
+    def __init__(self, release: Release) -> None:
+        self._release = release
+        self._tables: dict[str, _SortedTable | None] = {}
+
+    @cached_property
+    def year(self) -> int:
+        """The case year: of ``accident.csv``, or of the path where that has no such column."""
+        table = self._release.table("accident")
+        column = next((name for name in ("YEAR", "CASEYEAR") if table is not None and name in table.column_names), None)
+        years = set(table[column].to_pylist()) if table is not None and column else {str(self._release.year_in_path)}
+        if len(years) != 1 or not _INTEGER.fullmatch(year := next(iter(years)).strip()):
+            raise UserError(
+                f"{self._release.label}: case years {', '.join(sorted(years))}; expected the files of one year"
+            )
+        return int(year)
+
+    @cached_property
+    def state_cases(self) -> list[int]:
+        """``ST_CASE`` of every crash, in order."""
+        cases = self._needed("accident").cases
+        twice = cases[1:][cases[1:] == cases[:-1]]
+        if twice.size:
+            raise UserError(f"{self._release.label}: ST_CASE {twice[0]} has several rows; expected one per crash")
+        for outermost in (*cases[:1].tolist(), *cases[-1:].tolist()):
+            try:
+                crash_key(self.year, outermost)
+            except ValueError as error:
+                raise UserError(f"{self._release.label}: {error}") from error
+        return [int(case) for case in cases]
+
+    def listings(self) -> Iterator[CrashListing]:
+        """One line per crash."""
+        if not self.state_cases:
+            return
+        first, last = self.state_cases[0], self.state_cases[-1]
+        collided = self._colliding_numbers(first, last)
+        crash_types: dict[int, list[tuple[int, int | None]]] = {}
+        for case, row in self._needed("vehicle").rows(first, last, ("VEH_NO", "ACC_TYPE")):
+            crash_types.setdefault(case, []).append((_integer(row, "VEH_NO") or 0, _integer(row, "ACC_TYPE")))
+        for case, row in self._needed("accident").rows(first, last, _LISTED):
+            pair = collided.get(case)
+            yield CrashListing(
+                key=crash_key(self.year, case),
+                case_year=self.year,
+                state_case=case,
+                latitude_deg=_decimal(row, "LATITUDE"),
+                longitude_deg=_decimal(row, "LONGITUD"),
+                county_code=_integer(row, "COUNTY"),
+                city_code=_integer(row, "CITY"),
+                county_name=row.get("COUNTYNAME", ""),
+                city_name=row.get("CITYNAME", ""),
+                route_code=_integer(row, "ROUTE"),
+                function_class_code=_integer(row, "FUNC_SYS")
+                or FUNC_SYS_OF_ROAD_FNC.get(_integer(row, "ROAD_FNC") or 0),
+                vehicles=_integer(row, "VE_FORMS"),
+                manner_of_collision_code=_integer(row, "MAN_COLL"),
+                intersection_type_code=_integer(row, "TYP_INT"),
+                junction_relation_code=_integer(row, "RELJCT2"),
+                crash_types=tuple(
+                    code for number, code in sorted(crash_types.get(case, [])) if not pair or number in pair
+                ),
+            )
+
+    def reports(self, cases: Sequence[int]) -> Iterator[tuple[str, bytes]]:
+        """Key and XML of the crashes of those cases, which are in order."""
+        for start in range(0, len(cases), _BATCH):
+            batch = cases[start : start + _BATCH]
+            tables = {name: self._rows(name, batch) for name in self._release.files}
+            for case in batch:
+                yield crash_key(self.year, case), _report(self.year, case, tables)
+
+    def _rows(self, name: str, cases: Sequence[int]) -> Rows:
+        table = self._table(name)
+        rows: Rows = {}
+        if table is not None:
+            wanted = set(cases)
+            for case, row in table.rows(cases[0], cases[-1]):
+                if case in wanted:
+                    rows.setdefault(case, []).append(row)
+        return rows
+
+    def _colliding_numbers(self, first: int, last: int) -> dict[int, set[int]]:
+        """The vehicles of each crash's first collision between vehicles in transport."""
+        events = self._table("cevent")
+        columns = ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2")
+        found: dict[int, tuple[int, set[int]]] = {}
+        for case, row in events.rows(first, last, columns) if events else ():
+            if _integer(row, "SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
+                number = _integer(row, "EVENTNUM") or 0
+                if case not in found or number < found[case][0]:
+                    found[case] = (number, {_integer(row, "VNUMBER1") or 0, _integer(row, "VNUMBER2") or 0})
+        return {case: pair for case, (_, pair) in found.items()}
+
+    def _table(self, name: str) -> _SortedTable | None:
+        if name not in self._tables:
+            table = self._release.table(name)
+            self._tables[name] = None if table is None else _SortedTable(table, self._release.files[name].label)
+        return self._tables[name]
+
+    def _needed(self, name: str) -> _SortedTable:
+        table = self._table(name)
+        assert table is not None, "a release without accident and vehicle tables is not opened"
+        return table
+
+
+_LISTED: Final = (
+    "LATITUDE",
+    "LONGITUD",
+    "COUNTY",
+    "CITY",
+    "COUNTYNAME",
+    "CITYNAME",
+    "ROUTE",
+    "FUNC_SYS",
+    "ROAD_FNC",
+    "VE_FORMS",
+    "MAN_COLL",
+    "TYP_INT",
+    "RELJCT2",
+)
+
+
+def _report(year: int, case: int, tables: dict[str, Rows]) -> bytes:
+    """A ``GetCaseDetails`` response with the rows of one crash."""
+    root = etree.Element("ResponseOfListOfCaseDetail")
+    _child(root, "Count", "1")
+    _child(root, "Message", "Read from FARS national CSV files")
+    _child(root, "SearchCriteria", f"StateCase: {case} And CaseYear: {year} And State: {state_of(case)}")
+    details = etree.SubElement(etree.SubElement(etree.SubElement(root, "Results"), "ArrayOfCaseDetail"), "CaseDetail")
+    crash = etree.SubElement(details, "CrashResultSet")
+    _child(crash, "CaseYear", str(year))
+    for row in tables["accident"].get(case, []):
+        _scalars(crash, row)
+    vehicles = etree.SubElement(crash, "Vehicles")
+    for row in _vehicle_rows(case, tables):
+        vehicle = etree.SubElement(vehicles, "Vehicle")
+        _scalars(vehicle, row)
+        for name, (members, member) in _VEHICLE_LISTS.items():
+            own = [entry for entry in tables.get(name, {}).get(case, []) if _same_vehicle(entry, row)]
+            _list(vehicle, members, member, own)
+    for name, (members, member) in _CRASH_LISTS.items():
+        _list(crash, members, member, _by_number(tables.get(name, {}).get(case, []), "EVENTNUM"))
+    _list(crash, "ParkWorks", "ParkWork", _by_number(tables.get("parkwork", {}).get(case, []), "VEH_NO"))
+    outside = [entry for entry in tables.get("person", {}).get(case, []) if _integer(entry, "VEH_NO") in (None, 0)]
+    _list(crash, "NPersons", "Person", outside)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def _vehicle_rows(case: int, tables: dict[str, Rows]) -> list[Row]:
+    """The rows of the vehicles in transport, and a bare number for those that only other tables tell of."""
+    rows = tables["vehicle"].get(case, [])
+    known = {_integer(row, "VEH_NO") for row in (*rows, *tables.get("parkwork", {}).get(case, []))}
+    told_of = {_integer(row, "VEH_NO") for name in _TELLING_TABLES for row in tables.get(name, {}).get(case, [])}
+    bare = [{"VEH_NO": str(number)} for number in told_of - known if number]
+    return _by_number([*rows, *bare], "VEH_NO")
+
+
+def _scalars(parent: etree._Element, row: Row) -> None:
+    for name, value in row.items():
+        _child(parent, name, value)
+
+
+def _list(parent: etree._Element, members: str, member: str, rows: Iterable[Row]) -> None:
+    entries = list(rows)
+    if entries:
+        element = etree.SubElement(parent, members)
+        for row in entries:
+            _scalars(etree.SubElement(element, member), row)
+
+
+def _child(parent: etree._Element, name: str, text: str) -> None:
+    etree.SubElement(parent, name).text = _NOT_XML.sub("", text)
+
+
+def _same_vehicle(entry: Row, vehicle: Row) -> bool:
+    number = _integer(entry, "VEH_NO")
+    return number is not None and number == _integer(vehicle, "VEH_NO")
+
+
+def _by_number(rows: Iterable[Row], column: str) -> list[Row]:
+    return sorted(rows, key=lambda row: _integer(row, column) or 0)
+
+
+def _integer(row: Row, name: str) -> int | None:
+    value = row.get(name, "")
+    return int(value.split(".")[0]) if _INTEGER.fullmatch(value) else None
+
+
+def _decimal(row: Row, name: str) -> float | None:
+    value = row.get(name, "")
+    return float(value) if _DECIMAL.fullmatch(value) else None

@@ -1,0 +1,93 @@
+"""Reading typed values out of the elements of a report, each problem named with element, value and year."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.crash.codes.table import CodeTable
+from trace_dag.errors import Reason, Rejection
+
+_INTEGER: Final = re.compile(r"[+-]?[0-9]{1,12}(?:\.0*)?")
+_DECIMAL: Final = re.compile(r"[+-]?[0-9]{1,6}(?:\.[0-9]{0,20})?")
+_UNKNOWN_WORDS: Final = frozenset(
+    {"unknown", "not reported", "reported as unknown", "not applicable", "none", "null", "nan", "n/a", "."}
+)
+"""Words found where a code belongs, in files of every origin; they all say that nothing is known."""
+
+
+def malformed(detail: str) -> Rejection:
+    """The rejection of a report that cannot be read."""
+    return Rejection(Reason.MALFORMED_REPORT, detail)
+
+
+class Fields:
+    """The scalar children of one element, by name in any case; ``where`` names the element in messages.
+
+    Values are text in the source. Every reader takes the names an element has had over the years, first found first.
+    """
+
+    def __init__(self, element: etree._Element, where: str, year: int = 0) -> None:
+        self.element = element
+        self.where = where
+        self.year = year
+        self._text: dict[str, str] = {}
+        for child in element:
+            if isinstance(child.tag, str) and len(child) == 0:
+                self._text.setdefault(local_name(child).upper(), " ".join((child.text or "").split()))
+
+    def text(self, *names: str) -> str:
+        """The first of the named values that is not blank, else ""."""
+        return next((self._text[name] for name in names if self._text.get(name)), "")
+
+    def integer(self, *names: str, low: int | None = None, high: int | None = None) -> int | None:
+        """A whole number, None if blank or said to be unknown; outside ``low`` to ``high`` it is malformed."""
+        value = self._value(*names)
+        if value is None:
+            return None
+        if not _INTEGER.fullmatch(value):
+            raise malformed(f"{self.where}: {names[0]} holds {value!r}; expected a whole number")
+        number = int(value.split(".")[0])
+        if (low is not None and number < low) or (high is not None and number > high):
+            raise malformed(f"{self.where}: {names[0]} holds {number}; expected {low} to {high}")
+        return number
+
+    def decimal(self, *names: str) -> float | None:
+        """A decimal number, None if blank or said to be unknown."""
+        value = self._value(*names)
+        if value is None:
+            return None
+        if not _DECIMAL.fullmatch(value):
+            raise malformed(f"{self.where}: {names[0]} holds {value!r}; expected a decimal number")
+        return float(value)
+
+    def code(self, table: CodeTable, *names: str) -> int | None:
+        """A code of ``table`` in this report's year, None if blank or a word for unknown.
+
+        Raises :class:`UnknownCodeError` for one the table does not hold.
+        """
+        number = self.integer(*(names or (table.element,)))
+        return None if number is None else table.check(number, self.year)
+
+    def known_code(self, table: CodeTable, *names: str) -> int | None:
+        """As :meth:`code`, with the codes that say "unknown" as None too."""
+        return table.known(self.code(table, *names))
+
+    def members(self, *lists: str) -> Iterator[etree._Element]:
+        """The elements of a list below this one (``Vehicles``, ``Vsoes``), whatever their own name."""
+        wanted = {name.upper() for name in lists}
+        for child in self.element:
+            if isinstance(child.tag, str) and local_name(child).upper() in wanted:
+                yield from (member for member in child if isinstance(member.tag, str))
+
+    def _value(self, *names: str) -> str | None:
+        value = self.text(*names)
+        return None if not value or value.replace("_", " ").lower() in _UNKNOWN_WORDS else value
+
+
+def local_name(element: etree._Element) -> str:
+    """The element's name without its namespace."""
+    return etree.QName(element).localname

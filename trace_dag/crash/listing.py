@@ -1,0 +1,103 @@
+"""One line on a crash, enough to choose it for a cohort: what every source can list without reading whole reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trace_dag.crash.classes import (
+    CollisionType,
+    RoadTopology,
+    VehicleTrajectory,
+    collision_type,
+    road_topology,
+    vehicle_trajectory,
+)
+from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
+from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.fields import Fields
+from trace_dag.crash.keys import state_of
+from trace_dag.crash.parse import case_of, crash_element
+from trace_dag.crash.xml_input import parse_untrusted
+
+
+@dataclass(frozen=True)
+class CrashListing:
+    """A crash as a source lists it. None where the source does not say; codes are FARS codes as they stand.
+
+    ``vehicles`` counts motor vehicles in transport (``VE_FORMS``); ``crash_types`` are the ``ACC_TYPE`` of the
+    vehicles that collided, by number.
+    """
+
+    key: str
+    case_year: int
+    state_case: int
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    county_code: int | None = None  # COUNTY
+    city_code: int | None = None  # CITY
+    county_name: str = ""
+    city_name: str = ""
+    route_code: int | None = None  # ROUTE
+    function_class_code: int | None = None  # FUNC_SYS
+    vehicles: int | None = None  # VE_FORMS
+    manner_of_collision_code: int | None = None  # MAN_COLL
+    intersection_type_code: int | None = None  # TYP_INT
+    junction_relation_code: int | None = None  # RELJCT2
+    crash_types: tuple[int | None, ...] = ()  # ACC_TYPE
+
+    @property
+    def state_code(self) -> int:
+        """``STATE``."""
+        return state_of(self.state_case)
+
+    @property
+    def collision_type(self) -> CollisionType:
+        """Coverage class of the manner of collision."""
+        return collision_type(self.manner_of_collision_code)
+
+    @property
+    def road_topology(self) -> RoadTopology:
+        """Coverage class of the intersection."""
+        return road_topology(self.intersection_type_code, self.junction_relation_code)
+
+    @property
+    def vehicle_trajectory(self) -> VehicleTrajectory:
+        """Coverage class of the vehicles' crash types."""
+        return vehicle_trajectory(self.crash_types)
+
+
+def list_report(data: bytes, *, name: str) -> CrashListing:
+    """The line of a report in CrashAPI XML. Raises :class:`trace_dag.errors.Rejection` as reading it does."""
+    root, _ = parse_untrusted(data, name=name, repair=True)
+    fields = Fields(crash_element(root, name=name), name)
+    year, case, key = case_of(fields)
+    vehicles = [Fields(element, name) for element in fields.members("Vehicles")]
+    collided = _colliding_numbers(fields)
+    return CrashListing(
+        key=key,
+        case_year=year,
+        state_case=case,
+        latitude_deg=fields.decimal("LATITUDE"),
+        longitude_deg=fields.decimal("LONGITUD", "LONGITUDE"),
+        county_code=fields.integer("COUNTY"),
+        city_code=fields.integer("CITY"),
+        county_name=fields.text("COUNTYNAME"),
+        city_name=fields.text("CITYNAME"),
+        route_code=fields.integer("ROUTE"),
+        function_class_code=fields.integer("FUNC_SYS") or FUNC_SYS_OF_ROAD_FNC.get(fields.integer("ROAD_FNC") or 0),
+        vehicles=fields.integer("VE_FORMS"),
+        manner_of_collision_code=fields.integer("MAN_COLL"),
+        intersection_type_code=fields.integer("TYP_INT"),
+        junction_relation_code=fields.integer("RELJCT2"),
+        crash_types=tuple(
+            vehicle.integer("ACC_TYPE") for vehicle in vehicles if not collided or vehicle.integer("VEH_NO") in collided
+        ),
+    )
+
+
+def _colliding_numbers(crash: Fields) -> set[int | None]:
+    for element in crash.members("CEvents"):
+        event = Fields(element, crash.where)
+        if event.integer("SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
+            return {event.integer("VNUMBER1"), event.integer("VNUMBER2")}
+    return set()

@@ -1,0 +1,322 @@
+"""A crash report in CrashAPI XML to a :class:`CrashRecord`.
+
+Everything the report says is read with its code checked against its year; what is missing is filled from what other
+fields imply, and marked; what disagrees is listed. Whether the record says enough is decided elsewhere
+(:mod:`trace_dag.crash.completeness`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.crash.classes import RoadTopology, collision_type, road_topology, vehicle_trajectory
+from trace_dag.crash.codes import crash as crash_codes
+from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
+from trace_dag.crash.contradictions import contradictions_of
+from trace_dag.crash.derive import (
+    UNSAID_MOVEMENTS,
+    VehicleEvent,
+    events_of_vehicles,
+    impact_area,
+    implied_movement,
+    with_crash_types,
+    with_impacts,
+)
+from trace_dag.crash.fields import Fields, local_name, malformed
+from trace_dag.crash.keys import crash_key, state_of
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, VehicleRecord
+from trace_dag.crash.summary import summarise
+from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
+from trace_dag.crash.xml_input import parse_untrusted
+from trace_dag.errors import Reason, Rejection
+from trace_dag.settings import CrashSettings
+
+LATEST_YEAR: Final = 2100
+_MIDNIGHT_AS_24: Final = 24
+_NOT_REPORTED_DEG: Final = ((77, 777), (88, 888), (99, 999))
+"""Whole degrees of latitude and longitude that say: not reported, not available, unknown."""
+_COUNTY_CODE: Final = re.compile(r"\s*\([0-9]+\)$")
+_NO_NAME: Final = frozenset({"NOT APPLICABLE", "NOT REPORTED", "UNKNOWN", "OTHER"})
+
+
+def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key: str | None = None) -> CrashRecord:
+    """The record of the crash a CrashAPI ``GetCaseDetails`` response describes.
+
+    Args:
+        data: the response as served (XML).
+        name: what to call it in messages, a file name or URL.
+        settings: ``repair_malformed`` allows badly escaped characters to be repaired; the record is then marked.
+        expected_key: the crash that was asked for, if one was; another one's report is malformed.
+
+    Raises:
+        Rejection: ``not_released`` for a response without a case, ``malformed_report`` for anything that cannot be
+            read or holds a code its element does not have in that year, ``incomplete_location`` where no position is
+            reported, since a record without a place cannot exist.
+    """
+    root, repaired = parse_untrusted(data, name=name, repair=settings.repair_malformed)
+    crash = crash_element(root, name=name)
+    try:
+        record = _read_crash(crash, name)
+    except UnknownCodeError as error:
+        raise malformed(
+            f"{name}: {error}; correct the code, or read it with a newer version of the code tables"
+        ) from error
+    if expected_key is not None and record.key != expected_key:
+        raise malformed(f"{name} is the report of crash {record.key}; expected crash {expected_key}")
+    record = replace(record, repaired=repaired)
+    return replace(record, summary=summarise(record))
+
+
+def crash_element(root: etree._Element, *, name: str) -> etree._Element:
+    """The one ``CrashResultSet`` of a response. Raises ``not_released`` if it holds none, ``malformed_report``
+    if it is no response or holds several."""
+    found = [
+        element for element in root.iter() if isinstance(element.tag, str) and local_name(element) == "CrashResultSet"
+    ]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise malformed(f"{name} holds {len(found)} crashes; expected one CrashResultSet per file")
+    head = Fields(root, name)
+    if local_name(root).startswith("ResponseOf") and head.integer("COUNT") == 0:
+        message = head.text("MESSAGE") or "no message"
+        raise Rejection(
+            Reason.NOT_RELEASED, f"{name} holds no case (Count 0, {message!r}): the case is not released, or not there"
+        )
+    raise malformed(
+        f"{name} is no crash report: its root element is <{local_name(root)}> and it holds no CrashResultSet; "
+        "expected a CrashAPI GetCaseDetails response"
+    )
+
+
+def _read_crash(element: etree._Element, name: str) -> CrashRecord:
+    fields = Fields(element, name)
+    case_year, state_case, key = case_of(fields)
+    fields.year = case_year
+    latitude_deg, longitude_deg = _location(fields)
+
+    vehicles = _vehicles(fields)
+    events, events_implied = _events(fields, vehicles)
+    man_coll = fields.code(crash_codes.MAN_COLL)
+    vehicles = with_impacts(with_crash_types(vehicles, events), events, man_coll)
+    vehicles = tuple(_with_movement(vehicle) for vehicle in vehicles)
+    typ_int = fields.code(crash_codes.TYP_INT)
+    junction = fields.known_code(crash_codes.RELJCT2)
+    topology = road_topology(typ_int, junction)
+    topology_implied = crash_codes.TYP_INT.known(typ_int) is None and topology is RoadTopology.NOT_AN_INTERSECTION
+    function_class, land_use, class_implied = _function_class(fields)
+
+    record = CrashRecord(
+        key=key,
+        case_year=case_year,
+        state_case=state_case,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        vehicles=vehicles,
+        events=events,
+        collision_type=collision_type(man_coll),
+        road_topology=topology,
+        vehicle_trajectory=vehicle_trajectory(()),
+        state_code=state_of(state_case),
+        state_name=crash_codes.STATES.get(state_of(state_case), ""),
+        county_name=_place_name(fields.text("COUNTYNAME")),
+        city_name=_place_name(fields.text("CITYNAME")),
+        year=fields.integer("YEAR", "CASEYEAR"),
+        month=_within(fields.integer("MONTH"), 1, 12),
+        day=_within(fields.integer("DAY"), 1, 31),
+        hour=_hour(fields.integer("HOUR")),
+        minute=_within(fields.integer("MINUTE"), 0, 59),
+        trafficway_1=fields.text("TWAY_ID"),
+        trafficway_2=fields.text("TWAY_ID2"),
+        route_code=fields.known_code(crash_codes.ROUTE),
+        function_class_code=function_class,
+        rural_urban_code=land_use,
+        manner_of_collision_code=man_coll,
+        first_harmful_event_code=fields.known_code(event_codes.HARM_EV),
+        intersection_type_code=typ_int,
+        junction_relation_code=junction,
+        road_relation_code=fields.known_code(crash_codes.REL_ROAD),
+        light_code=fields.known_code(crash_codes.LGT_COND),
+        weather_code=_weather(fields),
+        fatalities=fields.integer("FATALS", low=0),
+        vehicles_in_transport=fields.integer("VE_FORMS", low=0),
+        non_motorists=_non_motorists(fields),
+        implied=tuple(
+            field
+            for field, implied in (
+                ("events", events_implied),
+                ("road_topology", topology_implied),
+                ("function_class_code", class_implied),
+            )
+            if implied
+        ),
+    )
+    record = replace(record, vehicle_trajectory=vehicle_trajectory(_crash_types(record)))
+    return replace(record, contradictions=contradictions_of(record))
+
+
+def case_of(crash: Fields) -> tuple[int, int, str]:
+    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they are none."""
+    case_year = crash.integer("CASEYEAR", "YEAR", low=FIRST_YEAR, high=LATEST_YEAR)
+    state_case = crash.integer("ST_CASE")
+    if case_year is None or state_case is None:
+        raise malformed(
+            f"{crash.where}: {'CaseYear' if case_year is None else 'ST_CASE'} is missing; expected a number"
+        )
+    try:
+        key = crash_key(case_year, state_case)
+    except ValueError as error:
+        raise malformed(f"{crash.where}: {error}") from error
+    state = crash.integer("STATE")
+    if state is not None and state != state_of(state_case):
+        raise malformed(
+            f"{crash.where}: State {state} does not agree with ST_CASE {state_case} (state {state_of(state_case)})"
+        )
+    return case_year, state_case, key
+
+
+def _location(fields: Fields) -> tuple[float, float]:
+    latitude, longitude = fields.decimal("LATITUDE"), fields.decimal("LONGITUD", "LONGITUDE")
+    if latitude is None or longitude is None:
+        raise Rejection(Reason.INCOMPLETE_LOCATION, "the report gives no latitude and longitude")
+    sentinel = any(int(latitude) == lat and int(abs(longitude)) == lon for lat, lon in _NOT_REPORTED_DEG)
+    if sentinel or (latitude, longitude) == (0, 0):
+        raise Rejection(
+            Reason.INCOMPLETE_LOCATION,
+            f"the report's position ({latitude:g}, {longitude:g}) stands for an unknown one",
+        )
+    if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
+        raise Rejection(
+            Reason.INCOMPLETE_LOCATION,
+            f"the report's position ({latitude:g}, {longitude:g}) is none on Earth; expected degrees, longitude "
+            "negative west of Greenwich",
+        )
+    return latitude, longitude
+
+
+def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
+    vehicles = [read_vehicle(element, fields) for element in fields.members("Vehicles")]
+    vehicles += [read_parked_vehicle(element, fields) for element in fields.members("ParkWorks")]
+    numbers = [vehicle.number for vehicle in vehicles]
+    twice = sorted({number for number in numbers if numbers.count(number) > 1})
+    if twice:
+        raise malformed(f"{fields.where}: vehicle number {twice[0]} is given {numbers.count(twice[0])} times")
+    return tuple(sorted(vehicles, key=lambda vehicle: vehicle.number))
+
+
+def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
+    if vehicle.movement not in UNSAID_MOVEMENTS:
+        return vehicle
+    implied = implied_movement(vehicle) if vehicle.in_transport else None
+    if implied is None:
+        return vehicle
+    return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))
+
+
+def _events(fields: Fields, vehicles: Sequence[VehicleRecord]) -> tuple[tuple[EventRecord, ...], bool]:
+    """The crash's sequence, and whether it had to be put together from the vehicles' own sequences."""
+    numbers = {vehicle.number for vehicle in vehicles}
+    of_crash = list(fields.members("CEvents"))
+    if of_crash:
+        return _event_rows(of_crash, fields, numbers), False
+    own = [Fields(element, fields.where, fields.year) for element in fields.members("Vehicles")]
+    of_vehicles = [event for vehicle in own for event in vehicle.members("VEvents")]
+    if of_vehicles:
+        # VEvent repeats the crash's events for every vehicle that took part in them.
+        return _event_rows(of_vehicles, fields, numbers), True
+    sequences = {number: seq for vehicle in own if (seq := _own_sequence(vehicle)) for number in [seq[0].vehicle]}
+    return events_of_vehicles(sequences), bool(sequences)
+
+
+def _event_rows(rows: Iterable[etree._Element], crash: Fields, numbers: set[int]) -> tuple[EventRecord, ...]:
+    events: dict[int, EventRecord] = {}
+    for row in rows:
+        fields = Fields(row, f"{crash.where}: event", crash.year)
+        number, code = fields.integer("EVENTNUM", low=1), fields.code(event_codes.SOE)
+        if number is None or code is None:
+            continue  # a blank row says nothing
+        first, second = fields.integer("VNUMBER1"), fields.integer("VNUMBER2")
+        events.setdefault(
+            number,
+            EventRecord(
+                number=number,
+                code=code,
+                vehicle_1=first if first in numbers else None,
+                area_1=impact_area(fields.code(event_codes.AOI, "AOI1")),
+                vehicle_2=second if second in numbers else None,
+                area_2=impact_area(fields.code(event_codes.AOI, "AOI2")),
+            ),
+        )
+    return tuple(events[number] for number in sorted(events))
+
+
+def _own_sequence(vehicle: Fields) -> list[VehicleEvent]:
+    number = vehicle.integer("VEH_NO") or 0
+    rows: list[tuple[int, VehicleEvent]] = []
+    for row in vehicle.members("Vsoes", "VSOEs"):
+        fields = Fields(row, f"{vehicle.where}: vehicle {number}, event", vehicle.year)
+        code = fields.code(event_codes.SOE)
+        if code is None:
+            continue
+        area = impact_area(fields.code(event_codes.AOI, "AOI"))
+        rows.append((fields.integer("VEVENTNUM") or len(rows) + 1, VehicleEvent(number, code, area)))
+    return [event for _, event in sorted(rows, key=lambda row: row[0])]
+
+
+def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
+    """``FUNC_SYS`` and ``RUR_URB``, from ``ROAD_FNC`` where a report of an older year has only that."""
+    function_class, land_use = fields.known_code(crash_codes.FUNC_SYS), fields.known_code(crash_codes.RUR_URB)
+    older = fields.known_code(crash_codes.ROAD_FNC)
+    if older is None or (function_class is not None and land_use is not None):
+        return function_class, land_use, False
+    rural, urban = 1, 2
+    return (
+        crash_codes.FUNC_SYS_OF_ROAD_FNC.get(older) if function_class is None else function_class,
+        (rural if older < 10 else urban) if land_use is None else land_use,
+        True,
+    )
+
+
+def _weather(fields: Fields) -> int | None:
+    """The first condition that is known: the crash's own, else of the list of them."""
+    listed = (
+        Fields(element, fields.where, fields.year).known_code(crash_codes.WEATHER)
+        for element in fields.members("Weathers")
+    )
+    own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
+    return next((code for code in (*own, *listed) if code), None)
+
+
+def _non_motorists(fields: Fields) -> tuple[NonMotorist, ...]:
+    found: dict[int, NonMotorist] = {}
+    for element in fields.members("NPersons"):
+        person = Fields(element, f"{fields.where}: person", fields.year)
+        number, kind = person.integer("PER_NO"), person.code(crash_codes.PER_TYP)
+        if number is not None and kind is not None and kind not in crash_codes.VEHICLE_OCCUPANTS:
+            found.setdefault(number, NonMotorist(number, kind, person.integer("STR_VEH") or None))
+    return tuple(found[number] for number in sorted(found))
+
+
+def _crash_types(record: CrashRecord) -> list[int | None]:
+    vehicles = record.colliding_pair or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
+    return [vehicle.crash_type_code for vehicle in vehicles]
+
+
+def _within(value: int | None, low: int, high: int) -> int | None:
+    """The value, or None where it is one of the codes beyond its range that say "unknown"."""
+    return value if value is not None and low <= value <= high else None
+
+
+def _hour(value: int | None) -> int | None:
+    return 0 if value == _MIDNIGHT_AS_24 else _within(value, 0, 23)
+
+
+def _place_name(label: str) -> str:
+    name = _COUNTY_CODE.sub("", label)
+    return "" if name.upper() in _NO_NAME else name

@@ -1,0 +1,38 @@
+"""States as people write them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trace_dag.crash.codes.crash import STATES
+from trace_dag.errors import UserError
+
+_ABBREVIATIONS: Final = (
+    "AL AK AZ AR CA CO CT DE DC FL GA HI ID IL IN IA KS KY LA ME MD MA MI MN MS MO MT NE NV NH NJ NM NY NC ND OH OK OR "
+    "PA PR RI SC SD TN TX UT VT VA VI WA WV WI WY"  # in the order of the codes
+)
+_POSTAL: Final = dict(
+    zip(
+        STATES,
+        _ABBREVIATIONS.split(),
+        strict=True,
+    )
+)
+_BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code, name in names.items()}
+
+
+def state_code(text: str) -> int:
+    """The ``STATE`` code of a state by its code, postal abbreviation or name. Raises UserError for anything else."""
+    if text.isascii() and text.isdigit() and int(text) in STATES:
+        return int(text)
+    code = _BY_NAME.get(" ".join(text.split()).casefold())
+    if code is None:
+        raise UserError(
+            f"{text!r} is no state; expected a postal abbreviation, a name or a FARS code: VA, Virginia, 51"
+        )
+    return code
+
+
+def state_abbreviation(code: int) -> str:
+    """The postal abbreviation of a ``STATE`` code, the code itself if it is none."""
+    return _POSTAL.get(code, str(code))

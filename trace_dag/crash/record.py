@@ -1,0 +1,180 @@
+"""The crash record: one crash, its vehicles and its events, typed, in the project's units, unknown as None.
+
+FARS codes are kept beside what they mean here, so that nothing has to be guessed back. Names in capitals in the
+docstrings are FARS elements (FARS Analytical User's Manual).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+
+
+class Movement(IntEnum):
+    """``P_CRASH1``, the movement before the critical event; the value is the FARS code."""
+
+    NO_DRIVER = 0
+    GOING_STRAIGHT = 1
+    DECELERATING = 2
+    ACCELERATING = 3
+    STARTING = 4
+    STOPPED = 5
+    PASSING = 6
+    PARKED_IN_LANE = 7
+    LEAVING_PARKING = 8
+    ENTERING_PARKING = 9
+    TURNING_RIGHT = 10
+    TURNING_LEFT = 11
+    U_TURN = 12
+    BACKING = 13
+    NEGOTIATING_CURVE = 14
+    CHANGING_LANES = 15
+    MERGING = 16
+    AVOIDANCE = 17
+    OTHER = 98
+    UNKNOWN = 99
+
+
+class VehicleClass(StrEnum):
+    """What ``BODY_TYP`` (and GVWR) amounts to as a body to simulate."""
+
+    CAR = "car"
+    SUV = "suv"
+    PICKUP = "pickup"
+    VAN = "van"
+    LIGHT_TRUCK = "light_truck"
+    TRUCK = "truck"
+    TRACTOR_TRAILER = "tractor_trailer"
+    BUS = "bus"
+    MOTORCYCLE = "motorcycle"
+    OTHER = "other"
+
+
+@dataclass(frozen=True)
+class ImpactArea:
+    """An area of the body that was struck, as an interval of angles (radians, CCW from the vehicle's front).
+
+    ``code`` is the FARS value (``IMPACT1`` or an event's ``AOI``), ``clock_h`` its clock position (12 front, 3 right).
+    Side codes 61-63 and 81-83 are wider intervals than the 12 clock positions.
+    """
+
+    code: int
+    clock_h: float
+    centre_rad: float
+    half_width_rad: float
+
+
+@dataclass(frozen=True)
+class VehicleRecord:
+    """One motor vehicle. ``None`` means the report does not say. ``implied`` names the fields derived from others."""
+
+    number: int  # VEH_NO
+    vehicle_class: VehicleClass
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    body_type_code: int | None = None  # BODY_TYP
+    make_model: str = ""
+    model_year: int | None = None
+    trailers: int = 0  # TOW_VEH
+    in_transport: bool = True  # UNITTYPE
+    travel_speed_mps: float | None = None  # TRAV_SP
+    travel_speed_is_lower_bound: bool = False  # TRAV_SP 997: above 151 mph
+    speed_limit_mps: float | None = None  # VSPD_LIM
+    speeding: bool | None = None  # SPEEDREL
+    lanes: int | None = None  # VNUM_LAN
+    trafficway_code: int | None = None  # VTRAFWAY: 1 two-way undivided, 2-3, 5 divided, 4 one-way, 6 ramp
+    alignment_code: int | None = None  # VALIGN
+    profile_code: int | None = None  # VPROFILE
+    surface_condition_code: int | None = None  # VSURCOND
+    traffic_control_code: int | None = None  # VTRAFCON
+    movement: Movement = Movement.UNKNOWN  # P_CRASH1
+    critical_event_code: int | None = None  # P_CRASH2
+    avoidance_code: int | None = None  # P_CRASH3
+    stability_code: int | None = None  # PCRASH4
+    location_code: int | None = None  # PCRASH5
+    crash_type_code: int | None = None  # ACC_TYPE
+    impact: ImpactArea | None = None  # IMPACT1, else the first vehicle-to-vehicle event's area
+    initial_impact_code: int | None = None  # IMPACT1 as reported
+    damaged_areas: tuple[int, ...] = ()  # MDAREAS / DAMAGE
+    avoidance_manoeuvres: tuple[int, ...] = ()  # MANEUVER
+    rollover_code: int | None = None  # ROLLOVER
+    hit_and_run: bool | None = None  # HIT_RUN
+    implied: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class EventRecord:
+    """One event of the crash's sequence (``CEvent``): who hit what where."""
+
+    number: int  # EVENTNUM
+    code: int  # SOE
+    vehicle_1: int | None  # VNUMBER1
+    area_1: ImpactArea | None  # AOI1
+    vehicle_2: int | None  # VNUMBER2, None unless a motor vehicle
+    area_2: ImpactArea | None  # AOI2
+
+
+@dataclass(frozen=True)
+class NonMotorist:
+    """A person outside motor vehicles: pedestrian, cyclist, ..."""
+
+    number: int  # PER_NO
+    person_type_code: int  # PER_TYP
+    striking_vehicle: int | None = None  # STR_VEH
+
+
+@dataclass(frozen=True)
+class CrashRecord:
+    """One crash as read. ``key`` is ``<caseYear>-<stateCase>``."""
+
+    key: str
+    case_year: int
+    state_case: int
+    latitude_deg: float
+    longitude_deg: float
+    vehicles: tuple[VehicleRecord, ...]
+    events: tuple[EventRecord, ...]
+    collision_type: CollisionType
+    road_topology: RoadTopology
+    vehicle_trajectory: VehicleTrajectory
+    state_code: int | None = None
+    state_name: str = ""
+    county_name: str = ""
+    city_name: str = ""
+    year: int | None = None
+    month: int | None = None
+    day: int | None = None
+    hour: int | None = None
+    minute: int | None = None
+    trafficway_1: str = ""  # TWAY_ID
+    trafficway_2: str = ""  # TWAY_ID2
+    route_code: int | None = None  # ROUTE
+    function_class_code: int | None = None  # FUNC_SYS
+    rural_urban_code: int | None = None  # RUR_URB
+    manner_of_collision_code: int | None = None  # MAN_COLL
+    first_harmful_event_code: int | None = None  # HARM_EV
+    intersection_type_code: int | None = None  # TYP_INT
+    junction_relation_code: int | None = None  # RELJCT2
+    road_relation_code: int | None = None  # REL_ROAD
+    light_code: int | None = None  # LGT_COND
+    weather_code: int | None = None  # WEATHER
+    fatalities: int | None = None  # FATALS
+    vehicles_in_transport: int | None = None  # VE_FORMS, which may be more than the report lists
+    non_motorists: tuple[NonMotorist, ...] = ()
+    implied: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()
+    repaired: bool = False
+    summary: str = ""
+
+    @property
+    def colliding_pair(self) -> tuple[VehicleRecord, VehicleRecord] | None:
+        """The two motor vehicles of the first vehicle-to-vehicle collision, or None."""
+        by_number = {vehicle.number: vehicle for vehicle in self.vehicles}
+        for event in self.events:
+            if event.vehicle_1 in by_number and event.vehicle_2 in by_number:
+                return by_number[event.vehicle_1], by_number[event.vehicle_2]
+        return (self.vehicles[0], self.vehicles[1]) if len(self.vehicles) == 2 else None

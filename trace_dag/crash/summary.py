@@ -1,0 +1,209 @@
+"""A crash in words: what a person reads, and what a language model is given.
+
+Written from codes alone, never from labels, so that the same facts give the same words whatever the source. Units are
+those a reader of a US police report expects (miles per hour); SI values are in the record.
+"""
+
+from __future__ import annotations
+
+from calendar import month_name
+
+from trace_dag.crash.codes import crash as crash_codes
+from trace_dag.crash.codes import vehicle as codes
+from trace_dag.crash.codes.bodies import BODY_TYP
+from trace_dag.crash.codes.events import IMPACT1, SOE, VEHICLE_EVENTS
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, Movement, VehicleClass, VehicleRecord
+from trace_dag.units import mps_to_mph
+
+_CLASS_NAMES = {
+    VehicleClass.SUV: "SUV",
+    VehicleClass.LIGHT_TRUCK: "light truck",
+    VehicleClass.TRACTOR_TRAILER: "tractor-trailer",
+}
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+def summarise(record: CrashRecord) -> str:
+    """Some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or disagrees."""
+    paragraphs = [
+        _scene(record),
+        *(_vehicle(vehicle) for vehicle in record.vehicles),
+        _sequence(record),
+        _non_motorists(record),
+        _remarks(record),
+    ]
+    return "\n".join(paragraph for paragraph in paragraphs if paragraph)
+
+
+def _scene(record: CrashRecord) -> str:
+    listed = sum(vehicle.in_transport for vehicle in record.vehicles)
+    in_transport = listed if record.vehicles_in_transport is None else record.vehicles_in_transport
+    when = _when(record)
+    where = _where(record)
+    conditions = ", ".join(part for part in (crash_codes.LGT_COND.meaning(record.light_code), _weather(record)) if part)
+    junction = crash_codes.TYP_INT.meaning(record.intersection_type_code)
+    relation = crash_codes.RELJCT2.meaning(record.junction_relation_code)
+    manner = crash_codes.MAN_COLL.meaning(record.manner_of_collision_code)
+    sentences = [
+        f"Crash {record.key}: {_count(in_transport, 'motor vehicle')} in transport{when}{where}"
+        + (f", {conditions}." if conditions else "."),
+    ]
+    if junction or relation:
+        place = f"The place was {junction}" if junction else "The place was"
+        sentences.append(f"{place}{',' if junction and relation else ''} {relation}".rstrip() + ".")
+    if manner:
+        sentences.append(f"Manner of collision of the first harmful event: {manner}.")
+    return " ".join(sentences)
+
+
+def _when(record: CrashRecord) -> str:
+    if record.year is None or record.month is None:
+        return f" in {record.case_year}"
+    day = f" {record.day}" if record.day is not None else ""
+    clock = (
+        f" at {record.hour:02d}:{record.minute:02d}" if record.hour is not None and record.minute is not None else ""
+    )
+    return f" on {month_name[record.month]}{day}, {record.year}{clock}"
+
+
+def _where(record: CrashRecord) -> str:
+    streets = " and ".join(name for name in (record.trafficway_1, record.trafficway_2) if name)
+    route = crash_codes.ROUTE.meaning(record.route_code)
+    land_use = {1: "rural ", 2: "urban "}.get(record.rural_urban_code or 0, "")
+    road_class = crash_codes.FUNC_SYS.meaning(record.function_class_code)
+    kind = f"{route}, {land_use}{road_class}" if route and road_class else route or f"{land_use}{road_class}".strip()
+    place = f", on {streets}" if streets else ""
+    if kind:
+        place += f" ({kind})"
+    return place + (f", {record.state_name}" if record.state_name else "")
+
+
+def _weather(record: CrashRecord) -> str:
+    weather = crash_codes.WEATHER.meaning(record.weather_code)
+    return f"in {weather}" if weather else ""
+
+
+def _vehicle(vehicle: VehicleRecord) -> str:
+    kind = (
+        BODY_TYP.meaning(vehicle.body_type_code)
+        or f"vehicle (taken for a {_CLASS_NAMES.get(vehicle.vehicle_class, vehicle.vehicle_class)})"
+    )
+    year = f"{vehicle.model_year} " if vehicle.model_year else ""
+    trailers = f" with {codes.TOW_VEH.meaning(min(vehicle.trailers, 3))}" if vehicle.trailers else ""
+    head = f"Vehicle {vehicle.number}, a {year}{kind}{trailers},"
+    if not vehicle.in_transport:
+        return f"{head} was not in transport{_impact(vehicle)}."
+    movement = codes.P_CRASH1.meaning(vehicle.movement) or "was moving in an unknown way"
+    if vehicle.movement is Movement.UNKNOWN and vehicle.crash_type_code is None:
+        movement = "moved in a way that is not reported"
+    sentences = [f"{head} {movement}{_speed(vehicle)}{_road(vehicle)}{_impact(vehicle)}."]
+    sentences += [
+        f"{label}: {meaning}."
+        for label, meaning in (
+            ("Critical event", _critical_event(vehicle)),
+            ("Avoidance", codes.P_CRASH3.meaning(vehicle.avoidance_code)),
+            ("Stability", codes.PCRASH4.meaning(vehicle.stability_code)),
+            ("Location before the impact", codes.PCRASH5.meaning(vehicle.location_code)),
+            ("Crash type", codes.ACC_TYPE.meaning(vehicle.crash_type_code)),
+            ("Traffic control", _control(vehicle)),
+            ("Speeding", codes.SPEEDREL.meaning(5) if vehicle.speeding else ""),
+            ("Rollover", "yes" if vehicle.rollover_code not in (None, *codes.NO_ROLLOVER) else ""),
+            ("Hit and run", codes.HIT_RUN.meaning(1) if vehicle.hit_and_run else ""),
+        )
+        if meaning
+    ]
+    return " ".join(sentences)
+
+
+def _speed(vehicle: VehicleRecord) -> str:
+    if vehicle.travel_speed_mps is None:
+        speed = " at an unknown speed"
+    elif vehicle.travel_speed_is_lower_bound:
+        speed = f" at more than {mps_to_mph(vehicle.travel_speed_mps):.0f} mph"
+    else:
+        speed = f" at {mps_to_mph(vehicle.travel_speed_mps):.0f} mph"
+    limit = f" (limit {mps_to_mph(vehicle.speed_limit_mps):.0f} mph)" if vehicle.speed_limit_mps is not None else ""
+    return speed + limit
+
+
+def _road(vehicle: VehicleRecord) -> str:
+    trafficway = codes.VTRAFWAY.meaning(vehicle.trafficway_code)
+    lanes = codes.VNUM_LAN.meaning(vehicle.lanes)
+    if not trafficway and not lanes:
+        return ""
+    road = f" on {trafficway}" if trafficway else " on a road"
+    details = [
+        part
+        for part in (
+            f"{lanes}" if lanes else "",
+            codes.VALIGN.meaning(vehicle.alignment_code),
+            codes.VPROFILE.meaning(vehicle.profile_code),
+            codes.VSURCOND.meaning(vehicle.surface_condition_code),
+        )
+        if part and vehicle.trafficway_code != codes.NON_TRAFFICWAY
+    ]
+    return road + (f" ({', '.join(details)})" if details else "")
+
+
+def _impact(vehicle: VehicleRecord) -> str:
+    if vehicle.impact is None:
+        return ""
+    how = " (implied)" if "impact" in vehicle.implied else ""
+    return f", and was hit at {_area(vehicle.impact)}{how}"
+
+
+def _area(area: ImpactArea) -> str:
+    return IMPACT1.meaning(area.code)
+
+
+def _critical_event(vehicle: VehicleRecord) -> str:
+    return codes.P_CRASH2.meaning(vehicle.critical_event_code)
+
+
+def _control(vehicle: VehicleRecord) -> str:
+    return codes.VTRAFCON.meaning(vehicle.traffic_control_code) if vehicle.traffic_control_code else ""
+
+
+def _sequence(record: CrashRecord) -> str:
+    if not record.events:
+        return ""
+    return "Sequence: " + "; ".join(f"({event.number}) {_event(event)}" for event in record.events) + "."
+
+
+def _event(event: EventRecord) -> str:
+    subject = f"vehicle {event.vehicle_1}" if event.vehicle_1 is not None else "a vehicle"
+    at_1 = f" (at {_area(event.area_1)})" if event.area_1 else ""
+    if event.code in VEHICLE_EVENTS and event.vehicle_2 is not None:
+        at_2 = f" (at {_area(event.area_2)})" if event.area_2 else ""
+        verb = (
+            SOE.meaning(event.code).split(" a ")[0]
+            if event.code != 54
+            else "was involved, by objects set in motion, with"
+        )
+        return f"{subject}{at_1} {verb} vehicle {event.vehicle_2}{at_2}"
+    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{at_1}"
+
+
+def _non_motorists(record: CrashRecord) -> str:
+    return " ".join(
+        f"Person {person.number}: {crash_codes.PER_TYP.meaning(person.person_type_code) or 'non-motorist'}"
+        + (f", struck by vehicle {person.striking_vehicle}." if person.striking_vehicle else ".")
+        for person in record.non_motorists
+    )
+
+
+def _remarks(record: CrashRecord) -> str:
+    implied = [
+        f"vehicle {vehicle.number}: {', '.join(vehicle.implied)}" for vehicle in record.vehicles if vehicle.implied
+    ]
+    if record.implied:
+        implied.insert(0, f"crash: {', '.join(record.implied)}")
+    remarks = [f"Implied by other fields: {'; '.join(implied)}."] if implied else []
+    if record.contradictions:
+        remarks.append("The report contradicts itself: " + "; ".join(record.contradictions) + ".")
+    return " ".join(remarks)
+
+
+def _count(number: int, noun: str) -> str:
+    word = _COUNTS[number] if number < len(_COUNTS) else str(number)
+    return f"{word} {noun}" + ("" if number == 1 else "s")

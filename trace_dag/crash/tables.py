@@ -1,0 +1,180 @@
+"""The crash record as it is stored: one Parquet row per crash, vehicles, events and non-motorists as nested lists.
+
+Every column is declared once, here: name with its unit, type, meaning and the FARS element it comes from. The Arrow
+schema, the conversion both ways and the data dictionary follow from it.
+"""
+
+from __future__ import annotations
+
+import io
+from functools import cache
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Failure
+from trace_dag.schemas import Column, ColumnType, TableSchema
+
+_INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
+
+_AREA_FIELDS: Final = (
+    Column("code", _INTEGER, "FARS code of the area", source="IMPACT1, AOI", required=True),
+    Column("clock_h", _REAL, "Clock position on the body: 12 front, 3 right", "h", required=True),
+    Column("centre_rad", _REAL, "Its direction from the front, counter-clockwise", "rad", required=True),
+    Column("half_width_rad", _REAL, "Half of the interval it covers", "rad", required=True),
+)
+
+
+def _area(name: str, meaning: str, source: str) -> Column:
+    return Column(name, None, meaning, source=source, fields=_AREA_FIELDS)
+
+
+VEHICLE_COLUMNS: Final = (
+    Column("number", _INTEGER, "Number of the vehicle in the crash", source="VEH_NO", required=True),
+    Column("vehicle_class", _TEXT, "Kind of body to simulate", source="BODY_TYP, VPICBODYCLASS, MODEL", required=True),
+    Column("length_m", _REAL, "Length of the body", "m", required=True),
+    Column("width_m", _REAL, "Width of the body", "m", required=True),
+    Column("height_m", _REAL, "Height of the body", "m", required=True),
+    Column("mass_kg", _REAL, "Mass in running order", "kg", "GVWR, vPIC curb weight", required=True),
+    Column("body_type_code", _INTEGER, "Body type", source="BODY_TYP"),
+    Column("make_model", _TEXT, "Make and model as labelled", source="MAK_MODNAME"),
+    Column("model_year", _INTEGER, "Model year", "a", "MOD_YEAR"),
+    Column("trailers", _INTEGER, "Trailing units", source="TOW_VEH"),
+    Column("in_transport", _BOOLEAN, "In transport, not parked or at work", source="UNITTYPE", required=True),
+    Column("travel_speed_mps", _REAL, "Reported speed before the crash", "m/s", "TRAV_SP"),
+    Column("travel_speed_is_lower_bound", _BOOLEAN, "The speed was higher than can be coded", source="TRAV_SP"),
+    Column("speed_limit_mps", _REAL, "Speed limit", "m/s", "VSPD_LIM"),
+    Column("speeding", _BOOLEAN, "Speeding as reported", source="SPEEDREL"),
+    Column("lanes", _INTEGER, "Lanes of the roadway", source="VNUM_LAN"),
+    Column("trafficway_code", _INTEGER, "Trafficway description", source="VTRAFWAY"),
+    Column("alignment_code", _INTEGER, "Alignment: straight or curving", source="VALIGN"),
+    Column("profile_code", _INTEGER, "Grade", source="VPROFILE"),
+    Column("surface_condition_code", _INTEGER, "Condition of the surface", source="VSURCOND"),
+    Column("traffic_control_code", _INTEGER, "Traffic control device", source="VTRAFCON"),
+    Column("movement", _INTEGER, "Movement before the critical event", source="P_CRASH1", required=True),
+    Column("critical_event_code", _INTEGER, "What made the crash imminent", source="P_CRASH2"),
+    Column("avoidance_code", _INTEGER, "Attempted avoidance", source="P_CRASH3"),
+    Column("stability_code", _INTEGER, "Stability before the impact", source="PCRASH4"),
+    Column("location_code", _INTEGER, "Location before the impact", source="PCRASH5"),
+    Column("crash_type_code", _INTEGER, "Crash type of the vehicle", source="ACC_TYPE"),
+    _area("impact", "Area struck in the collision", "IMPACT1, AOI1, AOI2"),
+    Column("initial_impact_code", _INTEGER, "Area of the first impact, as reported", source="IMPACT1"),
+    Column("damaged_areas", _INTEGER, "Damaged areas", source="MDAREAS, DAMAGE", repeated=True),
+    Column("avoidance_manoeuvres", _INTEGER, "What the driver avoided", source="MDRMANAV, MANEUVER", repeated=True),
+    Column("rollover_code", _INTEGER, "Rollover", source="ROLLOVER"),
+    Column("hit_and_run", _BOOLEAN, "Left the scene", source="HIT_RUN"),
+    Column("implied", _TEXT, "Fields derived from others", repeated=True),
+)
+
+EVENT_COLUMNS: Final = (
+    Column("number", _INTEGER, "Number in the crash's sequence", source="EVENTNUM", required=True),
+    Column("code", _INTEGER, "What happened", source="SOE", required=True),
+    Column("vehicle_1", _INTEGER, "First party", source="VNUMBER1"),
+    _area("area_1", "Area struck on the first party", "AOI1"),
+    Column("vehicle_2", _INTEGER, "Second party, if a motor vehicle", source="VNUMBER2"),
+    _area("area_2", "Area struck on the second party", "AOI2"),
+)
+
+NON_MOTORIST_COLUMNS: Final = (
+    Column("number", _INTEGER, "Number of the person", source="PER_NO", required=True),
+    Column("person_type_code", _INTEGER, "Kind of person", source="PER_TYP", required=True),
+    Column("striking_vehicle", _INTEGER, "Number of the vehicle that struck the person", source="STR_VEH"),
+)
+
+CRASH_RECORD: Final = TableSchema(
+    "crash_record",
+    "One crash as read from its report",
+    (
+        Column("key", _TEXT, "Key of the crash, <caseYear>-<stateCase>", required=True),
+        Column("case_year", _INTEGER, "Year of the case file", "a", "CaseYear, YEAR", required=True),
+        Column("state_case", _INTEGER, "Case number, unique in its year", source="ST_CASE", required=True),
+        Column("latitude_deg", _REAL, "Reported latitude, WGS84", "deg", "LATITUDE", required=True),
+        Column("longitude_deg", _REAL, "Reported longitude, WGS84", "deg", "LONGITUD", required=True),
+        Column("vehicles", None, "The motor vehicles", required=True, repeated=True, fields=VEHICLE_COLUMNS),
+        Column("events", None, "The sequence of events", source="CEvent", repeated=True, fields=EVENT_COLUMNS),
+        Column("collision_type", _TEXT, "Coverage class of the manner of collision", source="MAN_COLL", required=True),
+        Column("road_topology", _TEXT, "Coverage class of the intersection", source="TYP_INT", required=True),
+        Column("vehicle_trajectory", _TEXT, "Coverage class of the crash type", source="ACC_TYPE", required=True),
+        Column("state_code", _INTEGER, "State", source="STATE"),
+        Column("state_name", _TEXT, "Name of the state", source="STATE"),
+        Column("county_name", _TEXT, "County as labelled", source="COUNTYNAME"),
+        Column("city_name", _TEXT, "City as labelled", source="CITYNAME"),
+        Column("year", _INTEGER, "Year of the crash", "a", "YEAR"),
+        Column("month", _INTEGER, "Month of the crash", source="MONTH"),
+        Column("day", _INTEGER, "Day of the crash", source="DAY"),
+        Column("hour", _INTEGER, "Hour of the crash, local time", "h", "HOUR"),
+        Column("minute", _INTEGER, "Minute of the crash", "min", "MINUTE"),
+        Column("trafficway_1", _TEXT, "Road of the crash", source="TWAY_ID"),
+        Column("trafficway_2", _TEXT, "Crossing road", source="TWAY_ID2"),
+        Column("route_code", _INTEGER, "Route signing", source="ROUTE"),
+        Column("function_class_code", _INTEGER, "Functional class of the road", source="FUNC_SYS, ROAD_FNC"),
+        Column("rural_urban_code", _INTEGER, "Land use", source="RUR_URB, ROAD_FNC"),
+        Column("manner_of_collision_code", _INTEGER, "Manner of collision, as reported", source="MAN_COLL"),
+        Column("first_harmful_event_code", _INTEGER, "First harmful event", source="HARM_EV"),
+        Column("intersection_type_code", _INTEGER, "Type of intersection, as reported", source="TYP_INT"),
+        Column("junction_relation_code", _INTEGER, "Relation to a junction", source="RELJCT2"),
+        Column("road_relation_code", _INTEGER, "Relation to the trafficway", source="REL_ROAD"),
+        Column("light_code", _INTEGER, "Light", source="LGT_COND"),
+        Column("weather_code", _INTEGER, "Weather", source="WEATHER"),
+        Column("fatalities", _INTEGER, "Persons killed", source="FATALS"),
+        Column("vehicles_in_transport", _INTEGER, "Motor vehicles in transport, as stated", source="VE_FORMS"),
+        Column("non_motorists", None, "Persons outside motor vehicles", repeated=True, fields=NON_MOTORIST_COLUMNS),
+        Column("implied", _TEXT, "Fields of the crash derived from others", repeated=True),
+        Column("contradictions", _TEXT, "Fields that disagree, as sentences", repeated=True),
+        Column("repaired", _BOOLEAN, "The report was not well-formed and was repaired", required=True),
+        Column("summary", _TEXT, "The crash in words"),
+    ),
+)
+
+
+def record_to_parquet(record: CrashRecord) -> bytes:
+    """The record as a Parquet file of one row."""
+    return records_to_parquet([record])
+
+
+def records_to_parquet(records: list[CrashRecord]) -> bytes:
+    """Records as a Parquet file, one row each, in order."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows: list[dict[str, Any]] = [_adapter().dump_python(record, mode="json") for record in records]
+    buffer = io.BytesIO()
+    # Statistics and dictionaries of single rows are ballast that every reader of thousands of files pays for.
+    pq.write_table(
+        pa.Table.from_pylist(rows, schema=CRASH_RECORD.arrow()),
+        buffer,
+        compression="zstd",
+        write_statistics=False,
+        use_dictionary=False,
+    )
+    return buffer.getvalue()
+
+
+def record_from_parquet(data: bytes) -> CrashRecord:
+    """The record of a Parquet file of one row. Raises :class:`Failure` if it is none."""
+    records = records_from_parquet(data)
+    if len(records) != 1:
+        raise Failure(
+            f"a crash record file holds {len(records)} rows; expected one: remove it and run crash_record again"
+        )
+    return records[0]
+
+
+def records_from_parquet(data: bytes) -> list[CrashRecord]:
+    """The records of a Parquet file. Raises :class:`Failure` if it is damaged or of another schema."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(io.BytesIO(data)).to_pylist()
+        return [_adapter().validate_python(row) for row in rows]
+    except (pa.ArrowInvalid, OSError, ValidationError) as error:
+        raise Failure(
+            f"a stored crash record cannot be read ({error}): remove it and run crash_record again"
+        ) from error
+
+
+@cache
+def _adapter() -> TypeAdapter[CrashRecord]:
+    return TypeAdapter(CrashRecord)

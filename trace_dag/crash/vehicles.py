@@ -1,0 +1,177 @@
+"""One vehicle of a report to a :class:`VehicleRecord`: in transport (``Vehicle``), parked or at work (``ParkWork``)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.crash.codes import events as event_codes
+from trace_dag.crash.codes import vehicle as codes
+from trace_dag.crash.codes.bodies import BODY_TYP, BodyEvidence, body_of
+from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
+from trace_dag.crash.derive import impact_area
+from trace_dag.crash.fields import Fields, malformed
+from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.units import mph_to_mps
+
+HIGHEST_REPORTED_MPH: Final = 151
+_ABOVE_HIGHEST: Final = 997
+_SPEED_UNKNOWN: Final = frozenset({998, 999})
+_LIMIT_NONE: Final = 0
+_LIMIT_UNKNOWN: Final = frozenset({98, 99})
+_HIGHEST_LIMIT_MPH: Final = 95
+_WORKING: Final = 4
+
+
+def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
+    """A motor vehicle in transport."""
+    fields, number = _numbered(element, crash)
+    trailers = codes.TRAILERS_OF_TOW_VEH.get(fields.known_code(codes.TOW_VEH) or 0, 0)
+    derived = next(
+        (Fields(entry, fields.where, crash.year) for entry in fields.members("VinDeriveds", "VinDecodes")), None
+    )
+    body_type = fields.code(BODY_TYP)
+    body, body_implied = body_of(
+        BodyEvidence(
+            body_type=body_type,
+            model=fields.integer("MODEL"),
+            vpic_body_class=fields.integer("VPICBODYCLASS"),
+            gvwr_class=fields.integer("GVWR_TO", "GVWR_FROM"),
+            gvwr_old=fields.integer("GVWR"),
+            trailers=trailers,
+            curb_weight_lb=derived.decimal("CURBWEIGHTLB") if derived else None,
+            wheelbase_in=derived.decimal("WHEELBASEIN_FROM", "WHEELBASEIN") if derived else None,
+        )
+    )
+    speed_mps, above_highest = _travel_speed(fields)
+    movement = fields.code(codes.P_CRASH1)
+    unit_type = fields.code(codes.UNITTYPE)
+    hit_and_run = fields.known_code(codes.HIT_RUN)
+    speeding = fields.known_code(codes.SPEEDREL)
+    lanes = fields.known_code(codes.VNUM_LAN)
+    return VehicleRecord(
+        number=number,
+        vehicle_class=body.vehicle_class,
+        length_m=body.length_m,
+        width_m=body.width_m,
+        height_m=body.height_m,
+        mass_kg=body.mass_kg,
+        body_type_code=BODY_TYP.known(body_type),
+        make_model=fields.text("MAK_MODNAME") or " ".join((fields.text("MAKENAME"), fields.text("MODELNAME"))).strip(),
+        model_year=_model_year(fields, "MOD_YEAR"),
+        trailers=trailers,
+        in_transport=unit_type in (None, codes.IN_TRANSPORT),
+        travel_speed_mps=speed_mps,
+        travel_speed_is_lower_bound=above_highest,
+        speed_limit_mps=_speed_limit(fields),
+        speeding=None if speeding is None else speeding != 0,
+        lanes=lanes or None,
+        trafficway_code=fields.known_code(codes.VTRAFWAY),
+        alignment_code=fields.known_code(codes.VALIGN),
+        profile_code=fields.known_code(codes.VPROFILE),
+        surface_condition_code=fields.known_code(codes.VSURCOND),
+        traffic_control_code=fields.known_code(codes.VTRAFCON),
+        movement=Movement.UNKNOWN if movement is None else Movement(movement),
+        critical_event_code=fields.known_code(codes.P_CRASH2),
+        avoidance_code=fields.known_code(codes.P_CRASH3),
+        stability_code=_stability(fields),
+        location_code=fields.known_code(codes.PCRASH5),
+        crash_type_code=fields.code(codes.ACC_TYPE),
+        initial_impact_code=fields.code(event_codes.IMPACT1),
+        damaged_areas=_listed(fields, "Damages", event_codes.DAMAGE, "DAMAGE", "MDAREAS"),
+        avoidance_manoeuvres=_listed(fields, "Maneuvers", codes.MANEUVER, "MANEUVER", "MDRMANAV"),
+        rollover_code=fields.code(codes.ROLLOVER),
+        hit_and_run=None if hit_and_run is None else hit_and_run != 0,
+        implied=("vehicle_class",) if body_implied else (),
+    )
+
+
+def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
+    """A motor vehicle that was parked, or at work on the road; its elements are those of vehicles with a P before."""
+    fields, number = _numbered(element, crash)
+    trailers = codes.TRAILERS_OF_TOW_VEH.get(fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH") or 0, 0)
+    body_type = fields.code(BODY_TYP, "PBODYTYP")
+    body, body_implied = body_of(
+        BodyEvidence(
+            body_type=body_type,
+            model=fields.integer("PMODEL"),
+            vpic_body_class=fields.integer("PVPICBODYCLASS"),
+            gvwr_class=fields.integer("PGVWR_TO", "PGVWR_FROM"),
+            gvwr_old=fields.integer("PGVWR"),
+            trailers=trailers,
+        )
+    )
+    initial = fields.code(event_codes.IMPACT1, "PIMPACT1")
+    stands = fields.code(codes.UNITTYPE, "PTYPE") != _WORKING
+    implied = (("vehicle_class",) if body_implied else ()) + (("travel_speed_mps",) if stands else ())
+    return VehicleRecord(
+        number=number,
+        vehicle_class=body.vehicle_class,
+        length_m=body.length_m,
+        width_m=body.width_m,
+        height_m=body.height_m,
+        mass_kg=body.mass_kg,
+        body_type_code=BODY_TYP.known(body_type),
+        make_model=fields.text("PMAK_MODNAME")
+        or " ".join((fields.text("PMAKENAME"), fields.text("PMODELNAME"))).strip(),
+        model_year=_model_year(fields, "PMODYEAR"),
+        trailers=trailers,
+        in_transport=False,
+        travel_speed_mps=0.0 if stands else None,
+        initial_impact_code=initial,
+        impact=impact_area(initial),
+        implied=implied,
+    )
+
+
+def _numbered(element: etree._Element, crash: Fields) -> tuple[Fields, int]:
+    fields = Fields(element, f"{crash.where}: vehicle", crash.year)
+    number = fields.integer("VEH_NO", low=1, high=999)
+    if number is None:
+        raise malformed(f"{fields.where} without VEH_NO; expected a number from 1 on")
+    fields.where = f"{crash.where}: vehicle {number}"
+    return fields, number
+
+
+def _travel_speed(fields: Fields) -> tuple[float | None, bool]:
+    """``TRAV_SP`` in m/s, and whether it is only a lower bound."""
+    speed_mph = fields.integer("TRAV_SP")
+    if speed_mph is None or speed_mph in _SPEED_UNKNOWN:
+        return None, False
+    if speed_mph == _ABOVE_HIGHEST:
+        return mph_to_mps(HIGHEST_REPORTED_MPH), True
+    if not 0 <= speed_mph <= HIGHEST_REPORTED_MPH:
+        raise UnknownCodeError("TRAV_SP", str(speed_mph), fields.year, f"0-{HIGHEST_REPORTED_MPH} mph, 997-999")
+    return mph_to_mps(speed_mph), False
+
+
+def _speed_limit(fields: Fields) -> float | None:
+    limit_mph = fields.integer("VSPD_LIM")
+    if limit_mph is None or limit_mph == _LIMIT_NONE or limit_mph in _LIMIT_UNKNOWN:
+        return None
+    if not 0 < limit_mph <= _HIGHEST_LIMIT_MPH:
+        raise UnknownCodeError("VSPD_LIM", str(limit_mph), fields.year, f"0-{_HIGHEST_LIMIT_MPH} mph, 98, 99")
+    return mph_to_mps(limit_mph)
+
+
+def _stability(fields: Fields) -> int | None:
+    """``PCRASH4``, which CrashAPI serves as a label only."""
+    code = fields.code(codes.PCRASH4)
+    if code is None:
+        label = fields.text("PCRASH4NAME").lower()
+        code = next((code for words, code in codes.PCRASH4_OF_LABEL if words in label), None) if label else None
+        if label and code is None:
+            expected = ", ".join(repr(words) for words, _ in codes.PCRASH4_OF_LABEL)
+            raise UnknownCodeError("PCRASH4NAME", label, fields.year, f"a label with one of {expected}")
+    return codes.PCRASH4.known(code)
+
+
+def _listed(fields: Fields, members: str, table: CodeTable, *names: str) -> tuple[int, ...]:
+    listed = (Fields(entry, fields.where, fields.year).known_code(table, *names) for entry in fields.members(members))
+    return tuple(sorted({code for code in listed if code is not None}))
+
+
+def _model_year(fields: Fields, name: str) -> int | None:
+    year = fields.integer(name)
+    return year if year is not None and 1900 <= year <= fields.year + 2 else None

@@ -1,0 +1,106 @@
+"""XML from outside, read without trusting it: no entity is expanded, nothing is fetched, size and depth are bounded.
+
+A report never needs a document type, so one that brings its own is refused before it is parsed (billion laughs,
+external entities). What is only badly written (a bare ``&`` in a label, as the CrashAPI really serves) can be
+repaired, if the caller wants that, and is then marked.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.errors import Reason, Rejection
+
+MAX_REPORT_BYTES: Final = 16 * 1024 * 1024
+"""The largest real report seen has 140 kB; a crash of a hundred vehicles would have about 5 MB."""
+
+MAX_MARKUP: Final = 500_000
+"""Tags and attributes together: the parsed tree takes about 120 bytes for each. Real reports have some thousands."""
+
+_BARE_AMPERSAND: Final = re.compile(rb"&(?!(?:[A-Za-z][A-Za-z0-9]*|#[0-9]+|#x[0-9A-Fa-f]+);)")
+_BARE_LESS_THAN: Final = re.compile(rb"<(?![A-Za-z_/!?])")
+_FORBIDDEN_CONTROL: Final = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]")
+_DOCTYPE: Final = re.compile(rb"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)
+_REMEDY: Final = "fetch the report again, or set crash.repair_malformed to have badly escaped characters repaired"
+
+
+def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[etree._Element, bool]:
+    """The root element, and whether the text had to be repaired.
+
+    Raises :class:`Rejection` (``malformed_report``) naming ``name``, line and column.
+    """
+    check_harmless(data, name=name)
+    try:
+        return etree.fromstring(data, _parser()), False
+    except etree.XMLSyntaxError as error:
+        if repair:
+            try:
+                return etree.fromstring(_repaired(data), _parser()), True
+            except etree.XMLSyntaxError as still:
+                raise _malformed(still, name, "the file cannot be repaired; fetch it again") from still
+        raise _malformed(error, name, _REMEDY) from error
+
+
+def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
+    """What can be read of a file that may not be well-formed, for looking only; None if nothing can."""
+    check_harmless(data, name=name)
+    try:
+        return etree.fromstring(data, _parser(recover=True))
+    except etree.XMLSyntaxError:
+        return None
+
+
+def check_harmless(data: bytes, *, name: str) -> None:
+    """Raises :class:`Rejection` for files too large or too full of markup to be a report, or with a document type."""
+    if len(data) > MAX_REPORT_BYTES:
+        raise Rejection(
+            Reason.MALFORMED_REPORT,
+            f"{name} has {len(data) / 1e6:.1f} MB; a report has at most {MAX_REPORT_BYTES / 1e6:.1f} MB",
+            measured=len(data) / 1e6,
+            threshold=MAX_REPORT_BYTES / 1e6,
+        )
+    markup = data.count(b"<") + data.count(b"=")
+    if markup > MAX_MARKUP:
+        raise Rejection(
+            Reason.MALFORMED_REPORT,
+            f"{name} has {markup} tags and attributes; a report has at most {MAX_MARKUP}",
+            measured=markup,
+            threshold=MAX_MARKUP,
+        )
+    # NUL bytes are dropped so that UTF-16 and UTF-32 hide nothing.
+    found = _DOCTYPE.search(data.replace(b"\0", b""))
+    if found:
+        raise Rejection(
+            Reason.MALFORMED_REPORT,
+            f"{name} declares a document type or an entity ({found.group().decode()}), which no report does; "
+            "it is not read",
+        )
+
+
+def _parser(*, recover: bool = False) -> etree.XMLParser:
+    return etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=False,
+        recover=recover,
+        remove_comments=True,
+        remove_pis=True,
+    )
+
+
+def _repaired(data: bytes) -> bytes:
+    data = _FORBIDDEN_CONTROL.sub(b"", data)
+    return _BARE_LESS_THAN.sub(b"&lt;", _BARE_AMPERSAND.sub(b"&amp;", data))
+
+
+def _malformed(error: etree.XMLSyntaxError, name: str, remedy: str) -> Rejection:
+    line, column = error.position
+    what = re.sub(r", line \d+, column \d+.*", "", error.msg or "no XML")
+    return Rejection(
+        Reason.MALFORMED_REPORT, f"{name} is not well-formed XML at line {line}, column {column}: {what}; {remedy}"
+    )

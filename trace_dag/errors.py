@@ -1,0 +1,138 @@
+"""How things go wrong, in three kinds that are never mixed.
+
+* :class:`Rejection`: the crash was examined and is excluded for a stated, measured reason. That is data.
+* :class:`Failure` (and :class:`TransientFailure`): something of ours or of a service broke. That is retried.
+* :class:`UserError`: the caller asked for something impossible; shown as one line, without a traceback.
+
+Every reason a crash can be rejected for is declared here, once, with the stage that gives it and the category
+of the published paper (TRACE, FSE Companion '26) it belongs to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Stage(StrEnum):
+    """The seven stages of the flow, in order. The value is the Dagster asset key and the folder name."""
+
+    RAW_REPORT = "raw_report"
+    CRASH_RECORD = "crash_record"
+    OSM_EXTRACT = "osm_extract"
+    ROAD_MAP = "road_map"
+    STATE_ESTIMATE = "state_estimate"
+    SIMULATION_LOG = "simulation_log"
+    VERDICT = "verdict"
+
+    @property
+    def position(self) -> int:
+        """Position in the flow, 0 for ``raw_report``."""
+        return list(Stage).index(self)
+
+    def and_later(self) -> tuple[Stage, ...]:
+        """This stage and every one after it."""
+        return tuple(Stage)[self.position :]
+
+
+class PublishedCategory(StrEnum):
+    """The paper's reasons for losing a report: 100 reports, 65 after the map stage, 52 verified."""
+
+    VERTICAL_GEOMETRY = "vertical geometry"
+    INCOMPLETE_INFORMATION = "incomplete information"
+    INCONSISTENT_LOCATION = "inconsistent crash location"
+    NOT_REPRODUCED = "not reproduced"
+    NOT_IN_PAPER = "not in the paper"
+
+
+class Reason(StrEnum):
+    """Why a crash is rejected. The value is the reason code in artefacts and tables."""
+
+    NOT_RELEASED = "not_released"
+    MALFORMED_REPORT = "malformed_report"
+    INCOMPLETE_LOCATION = "incomplete_location"
+    INCOMPLETE_TOPOLOGY = "incomplete_topology"
+    INCOMPLETE_TRAJECTORY = "incomplete_trajectory"
+    OUTSIDE_COHORT = "outside_cohort"
+    NO_MAP_COVERAGE = "no_map_coverage"
+    MAP_DISTORTED = "map_distorted"
+    CRASH_OFF_ROAD = "crash_off_road"
+    VERTICAL_GEOMETRY = "vertical_geometry"
+    NO_FEASIBLE_STATE = "no_feasible_state"
+    NO_COLLISION = "no_collision"
+    WRONG_LOCATION = "wrong_location"
+    WRONG_IMPACT = "wrong_impact"
+    WRONG_DIRECTION = "wrong_direction"
+
+    @property
+    def stage(self) -> Stage:
+        """The stage that rejects with this reason."""
+        return _REASONS[self].stage
+
+    @property
+    def published_category(self) -> PublishedCategory:
+        """The paper's category this reason is counted under."""
+        return _REASONS[self].published_category
+
+
+@dataclass(frozen=True)
+class _ReasonFacts:
+    stage: Stage
+    published_category: PublishedCategory
+
+
+_PAPER = PublishedCategory
+_REASONS: dict[Reason, _ReasonFacts] = {
+    Reason.NOT_RELEASED: _ReasonFacts(Stage.RAW_REPORT, _PAPER.NOT_IN_PAPER),
+    Reason.MALFORMED_REPORT: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.NOT_IN_PAPER),
+    Reason.INCOMPLETE_LOCATION: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
+    Reason.INCOMPLETE_TOPOLOGY: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
+    Reason.INCOMPLETE_TRAJECTORY: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
+    Reason.OUTSIDE_COHORT: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.NOT_IN_PAPER),
+    Reason.NO_MAP_COVERAGE: _ReasonFacts(Stage.OSM_EXTRACT, _PAPER.NOT_IN_PAPER),
+    Reason.MAP_DISTORTED: _ReasonFacts(Stage.ROAD_MAP, _PAPER.INCONSISTENT_LOCATION),
+    Reason.CRASH_OFF_ROAD: _ReasonFacts(Stage.ROAD_MAP, _PAPER.INCONSISTENT_LOCATION),
+    Reason.VERTICAL_GEOMETRY: _ReasonFacts(Stage.ROAD_MAP, _PAPER.VERTICAL_GEOMETRY),
+    Reason.NO_FEASIBLE_STATE: _ReasonFacts(Stage.STATE_ESTIMATE, _PAPER.NOT_REPRODUCED),
+    Reason.NO_COLLISION: _ReasonFacts(Stage.SIMULATION_LOG, _PAPER.NOT_REPRODUCED),
+    Reason.WRONG_LOCATION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
+    Reason.WRONG_IMPACT: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
+    Reason.WRONG_DIRECTION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
+}
+
+
+class Rejection(Exception):  # noqa: N818 - a rejection is an outcome, not an error
+    """The crash is excluded for ``reason``; ``detail`` is one sentence that names what was measured.
+
+    ``measured`` and ``threshold`` carry the number behind the sentence where there is one, in the unit the
+    sentence states (metres, hours of the clock, vehicles, ...).
+    """
+
+    def __init__(
+        self, reason: Reason, detail: str, *, measured: float | None = None, threshold: float | None = None
+    ) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+        self.detail = detail
+        self.measured = measured
+        self.threshold = threshold
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Exceptions with keyword arguments do not survive a process pool without this.
+        return (_rebuild_rejection, (self.reason, self.detail, self.measured, self.threshold))
+
+
+def _rebuild_rejection(reason: Reason, detail: str, measured: float | None, threshold: float | None) -> Rejection:
+    return Rejection(reason, detail, measured=measured, threshold=threshold)
+
+
+class Failure(Exception):  # noqa: N818 - Dagster's word for it
+    """A stage broke for a reason that is not the crash's: it must be mended or tried again, never counted."""
+
+
+class TransientFailure(Failure):
+    """A failure that may pass by itself (time-out, 429, 5xx, a lost worker): retried by policy."""
+
+
+class UserError(Exception):
+    """What was asked for cannot be done; the message names what was found, expected and to be done."""

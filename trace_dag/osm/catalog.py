@@ -1,0 +1,185 @@
+"""A set of OSM files, and for each crash the one that covers it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.osm.cutting import cut_roads
+from trace_dag.osm.extraction import FileHeader, FilePass, extract_raw, no_garbage_collection, read_header
+from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.settings import OsmSettings
+
+OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".osm.pbf")
+
+_EARTH_RADIUS_M: Final = 6_371_008.8  # mean radius, IUGG; good to 0.3 %, for boxes and sentences only
+_MIN_COS_LATITUDE: Final = 1e-3  # nearer the poles a box around a point spans all longitudes anyway
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """One OSM file and what its header says."""
+
+    path: Path
+    header: FileHeader
+
+
+@dataclass(frozen=True)
+class MapCatalog:
+    """OSM files that maps are cut from."""
+
+    files: tuple[MapFile, ...]
+
+    @classmethod
+    def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
+        """Files, or folders that are searched for files with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``,
+        ``.osm.pbf``), folders within folders included.
+
+        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or a file that is no OSM.
+        """
+        files: dict[Path, None] = {}
+        for path in map(Path, paths):
+            if path.is_dir():
+                found = sorted(file for file in path.rglob("*") if file.name.endswith(OSM_SUFFIXES) and file.is_file())
+                if not found:
+                    raise UserError(f"{path}: no OSM file in this folder; expected {', '.join(OSM_SUFFIXES)}")
+                files.update(dict.fromkeys(found))
+            elif not path.is_file():
+                raise UserError(f"{path}: no such file or folder; expected OSM data ({', '.join(OSM_SUFFIXES)})")
+            elif not path.name.endswith(OSM_SUFFIXES):
+                raise UserError(
+                    f"{path}: not an OSM file by its name; expected one ending in {', '.join(OSM_SUFFIXES)}"
+                )
+            else:
+                files[path] = None
+        return cls(tuple(MapFile(path, read_header(path)) for path in files))
+
+    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+        """The roads in a box of ``settings.radius_m`` around each site, by site key, in one pass over each file.
+
+        A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
+        own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
+        by name. A site that no file covers is rejected, with the distance to the nearest data.
+
+        Raises :class:`UserError` for a file that cannot be read to its end.
+        """
+        with no_garbage_collection():
+            return self._extract(sites, settings)
+
+    def _extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+        boxes = {site.key: box_around(site, settings.radius_m) for site in sites if is_on_earth(site)}
+        best: dict[str, tuple[MapFile, OsmExtract]] = {}
+        nearest_m: dict[str, tuple[float, str]] = {}
+        for file in self.files:
+            wanted = [site for site in sites if site.key in boxes and _may_cover(file.header, boxes[site.key])]
+            bounds = file.header.box
+            if wanted or bounds is None:
+                found = extract_raw(
+                    file.path, file.header, [boxes[site.key] for site in wanted], service_roads=settings.service_roads
+                )
+                bounds = bounds or found.road_bounds
+                for index, site in enumerate(wanted):
+                    extract = _cut(file, found, index, boxes[site.key])
+                    if extract.ways:
+                        rival = best.get(site.key)
+                        if rival is None or _rank(file, extract) > _rank(*rival):
+                            best[site.key] = file, extract
+            if bounds is not None:
+                for site in sites:
+                    distance_m = _distance_m(site, bounds)
+                    nearest_m[site.key] = min(nearest_m.get(site.key, (math.inf, "")), (distance_m, file.path.name))
+        return {
+            site.key: best[site.key][1] if site.key in best else self._no_coverage(site, nearest_m, settings)
+            for site in sites
+        }
+
+    def _no_coverage(self, site: Site, nearest_m: dict[str, tuple[float, str]], settings: OsmSettings) -> Rejection:
+        place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
+        distance_m, name = nearest_m.get(site.key, (math.inf, ""))
+        if not is_on_earth(site):
+            return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is no place on Earth.")
+        if not math.isfinite(distance_m):
+            return Rejection(Reason.NO_MAP_COVERAGE, f"There is no map data at all to look for {place} in.")
+        if distance_m > 0:
+            detail = f"No map covers {place}: the nearest, {name}, ends {distance_m / 1000:.1f} km away."
+            return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=distance_m, threshold=0.0)
+        detail = f"{name} covers {place} but has no drivable way within {settings.radius_m:.0f} m of it."
+        return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+
+
+def box_around(site: Site, radius_m: float) -> BoundingBox:
+    """The box reaching ``radius_m`` from a site in each direction, cut off at the poles and at 180 degrees."""
+    lat_deg = math.degrees(radius_m / _EARTH_RADIUS_M)
+    lon_deg = lat_deg / max(math.cos(math.radians(site.latitude_deg)), _MIN_COS_LATITUDE)
+    return BoundingBox(
+        south_deg=max(site.latitude_deg - lat_deg, -90.0),
+        west_deg=max(site.longitude_deg - lon_deg, -180.0),
+        north_deg=min(site.latitude_deg + lat_deg, 90.0),
+        east_deg=min(site.longitude_deg + lon_deg, 180.0),
+    )
+
+
+def _rank(file: MapFile, extract: OsmExtract) -> tuple[bool, int, str]:
+    bounds, box = file.header.box, extract.box
+    whole = bounds is not None and (
+        bounds.contains(box.south_deg, box.west_deg) and bounds.contains(box.north_deg, box.east_deg)
+    )
+    return whole, round(_road_length_m(extract)), file.header.timestamp
+
+
+def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExtract:
+    roads = cut_roads(box, found.ways[index].values(), found.node_tags, found.restrictions.values())
+    return OsmExtract(
+        box=box,
+        nodes=roads.nodes,
+        ways=roads.ways,
+        relations=roads.relations,
+        source=file.path.name,
+        data_timestamp=file.header.timestamp,
+    )
+
+
+def _may_cover(header: FileHeader, box: BoundingBox) -> bool:
+    bounds = header.box
+    return bounds is None or (
+        bounds.south_deg <= box.north_deg
+        and bounds.north_deg >= box.south_deg
+        and bounds.west_deg <= box.east_deg
+        and bounds.east_deg >= box.west_deg
+    )
+
+
+def is_on_earth(site: Site) -> bool:
+    """Whether a site has coordinates that any place has."""
+    return abs(site.latitude_deg) <= 90 and abs(site.longitude_deg) <= 180
+
+
+def _road_length_m(extract: OsmExtract) -> float:
+    nodes = extract.nodes
+    return sum(
+        _distance_between_m(
+            nodes[a].latitude_deg, nodes[a].longitude_deg, nodes[b].latitude_deg, nodes[b].longitude_deg
+        )
+        for way in extract.ways
+        for a, b in pairwise(way.node_ids)
+    )
+
+
+def _distance_m(site: Site, box: BoundingBox) -> float:
+    """Distance from a site to a box, 0 inside."""
+    latitude_deg = min(max(site.latitude_deg, box.south_deg), box.north_deg)
+    longitude_deg = min(max(site.longitude_deg, box.west_deg), box.east_deg)
+    return _distance_between_m(site.latitude_deg, site.longitude_deg, latitude_deg, longitude_deg)
+
+
+def _distance_between_m(lat_1_deg: float, lon_1_deg: float, lat_2_deg: float, lon_2_deg: float) -> float:
+    """Great circle distance on the sphere (haversine)."""
+    lat_1, lat_2 = math.radians(lat_1_deg), math.radians(lat_2_deg)
+    a = math.sin((lat_2 - lat_1) / 2) ** 2
+    b = math.cos(lat_1) * math.cos(lat_2) * math.sin(math.radians(lon_2_deg - lon_1_deg) / 2) ** 2
+    return 2 * _EARTH_RADIUS_M * math.asin(min(1.0, math.sqrt(a + b)))

@@ -1,0 +1,37 @@
+"""Which OSM ways a motor vehicle drives on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+# The OSM wiki's road classes and links, as osmnx's "drive" network has them. Not in it: ways for feet and wheels
+# (footway, cycleway, path, pedestrian, track, ...), busways, and what is not there (construction, proposed, razed).
+PUBLIC_HIGHWAYS: Final = frozenset(
+    {
+        *("motorway", "trunk", "primary", "secondary", "tertiary"),
+        *("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link"),
+        *("unclassified", "residential", "living_street", "road"),
+    }
+)
+SERVICE_HIGHWAYS: Final = frozenset({"service"})
+DRIVABLE_HIGHWAYS: Final = PUBLIC_HIGHWAYS | SERVICE_HIGHWAYS
+
+_VEHICLE_ACCESS_KEYS: Final = ("motorcar", "motor_vehicle", "vehicle", "access")  # the most specific first
+_FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
+
+
+def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
+    """Whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
+
+    Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are no ways to drive along.
+    """
+    highway = tags.get("highway")
+    if highway not in PUBLIC_HIGHWAYS and not (service_roads and highway in SERVICE_HIGHWAYS):
+        return False
+    if tags.get("area") == "yes":
+        return False
+    for key in _VEHICLE_ACCESS_KEYS:
+        if key in tags:
+            return tags[key] not in _FORBIDDEN
+    return True

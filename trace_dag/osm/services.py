@@ -1,0 +1,152 @@
+"""Maps from the public OSM services: Overpass (several endpoints, one after the other) and the OSM API.
+
+Both answer a box with OSM XML that holds every way in it whole. What they answer is looked at before it is believed or
+cached: Overpass reports a query that ran out of time or memory as a ``remark`` inside an answer with status 200. All
+requests go through :class:`trace_dag.http.HttpClient`. For more than a few hundred crashes download extracts of the
+states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
+from trace_dag.http import HttpClient
+from trace_dag.osm.catalog import box_around, is_on_earth
+from trace_dag.osm.cutting import cut_roads
+from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
+from trace_dag.osm.extraction import RawWay
+from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.osm.xml import read_osm
+from trace_dag.settings import OsmSettings
+
+OVERPASS_ENDPOINTS: Final = (
+    "https://overpass-api.de/api/interpreter",
+    "https://overpass.private.coffee/api/interpreter",
+    "https://maps.mail.ru/osm/tools/overpass/api/interpreter",
+)
+OSM_API: Final = "https://api.openstreetmap.org/api/0.6"
+
+_OVERPASS_TIMEOUT_S: Final = 90
+_REMARK: Final = re.compile(rb"<remark>\s*([^<]*error[^<]*)</remark>", re.IGNORECASE)
+_OSM_ROOT: Final = re.compile(rb"<osm[\s>]")
+_HEAD_BYTES: Final = 2048
+
+
+class MapSource(Protocol):
+    """Where extracts come from: files, or one of the services."""
+
+    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+        """The roads around each site by its key, or why there are none."""
+        ...
+
+
+@dataclass(frozen=True)
+class OverpassSource:
+    """Overpass. An endpoint that does not give a right answer is followed by the next."""
+
+    http: HttpClient
+    endpoints: tuple[str, ...] = OVERPASS_ENDPOINTS
+
+    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+        """One request per site.
+
+        Raises :class:`TransientFailure` or :class:`Failure` as the last endpoint did.
+        """
+        return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
+
+    def _download(self, box: BoundingBox) -> bytes:
+        query = {"data": overpass_query(box)}
+        failures: list[Failure] = []
+        for endpoint in self.endpoints:
+            try:
+                return self.http.post(endpoint, query, check=whats_wrong)
+            except Failure as failure:
+                failures.append(failure)
+        said = "; ".join(str(failure) for failure in failures)
+        kind = TransientFailure if any(isinstance(failure, TransientFailure) for failure in failures) else Failure
+        raise kind(f"no Overpass endpoint answered: {said}")
+
+
+@dataclass(frozen=True)
+class OsmApiSource:
+    """The OSM API, which is meant for editing: for a handful of crashes."""
+
+    http: HttpClient
+    url: str = OSM_API
+
+    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+        """One request per site. Raises :class:`TransientFailure` or :class:`Failure` as the service does."""
+        return {site.key: _extract(site, settings, self._download, "the OSM API") for site in sites}
+
+    def _download(self, box: BoundingBox) -> bytes:
+        corners = (box.west_deg, box.south_deg, box.east_deg, box.north_deg)
+        bbox = ",".join(f"{corner:.7f}" for corner in corners)
+        return self.http.get(f"{self.url}/map", {"bbox": bbox}, check=whats_wrong)
+
+
+class _Download(Protocol):
+    def __call__(self, box: BoundingBox) -> bytes: ...
+
+
+def overpass_query(box: BoundingBox) -> str:
+    """Overpass QL for the drivable ways of a box, their nodes, and the restrictions they are in."""
+    corners = (box.south_deg, box.west_deg, box.north_deg, box.east_deg)
+    bbox = ",".join(f"{corner:.7f}" for corner in corners)
+    classes = "|".join(sorted(DRIVABLE_HIGHWAYS))
+    return (
+        f'[out:xml][timeout:{_OVERPASS_TIMEOUT_S}];way["highway"~"^({classes})$"]({bbox})->.roads;'
+        '(node(w.roads);.roads;rel(bw.roads)["type"="restriction"];);out body;'
+    )
+
+
+def whats_wrong(answer: bytes) -> str | None:
+    """What keeps an answer from being the data asked for, None if nothing does."""
+    if remark := _REMARK.search(answer):
+        return f"the query failed: {remark[1].decode(errors='replace').strip()}"
+    if not _OSM_ROOT.search(answer[:_HEAD_BYTES]) or b"</osm>" not in answer[-_HEAD_BYTES:]:
+        return "the answer is not OSM data, or not all of it"
+    return None
+
+
+def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) -> OsmExtract | Rejection:
+    place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
+    if not is_on_earth(site):
+        return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is no place on Earth.")
+    box = box_around(site, settings.radius_m)
+    try:
+        data = read_osm(download(box), name=name)
+    except UserError as error:
+        raise Failure(str(error)) from error  # the service's fault, not the caller's
+    roads = cut_roads(
+        box,
+        _raw_ways(data, service_roads=settings.service_roads),
+        {node.id: node.tags for node in data.nodes.values() if node.tags},
+        (relation for relation in data.relations if "restriction" in relation.tags),
+    )
+    if not roads.ways:
+        detail = f"{name} has no drivable way within {settings.radius_m:.0f} m of {place}."
+        return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+    return OsmExtract(
+        box=box,
+        nodes=roads.nodes,
+        ways=roads.ways,
+        relations=roads.relations,
+        source=name,
+        data_timestamp=data.data_timestamp,
+    )
+
+
+def _raw_ways(data: OsmExtract, *, service_roads: bool) -> list[RawWay]:
+    ways = []
+    for way in data.ways:
+        if not is_drivable(way.tags, service_roads=service_roads):
+            continue
+        x_deg = tuple(data.nodes[node_id].longitude_deg for node_id in way.node_ids)
+        y_deg = tuple(data.nodes[node_id].latitude_deg for node_id in way.node_ids)
+        bounds = min(x_deg), min(y_deg), max(x_deg), max(y_deg)
+        ways.append(RawWay(way.id, way.node_ids, x_deg, y_deg, bounds, way.tags))
+    return ways

@@ -1,0 +1,79 @@
+"""Plain OSM data of one site, as cut out of a source: nodes, ways and relations with all their tags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place to cut a map around: the reported point of crash ``key``, WGS84 degrees."""
+
+    key: str
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True)
+class OsmNode:
+    """A node in WGS84 degrees. ``clipped`` marks one that was made where a way was cut at the box."""
+
+    id: int
+    latitude_deg: float
+    longitude_deg: float
+    tags: dict[str, str] = field(default_factory=dict)
+    clipped: bool = False
+
+
+@dataclass(frozen=True)
+class OsmWay:
+    """A way and the ids of its nodes, in order, all of them present in the extract."""
+
+    id: int
+    node_ids: tuple[int, ...]
+    tags: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OsmMember:
+    """A member of a relation: ``type`` is "node", "way" or "relation"."""
+
+    type: str
+    id: int
+    role: str
+
+
+@dataclass(frozen=True)
+class OsmRelation:
+    """A relation, in practice a turn restriction."""
+
+    id: int
+    members: tuple[OsmMember, ...]
+    tags: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class BoundingBox:
+    """A box in WGS84 degrees."""
+
+    south_deg: float
+    west_deg: float
+    north_deg: float
+    east_deg: float
+
+    def contains(self, latitude_deg: float, longitude_deg: float) -> bool:
+        """Whether a point lies in the box, borders included."""
+        return self.south_deg <= latitude_deg <= self.north_deg and self.west_deg <= longitude_deg <= self.east_deg
+
+
+@dataclass(frozen=True)
+class OsmExtract:
+    """The pruned OSM data around one crash: what ``osm_extract/<key>.osm`` holds."""
+
+    box: BoundingBox
+    nodes: dict[int, OsmNode]
+    ways: tuple[OsmWay, ...]
+    relations: tuple[OsmRelation, ...] = ()
+    source: str = ""
+    data_timestamp: str = ""
+    attribution: str = "© OpenStreetMap contributors, ODbL 1.0"

@@ -1,0 +1,193 @@
+"""OSM XML (API 0.6) to and from :class:`~trace_dag.osm.types.OsmExtract`.
+
+The form in which extracts are stored, and in which the OSM API and Overpass answer. Written so that other tools
+(osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of
+1e-7 degrees, ``version="1"`` on every object because some readers insist on it. What OSM XML has no word for rides on
+attributes that readers ignore: ``clipped`` on nodes made at the border of the box and ``source`` on the root.
+Reading files of unknown size, of any format, is :mod:`trace_dag.osm.extraction`'s task.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.errors import UserError
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
+
+_GENERATOR: Final = "trace-dag"
+_MEMBER_TYPES: Final = ("node", "way", "relation")
+# Everything XML 1.0 cannot hold: control characters, surrogates, the two non-characters.
+_NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_osm(extract: OsmExtract) -> bytes:
+    """The extract as OSM XML, UTF-8, the same bytes for the same extract."""
+    root = etree.Element("osm", version="0.6", generator=_GENERATOR)
+    if extract.attribution:
+        root.set("attribution", _text(extract.attribution))
+    if extract.source:
+        root.set("source", _text(extract.source))
+    if extract.data_timestamp:
+        etree.SubElement(root, "meta", osm_base=_text(extract.data_timestamp))
+    box = extract.box
+    etree.SubElement(
+        root,
+        "bounds",
+        minlat=_degrees(box.south_deg),
+        minlon=_degrees(box.west_deg),
+        maxlat=_degrees(box.north_deg),
+        maxlon=_degrees(box.east_deg),
+    )
+    for node in sorted(extract.nodes.values(), key=lambda node: node.id):
+        lat, lon = _degrees(node.latitude_deg), _degrees(node.longitude_deg)
+        element = etree.SubElement(root, "node", id=str(node.id), version="1", lat=lat, lon=lon)
+        if node.clipped:
+            element.set("clipped", "true")
+        _write_tags(element, node.tags)
+    for way in sorted(extract.ways, key=lambda way: way.id):
+        element = etree.SubElement(root, "way", id=str(way.id), version="1")
+        for node_id in way.node_ids:
+            etree.SubElement(element, "nd", ref=str(node_id))
+        _write_tags(element, way.tags)
+    for relation in sorted(extract.relations, key=lambda relation: relation.id):
+        element = etree.SubElement(root, "relation", id=str(relation.id), version="1")
+        for member in relation.members:
+            etree.SubElement(element, "member", type=member.type, ref=str(member.id), role=_text(member.role))
+        _write_tags(element, relation.tags)
+    etree.indent(root)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+
+
+def read_osm(data: bytes, *, name: str) -> OsmExtract:
+    """Read OSM XML; ``name`` (a path or address) is for error messages.
+
+    A way's references to nodes that are not in the data are dropped, as are ways with fewer than two nodes left and
+    deleted objects, so that the result keeps the promise of :class:`OsmExtract`. Without ``<bounds>`` the box is that
+    of the nodes.
+
+    Raises :class:`UserError` for anything that is not OSM XML.
+    """
+    root = _parse(data, name)
+    nodes: dict[int, OsmNode] = {}
+    ways: dict[int, OsmWay] = {}
+    relations: dict[int, OsmRelation] = {}
+    timestamp = ""
+    box: BoundingBox | None = None
+    for element in root:
+        if element.get("visible") == "false" or element.get("action") == "delete":
+            continue
+        match element.tag:
+            case "bounds":
+                box = BoundingBox(
+                    *(_number(element, key, name, 180.0) for key in ("minlat", "minlon", "maxlat", "maxlon"))
+                )
+            case "meta":
+                timestamp = element.get("osm_base", "")
+            case "node":
+                node = OsmNode(
+                    _integer(element, "id", name),
+                    _number(element, "lat", name, 90.0),
+                    _number(element, "lon", name, 180.0),
+                    _read_tags(element),
+                    clipped=element.get("clipped") == "true",
+                )
+                nodes[node.id] = node
+            case "way":
+                ids = tuple(_integer(nd, "ref", name) for nd in element.iterchildren("nd"))
+                way = OsmWay(_integer(element, "id", name), ids, _read_tags(element))
+                ways[way.id] = way
+            case "relation":
+                members = tuple(_member(member, name) for member in element.iterchildren("member"))
+                relation = OsmRelation(_integer(element, "id", name), members, _read_tags(element))
+                relations[relation.id] = relation
+    return OsmExtract(
+        box=box or _box_of(nodes),
+        nodes=nodes,
+        ways=_present_ways(ways, nodes),
+        relations=tuple(relations[key] for key in sorted(relations)),
+        source=root.get("source", ""),
+        data_timestamp=timestamp,
+        attribution=root.get("attribution") or OsmExtract.attribution,
+    )
+
+
+def _parse(data: bytes, name: str) -> etree._Element:
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True)
+    try:
+        root = etree.parse(io.BytesIO(data), parser).getroot()
+    except etree.XMLSyntaxError as error:
+        raise UserError(
+            f"{name}: not OSM XML ({error.msg or 'empty'}); expected a document <osm> ... </osm>"
+        ) from error
+    if root.tag != "osm":
+        raise UserError(f"{name}: not OSM XML: the document is a <{root.tag}>, expected <osm>")
+    return root
+
+
+def _present_ways(ways: dict[int, OsmWay], nodes: dict[int, OsmNode]) -> tuple[OsmWay, ...]:
+    present = []
+    for way in (ways[key] for key in sorted(ways)):
+        ids = tuple(node_id for node_id in way.node_ids if node_id in nodes)
+        if len(ids) >= 2:
+            present.append(OsmWay(way.id, ids, way.tags))
+    return tuple(present)
+
+
+def _box_of(nodes: dict[int, OsmNode]) -> BoundingBox:
+    if not nodes:
+        return BoundingBox(0.0, 0.0, 0.0, 0.0)
+    latitudes = [node.latitude_deg for node in nodes.values()]
+    longitudes = [node.longitude_deg for node in nodes.values()]
+    return BoundingBox(min(latitudes), min(longitudes), max(latitudes), max(longitudes))
+
+
+def _write_tags(element: etree._Element, tags: dict[str, str]) -> None:
+    for key in sorted(tags):
+        etree.SubElement(element, "tag", k=_text(key), v=_text(tags[key]))
+
+
+def _read_tags(element: etree._Element) -> dict[str, str]:
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterchildren("tag")}
+
+
+def _member(element: etree._Element, name: str) -> OsmMember:
+    kind = element.get("type", "")
+    if kind not in _MEMBER_TYPES:
+        raise UserError(f'{name}: <member type="{kind}"> at line {element.sourceline}, expected one of {_MEMBER_TYPES}')
+    return OsmMember(kind, _integer(element, "ref", name), element.get("role", ""))
+
+
+def _integer(element: etree._Element, key: str, name: str) -> int:
+    value = element.get(key, "")
+    try:
+        return int(value)
+    except ValueError:
+        raise UserError(_complaint(element, key, name, "a whole number")) from None
+
+
+def _number(element: etree._Element, key: str, name: str, limit_deg: float) -> float:
+    try:
+        value = float(element.get(key, ""))
+    except ValueError:
+        value = float("nan")
+    if not -limit_deg <= value <= limit_deg:
+        raise UserError(_complaint(element, key, name, f"degrees between {-limit_deg:g} and {limit_deg:g}"))
+    return value
+
+
+def _complaint(element: etree._Element, key: str, name: str, expected: str) -> str:
+    return (
+        f'{name}: <{element.tag}> at line {element.sourceline} has {key}="{element.get(key, "")}", expected {expected}'
+    )
+
+
+def _degrees(value: float) -> str:
+    return f"{value:.7f}"
+
+
+def _text(value: str) -> str:
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", value)

@@ -1,0 +1,267 @@
+"""A batch: some stages for many crashes, through an executor, one event per crash and stage.
+
+Belongs here: what is left to do for each crash, cutting the rest into chunks, putting the answers together. The same
+for every executor, and the only place that talks to one. Does not belong here: the work on a crash
+(:mod:`trace_dag.pipeline.worker`) and telling Dagster about it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
+from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
+from trace_dag.pipeline.records import Records, intact, read_records, write_record
+from trace_dag.pipeline.registry import CrashSource, Registry
+from trace_dag.pipeline.worker import (
+    Action,
+    Chunk,
+    CrashTask,
+    StageEvent,
+    Work,
+    provenance_of,
+    work_on_chunk,
+)
+from trace_dag.provenance import Outcome, OutcomeRecord, now
+from trace_dag.settings import Settings, load_settings
+from trace_dag.storage import Storage
+
+SETTINGS_FILE = "settings.toml"
+log = logging.getLogger(__name__)
+
+_CHUNKS_PER_WORKER = 4  # at least, so that the last chunk of a batch keeps nobody waiting long
+
+
+@dataclass
+class _Crash:
+    """A crash under way in the parent."""
+
+    key: str
+    source: CrashSource
+    records: Records
+    open: bool = True  # goes on to the next stage
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """The flow on a storage root: all there is to know to run crashes and to say where they stand."""
+
+    storage: Storage
+    settings: Settings
+    flow: Flow
+
+    @classmethod
+    def open(cls, root: str, flow: Flow, overrides: Mapping[str, Any] | None = None) -> Pipeline:
+        """The pipeline on a storage root with the root's ``settings.toml``, the environment and ``overrides``."""
+        storage = Storage.open(root)
+        try:
+            toml = storage.read(SETTINGS_FILE)
+        except FileNotFoundError:
+            toml = b""
+        return cls(storage, load_settings(toml, name=storage.path(SETTINGS_FILE), overrides=overrides), flow)
+
+    @property
+    def registry(self) -> Registry:
+        """The registered crashes."""
+        return Registry(self.storage)
+
+    def work(self, run_id: str, force: Collection[Stage] = ()) -> Work:
+        """What the workers of a run need to know."""
+        return Work(self.storage, self.settings, self.flow, run_id, Work.code_versions(self.flow), frozenset(force))
+
+    def first_stale(self, keys: Sequence[str]) -> dict[str, Stage]:
+        """For each crash that is not up to date, the first stage that would have to run."""
+        work, sources = self.work(""), self.registry.sources(keys)
+        records = read_records(self.storage, keys)
+        whole = intact(self.storage, [record for each in records.values() for record in each.values()])
+        stale = {}
+        for key in keys:
+            for definition in self.flow.stages:
+                record = records[key].get(definition.stage)
+                if not _holds(record, definition, work, sources[key], records[key], whole):
+                    stale[key] = definition.stage
+                    break
+                if record is not None and record.outcome is Outcome.REJECTED:
+                    break
+        return stale
+
+    def run(
+        self,
+        keys: Sequence[str],
+        stages: Collection[Stage] = tuple(Stage),
+        *,
+        run_id: str,
+        force: Collection[Stage] = (),
+        executor: Executor | None = None,
+    ) -> Iterator[StageEvent]:
+        """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
+
+        What is current is not run again unless its stage is in ``force``. A crash that fails never keeps another from
+        going on. Events of one crash come in the order of the stages.
+        """
+        ours = executor is None
+        executor = executor or make_executor(self.settings.execution)
+        try:
+            yield from _Batch(self.work(run_id, force), executor, stages).run(keys, self.registry.sources(keys))
+        finally:
+            if ours:
+                executor.close()
+
+
+class _Batch:
+    def __init__(self, work: Work, executor: Executor, stages: Collection[Stage]) -> None:
+        self.work = work
+        self.executor = executor
+        self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
+
+    def run(self, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> Iterator[StageEvent]:
+        records = read_records(self.work.storage, keys)
+        whole = intact(self.work.storage, [record for each in records.values() for record in each.values()])
+        crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        segments = self.work.flow.segments(self.stages)
+        for segment in segments:
+            waiting = []
+            for crash in crashes.values():
+                if not crash.open:
+                    continue
+                known = self._without_work(crash, segment, whole)
+                if known is None:
+                    waiting.append(crash)
+                else:
+                    yield from known
+            chunks = self._chunks(waiting, segment, last=segment is segments[-1])
+            for answer in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
+                if isinstance(answer.result, WorkerLost):
+                    events = [
+                        event for crash in answer.task.crashes for event in self._lost(crash, segment, answer.result)
+                    ]
+                else:
+                    events = answer.result
+                for event in events:
+                    crash = crashes[event.key]
+                    if event.record is not None:
+                        crash.records[event.stage] = event.record
+                    yield from self._with_later(crash, event)
+
+    def _without_work(
+        self, crash: _Crash, segment: Sequence[StageDefinition], whole: Mapping[str, bool]
+    ) -> list[StageEvent] | None:
+        """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
+        events: list[StageEvent] = []
+        for definition in segment:
+            ended = self._ended_before(crash, definition.stage)
+            if ended is not None:
+                return events + self._with_later(crash, ended)
+            record = crash.records.get(definition.stage)
+            if definition.stage in self.work.force or not _holds(
+                record, definition, self.work, crash.source, crash.records, whole
+            ):
+                return None
+            event = StageEvent(crash.key, definition.stage, Action.UNCHANGED, record)
+            if record is not None and record.outcome is Outcome.REJECTED:
+                return events + self._with_later(crash, event)
+            events.append(event)
+        return events
+
+    def _ended_before(self, crash: _Crash, stage: Stage) -> StageEvent | None:
+        """Why a crash cannot reach a stage although this run has not ended it: an earlier stage not selected."""
+        for definition in self.work.flow.stages:
+            if definition.stage is stage:
+                return None
+            record = crash.records.get(definition.stage)
+            if record is not None and record.outcome is Outcome.ACCEPTED:
+                continue
+            rejected = record is not None and record.outcome is Outcome.REJECTED
+            return StageEvent(crash.key, stage, Action.NOT_REACHED if rejected else Action.BLOCKED, record)
+        return None
+
+    def _with_later(self, crash: _Crash, event: StageEvent) -> list[StageEvent]:
+        """An event, and if it ends the crash, those of all later selected stages."""
+        record = event.record
+        if record is not None and record.outcome is Outcome.ACCEPTED and event.action is not Action.BLOCKED:
+            return [event]
+        crash.open = False
+        action = Action.NOT_REACHED if record is not None and record.outcome is Outcome.REJECTED else Action.BLOCKED
+        later = self.stages[self.stages.index(event.stage) + 1 :]
+        return [event, *(StageEvent(crash.key, stage, action, record) for stage in later)]
+
+    def _chunks(self, crashes: Sequence[_Crash], segment: Sequence[StageDefinition], last: bool) -> list[Chunk]:
+        if not crashes:
+            return []
+        workers, tasks = self.executor.workers, {each.key: self._task(each) for each in crashes}
+        groups = self._groups(crashes, segment[0])
+        if not groups:
+            most = self.work.settings.execution.chunk_size
+            size = max(1, min(most, math.ceil(len(crashes) / (workers * _CHUNKS_PER_WORKER))))
+            keys = list(tasks)
+            groups = [keys[start : start + size] for start in range(0, len(keys), size)]
+        stages = tuple(definition.stage for definition in segment)
+        return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
+
+    def _groups(self, crashes: Sequence[_Crash], definition: StageDefinition) -> list[list[str]]:
+        """The groups a batch stage is best called with; none where it has no wish, or where finding them breaks."""
+        if definition.grouping is None:
+            return []
+        try:
+            return [list(group) for group in definition.grouping([self._files(each) for each in crashes])]
+        except Exception:
+            # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
+            log.exception("%s: no groups; going on without", definition.stage)
+            return []
+
+    def _task(self, crash: _Crash) -> CrashTask:
+        return CrashTask(crash.key, crash.source, dict(crash.records))
+
+    def _files(self, crash: _Crash) -> CrashFiles:
+        files = CrashFiles(crash.key, crash.source, self.work.settings, self.work.storage)
+        for record in crash.records.values():
+            files.accept(record)
+        return files
+
+    def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: WorkerLost) -> list[StageEvent]:
+        """A crash whose worker died every time: a failure of the first stage it had not finished."""
+        records = read_records(self.work.storage, [task.key])[task.key]
+        events: list[StageEvent] = []
+        for stuck in segment:
+            record = records.get(stuck.stage)
+            if not _holds(record, stuck, self.work, task.source, records, {}):
+                break
+            events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
+            if record is not None and record.outcome is Outcome.REJECTED:
+                return events
+        else:
+            return events  # it died after the last record, drawing the picture
+        provenance = provenance_of(stuck, self.work, task.source, records)
+        record = OutcomeRecord(
+            key=task.key,
+            stage=stuck.stage,
+            outcome=Outcome.FAILED,
+            provenance=provenance,
+            fingerprint=provenance.fingerprint,
+            run_id=self.work.run_id,
+            started_at=now(),
+            detail=f"the worker process died in this stage, alone and twice over ({lost.detail})",
+        ).superseding(records.get(stuck.stage))
+        write_record(self.work.storage, record)
+        return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, record)]
+
+
+def _holds(
+    record: OutcomeRecord | None,
+    definition: StageDefinition,
+    work: Work,
+    source: CrashSource,
+    records: Records,
+    whole: Mapping[str, bool],
+) -> bool:
+    """Whether a stored outcome is current, its artefacts having been looked at before."""
+    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED):
+        return False
+    if record.name in whole and not whole[record.name]:
+        return False
+    return record.fingerprint == provenance_of(definition, work, source, records).fingerprint

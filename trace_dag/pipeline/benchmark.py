@@ -1,0 +1,235 @@
+"""The benchmark: a scenario package for every verified crash, and a static site about all crashes.
+
+``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
+``files/`` single files of them, ``replays/``, ``pictures/``. A crash whose artefacts, outcome and code have not changed
+is not made again. Belongs here: what goes where. Does not belong here: what packages and pages look like
+(:mod:`trace_dag.scenario`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
+from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.registry import CrashSource
+from trace_dag.pipeline.standing import FinalState, valid_records
+from trace_dag.pipeline.worker import picture_name
+from trace_dag.provenance import code_version
+from trace_dag.settings import Settings
+from trace_dag.storage import Storage
+from trace_dag.warehouse import query
+
+FOLDER = "benchmark"
+_CODE = ("trace_dag.scenario.package", "trace_dag.scenario.site")
+_OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
+
+
+@dataclass(frozen=True)
+class BenchmarkReport:
+    """How many packages and pages there are, how many were made now, and what went wrong by crash."""
+
+    packages: int
+    pages: int
+    made: int
+    errors: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Crashes whose pages are to be made; rows are those of the warehouse."""
+
+    storage: Storage
+    settings: Settings
+    crashes: tuple[_Crash, ...]
+
+    def split(self) -> list[_Task]:
+        return [replace(self, crashes=(crash,)) for crash in self.crashes]
+
+
+@dataclass(frozen=True)
+class _Crash:
+    key: str
+    source: CrashSource
+    records: Records
+    row: Mapping[str, Any]
+    outcomes: tuple[Mapping[str, Any], ...]
+    digest: str
+
+
+def build_benchmark(pipeline: Pipeline, warehouse: Path, executor: Executor | None = None) -> BenchmarkReport:
+    """Bring packages and site up to date with the warehouse."""
+    storage = pipeline.storage
+    table = query.rows(warehouse, "crashes")
+    verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
+    for row in table:
+        row["contact_distance_m"] = verdicts.get(row["key"], {}).get("contact_distance_m")
+    crashes = _crashes(pipeline, warehouse, table)
+    verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
+    made_before = _digests(storage)
+    stale = [crash for crash in crashes if made_before.get(crash.key) != crash.digest]
+    errors: dict[str, str] = {}
+    ours = executor or make_executor(pipeline.settings.execution)
+    try:
+        for answer in run_redoing_lost(ours, _make, _tasks(pipeline, stale, ours.workers), _Task.split):
+            lost = answer.result
+            if isinstance(lost, WorkerLost):
+                errors.update({crash.key: lost.detail for crash in answer.task.crashes})
+            else:
+                errors.update(lost)
+    finally:
+        if executor is None:
+            ours.close()
+    _remove_others(storage, verified)
+    _write_index(storage, warehouse, table)
+    digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
+    storage.write(f"{FOLDER}/digests.json", json.dumps(digests, indent=0).encode())
+    packages = sum(name.endswith(".zip") for name in storage.list(f"{FOLDER}/packages"))
+    return BenchmarkReport(packages, len(crashes), len(stale), errors)
+
+
+def _crashes(pipeline: Pipeline, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> list[_Crash]:
+    keys = [row["key"] for row in table]
+    sources = pipeline.registry.sources(keys)
+    records = {key: valid_records(each) for key, each in read_records(pipeline.storage, keys).items()}
+    outcomes: dict[str, list[Mapping[str, Any]]] = {}
+    for row in query.rows(warehouse, "stage_outcomes"):
+        outcomes.setdefault(row["key"], []).append(row)
+    code = code_version(_CODE)
+    crashes = []
+    for crash in table:
+        key = crash["key"]
+        made_of = [file.sha256 for record in records[key].values() for file in record.artefacts]
+        parts = json.dumps([code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])]], default=str)
+        digest = hashlib.sha256(parts.encode()).hexdigest()
+        crashes.append(_Crash(key, sources[key], records[key], crash, tuple(outcomes.get(key, ())), digest))
+    return crashes
+
+
+def _tasks(pipeline: Pipeline, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
+    size = max(1, min(pipeline.settings.execution.chunk_size, math.ceil(len(crashes) / (4 * workers))))
+    return [
+        _Task(pipeline.storage, pipeline.settings, tuple(crashes[start : start + size]))
+        for start in range(0, len(crashes), size)
+    ]
+
+
+def _make(task: _Task) -> dict[str, str]:
+    """Packages and pages of some crashes; what went wrong by crash."""
+    errors = {}
+    for crash in task.crashes:
+        files = CrashFiles(crash.key, crash.source, task.settings, task.storage)
+        for record in crash.records.values():
+            files.accept(record)
+        try:
+            _make_one(files, crash)
+        except Exception as error:
+            # One crash without a page keeps no other from having one.
+            errors[crash.key] = "".join(traceback.format_exception(error))
+    return errors
+
+
+def _make_one(files: CrashFiles, crash: _Crash) -> None:
+    from trace_dag.pipeline import stages
+    from trace_dag.scenario.site import CrashPage, Download, write_crash_page
+
+    storage, key = files.storage, files.key
+    downloads: list[Download] = []
+    replay = None
+    if crash.row["final_state"] == FinalState.VERIFIED:
+        package = _package(files, crash)
+        for name in _OFFERED:
+            stored = storage.write(f"{FOLDER}/files/{key}/{name}", package[name])
+            downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
+        replay = storage.write(f"{FOLDER}/replays/{key}.html", package["replay.html"]).name
+        archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, package))
+        downloads.insert(0, Download("Scenario package", f"../packages/{key}.zip", archive.size))
+    picture = None
+    with suppress(FileNotFoundError):  # rejected before there was anything to draw
+        picture = storage.write(f"{FOLDER}/{picture_name(key)}", storage.read(picture_name(key))).name
+    page = CrashPage(
+        crash.row,
+        crash.outcomes,
+        record=stages.record_of(files) if files.has(Stage.CRASH_RECORD, "parquet") else None,
+        map_report=stages.map_report_of(files) if files.has(Stage.ROAD_MAP, "json") else None,
+        estimate=stages.estimate_of(files) if files.has(Stage.STATE_ESTIMATE, "json") else None,
+        verdict=stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None,
+        picture=f"../pictures/{key}.png" if picture else None,
+        replay=f"../replays/{key}.html" if replay else None,
+        downloads=downloads,
+    )
+    storage.write(f"{FOLDER}/crashes/{key}.html", write_crash_page(page))
+
+
+def _package(files: CrashFiles, crash: _Crash) -> dict[str, bytes]:
+    from trace_dag.pipeline import stages
+    from trace_dag.scenario.package import PackageInput, package_files
+
+    verdict = stages.verdict_of(files)
+    return package_files(
+        PackageInput(
+            record=stages.record_of(files),
+            report_xml=files.read(Stage.RAW_REPORT, "xml"),
+            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
+            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
+            estimate_json=files.read(Stage.STATE_ESTIMATE, "json"),
+            verdict_json=files.read(Stage.VERDICT, "json"),
+            provenance={
+                stage.value: {
+                    "code": record.provenance.code,
+                    "settings": record.provenance.settings,
+                    "inputs": record.provenance.inputs,
+                    "fingerprint": record.fingerprint,
+                }
+                for stage, record in crash.records.items()
+            },
+            network=stages.network_of(files),
+            map_report=stages.map_report_of(files),
+            estimate=stages.estimate_of(files),
+            log=stages.logs_of(files)[verdict.hypothesis],
+            verdict=verdict,
+        )
+    )
+
+
+def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
+    from trace_dag.scenario.package import zip_files
+
+    return zip_files(package, folder=key)
+
+
+def _digests(storage: Storage) -> dict[str, str]:
+    try:
+        digests: dict[str, str] = json.loads(storage.read(f"{FOLDER}/digests.json"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return {}
+    present = storage.list(f"{FOLDER}/crashes")
+    return {key: digest for key, digest in digests.items() if f"{FOLDER}/crashes/{key}.html" in present}
+
+
+def _remove_others(storage: Storage, verified: set[str]) -> None:
+    """Packages of crashes that are not verified any more."""
+    for folder in ("packages", "replays"):
+        for name in storage.list(f"{FOLDER}/{folder}"):
+            if Path(name).stem not in verified:
+                storage.delete(name)
+
+
+def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> None:
+    from trace_dag.scenario.site import static_files, write_index
+
+    others = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
+    storage.write(f"{FOLDER}/index.html", write_index(table, *others))
+    for name, data in static_files().items():
+        storage.write(f"{FOLDER}/{name}", data)

@@ -1,0 +1,175 @@
+"""Cohorts compared: verdicts against negative controls, and our crashes beside a published benchmark's.
+
+Works on what is stored and changes no crash's artefacts. The rows lie at ``ROOT/comparisons/<kind>-<cohort>.json``,
+from where the warehouse takes them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from trace_dag.errors import Failure, Stage, UserError
+from trace_dag.pipeline import stages
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.records import read_records
+from trace_dag.pipeline.standing import valid_records
+from trace_dag.storage import Storage
+from trace_dag.verdict.controls import (
+    ControlRow,
+    JudgedCrash,
+    against_other_reports,
+    shifted_estimate,
+    shifted_in_time,
+    shifted_row,
+    true_pairing,
+)
+from trace_dag.verdict.peer import ComparisonRow, compare
+
+FOLDER = "comparisons"
+CONTROLS = "controls"
+PUBLISHED = "published"
+_PEER_TIME_LIMIT_S = 45.0  # the slowest published vehicle takes half a minute to the crash
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCrash:
+    """A crash that reached a verdict: its files, and the hypothesis the verdict is about."""
+
+    files: CrashFiles
+    judged: JudgedCrash
+    accepted: bool
+
+
+def stored_crash(pipeline: Pipeline, key: str) -> CrashFiles:
+    """One crash's artefacts; :class:`UserError` for a key that is not registered."""
+    source = pipeline.registry.sources([key])[key]
+    files = CrashFiles(key, source, pipeline.settings, pipeline.storage)
+    for record in valid_records(read_records(pipeline.storage, [key])[key]).values():
+        files.accept(record)
+    return files
+
+
+def judged_crashes(pipeline: Pipeline, keys: Iterable[str]) -> list[StoredCrash]:
+    """Those of some crashes that have a verdict on a simulation."""
+    found = []
+    for key in keys:
+        files = stored_crash(pipeline, key)
+        if not files.has(Stage.VERDICT, "json"):
+            continue
+        verdict = stages.verdict_of(files)
+        judged = JudgedCrash(
+            stages.record_of(files),
+            stages.network_of(files),
+            stages.estimate_of(files).hypotheses[verdict.hypothesis],
+            stages.logs_of(files)[verdict.hypothesis],
+        )
+        found.append(StoredCrash(files, judged, verdict.accepted))
+    return found
+
+
+def negative_controls(pipeline: Pipeline, cohort: str) -> list[ControlRow]:
+    """Every judged crash of a cohort against its own report, every verified one against every other's report and with
+    one vehicle late. Stored for the warehouse.
+
+    Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
+    """
+    from trace_dag.sim.embedded import EmbeddedBackend
+    from trace_dag.sim.run import simulate
+
+    crashes = judged_crashes(pipeline, pipeline.registry.keys(cohort))
+    if not crashes:
+        raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
+    settings = pipeline.settings
+    rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
+    verified = [crash.judged for crash in crashes if crash.accepted]
+    rows += against_other_reports(verified, settings.verdict)
+    backend = EmbeddedBackend(settings.sim)
+    for crash in verified:
+        shift = shifted_in_time(crash.hypothesis)
+        log = None
+        if shift is not None:
+            states = shifted_estimate(crash, shift)
+            (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
+        rows.append(shifted_row(crash, shift, log, settings.verdict))
+    _store(pipeline.storage, CONTROLS, cohort, rows)
+    return rows
+
+
+def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[ComparisonRow]:
+    """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
+
+    ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
+    :class:`UserError` if it does not, or if none of its cases is in the cohort.
+    """
+    simulations = {file.stem.removeprefix("simulation_"): file for file in folder.glob("simulations/simulation_*.json")}
+    if not simulations:
+        raise UserError(
+            f"{folder}: no simulations/simulation_<stateCase>.json in it; the published benchmark's folder?"
+        )
+    rows: list[ComparisonRow] = []
+    for key in pipeline.registry.keys(cohort):
+        case = key.partition("-")[2]
+        files = stored_crash(pipeline, key)
+        if case not in simulations or not files.has(Stage.CRASH_RECORD, "parquet"):
+            continue
+        rows.append(_theirs(pipeline, files, simulations[case], folder / "maps" / f"map_{case}.xodr"))
+        for ours in judged_crashes(pipeline, [key]):
+            crash = ours.judged
+            rows.append(
+                compare(
+                    "trace-dag", crash.record, crash.network, crash.hypothesis, crash.log, pipeline.settings.verdict
+                )
+            )
+    if not rows:
+        raise UserError(f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r}")
+    _store(pipeline.storage, PUBLISHED, cohort, rows)
+    return rows
+
+
+def _theirs(pipeline: Pipeline, files: CrashFiles, simulation: Path, map_file: Path) -> ComparisonRow:
+    from trace_dag.roads.opendrive_reader import read_opendrive
+    from trace_dag.sim.embedded import EmbeddedBackend
+    from trace_dag.sim.published import published_estimate, read_published
+    from trace_dag.sim.run import simulate
+
+    if not map_file.is_file():
+        raise UserError(f"{map_file}: not there; every published simulation needs its map beside it")
+    record, xodr = stages.record_of(files), map_file.read_bytes()
+    network = read_opendrive(xodr, name=str(map_file))
+    states = published_estimate(read_published(simulation.read_bytes(), name=str(simulation)), record)
+    settings = pipeline.settings.sim.model_copy(update={"time_limit_s": _PEER_TIME_LIMIT_S})
+    (log,) = simulate(EmbeddedBackend(settings), network, xodr, states, settings, record=record)
+    return compare(PUBLISHED, record, network, states.best, log, pipeline.settings.verdict)
+
+
+def _store(storage: Storage, kind: str, cohort: str, rows: Sequence[ControlRow | ComparisonRow]) -> None:
+    content: list[dict[str, Any]] = [{"cohort": cohort, **asdict(row)} for row in rows]
+    try:
+        storage.write(f"{FOLDER}/{kind}-{cohort}.json", json.dumps(content, indent=0).encode())
+    except ValueError as error:
+        raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
+
+
+def replay(pipeline: Pipeline, key: str, image_format: str) -> bytes:
+    """The replay of one crash as stored: "html", "webp" or "gif".
+
+    Raises :class:`UserError` for a crash that is not registered or was not simulated.
+    """
+    from trace_dag.scenario.animation import write_animation
+    from trace_dag.scenario.replay import write_html_player
+
+    files = stored_crash(pipeline, key)
+    if not files.has(Stage.SIMULATION_LOG, "parquet"):
+        raise UserError(f"crash {key} was not simulated; trace-dag status tells where it stands")
+    verdict = stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None
+    logs = stages.logs_of(files)
+    log = logs[verdict.hypothesis if verdict else 0]
+    record, network = stages.record_of(files), stages.network_of(files)
+    if image_format == "html":
+        return write_html_player(record, network, log, verdict)
+    return write_animation(record, network, log, verdict, image_format="gif" if image_format == "gif" else "webp")

@@ -1,0 +1,232 @@
+"""Where chunks of work run: in this process, in a pool of processes, on a Dask cluster.
+
+The work is the same function for all of them, called with one picklable task. A task whose worker died is not lost:
+it is split as far as it can be and each part is tried alone, so that the one crash that kills its worker is found and
+the others are done. Does not belong here: what the work is.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from trace_dag.errors import UserError
+from trace_dag.settings import ExecutionSettings
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_ATTEMPTS_ALONE = 2
+
+
+@dataclass(frozen=True)
+class WorkerLost:
+    """The answer for a task whose worker died every time; ``detail`` says how."""
+
+    detail: str
+
+
+@dataclass(frozen=True)
+class Answer(Generic[T, R]):
+    """A task and what came of it."""
+
+    task: T
+    result: R | WorkerLost
+
+
+class Executor(Protocol):
+    """Runs a function over tasks and yields the answers as they come, in any order."""
+
+    workers: int
+
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+        """All tasks, each answered once. Exceptions of the function itself are raised."""
+
+    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
+        """One task with no other running in the same worker process."""
+
+    def close(self) -> None:
+        """Release the workers; safe to call twice."""
+
+
+def make_executor(settings: ExecutionSettings) -> Executor:
+    """The executor the settings ask for."""
+    if settings.executor == "dask":
+        return DaskExecutor(settings.dask_address)
+    workers = settings.workers or available_cores()
+    if settings.executor == "in_process" or workers == 1:
+        return InProcessExecutor()
+    return ProcessExecutor(workers)
+
+
+def available_cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_redoing_lost(
+    executor: Executor, function: Callable[[T], R], tasks: Sequence[T], split: Callable[[T], Sequence[T]]
+) -> Iterator[Answer[T, R]]:
+    """Run all tasks; one whose worker died is split by ``split`` and its parts are run alone, each at most twice."""
+    lost: list[T] = []
+    for answer in executor.run(function, tasks):
+        if isinstance(answer.result, WorkerLost):
+            lost.append(answer.task)
+        else:
+            yield answer
+    for task in lost:
+        for part in split(task):
+            result: R | WorkerLost = WorkerLost("not tried")
+            for _ in range(_ATTEMPTS_ALONE):
+                result = executor.alone(function, part)
+                if not isinstance(result, WorkerLost):
+                    break
+            yield Answer(part, result)
+
+
+class InProcessExecutor:
+    """One task after the other, here."""
+
+    workers = 1
+
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+        """See :class:`Executor`."""
+        for task in tasks:
+            yield Answer(task, function(task))
+
+    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
+        """See :class:`Executor`."""
+        return function(task)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class ProcessExecutor:
+    """A pool of spawned processes (never forked: MuJoCo, Arrow and Dagster hold threads)."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+        """See :class:`Executor`. At most two tasks per worker are under way, so few are lost with a worker."""
+        waiting = list(reversed(tasks))
+        under_way: dict[Future[R], T] = {}
+        while waiting or under_way:
+            while waiting and len(under_way) < 2 * self.workers:
+                task = waiting.pop()
+                try:
+                    under_way[self._ready_pool().submit(function, task)] = task
+                except BrokenProcessPool:  # died between two answers; what is under way will say so
+                    waiting.append(task)
+                    if not under_way:
+                        self._drop_pool()
+                    break
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED) if under_way else (set(), None)
+            broken = False
+            for future in done:
+                task = under_way.pop(future)
+                try:
+                    yield Answer(task, future.result())
+                except BrokenProcessPool as error:
+                    broken = True
+                    yield Answer(task, WorkerLost(str(error)))
+            if broken:
+                for task in under_way.values():
+                    yield Answer(task, WorkerLost("its worker died together with another"))
+                under_way.clear()
+                self._drop_pool()
+
+    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
+        """See :class:`Executor`: in a pool of one process made for it."""
+        with _new_pool(1) as pool:
+            try:
+                return pool.submit(function, task).result()
+            except BrokenProcessPool as error:
+                return WorkerLost(str(error))
+
+    def close(self) -> None:
+        """End the worker processes."""
+        self._drop_pool()
+
+    def _ready_pool(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            self._pool = _new_pool(self.workers)
+        return self._pool
+
+    def _drop_pool(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+
+def _new_pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare_worker)
+
+
+def _prepare_worker() -> None:
+    # One thread per process: the processes are the parallelism.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    # Ctrl-C is the parent's to handle; it ends its workers in good order.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    # A worker of a killed parent would wait for its next task for ever.
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+class DaskExecutor:
+    """The workers of a running Dask scheduler, which need nothing but this package and the storage root."""
+
+    def __init__(self, address: str | None) -> None:
+        if not address:
+            raise UserError("executor dask: set execution.dask_address to the address of a running scheduler")
+        try:
+            distributed: Any = importlib.import_module("distributed")
+        except ImportError as error:
+            raise UserError("executor dask: install trace-dag[dask]") from error
+        try:
+            self._client = distributed.Client(address, timeout="10s", set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise UserError(f"executor dask: no scheduler answers at {address} ({error})") from error
+        self.workers = max(1, sum(self._client.nthreads().values()))
+
+    def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
+        """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""
+        as_completed = importlib.import_module("distributed").as_completed
+        under_way = {self._client.submit(function, task, pure=False): task for task in tasks}
+        for future in as_completed(list(under_way), loop=self._client.loop):
+            yield Answer(under_way.pop(future), self._result(future))
+            future.release()
+
+    def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
+        """See :class:`Executor`."""
+        result: R | WorkerLost = self._result(self._client.submit(function, task, pure=False))
+        return result
+
+    def close(self) -> None:
+        """Leave the cluster as it is."""
+        self._client.close()
+
+    @staticmethod
+    def _result(future: Any) -> Any:
+        killed_worker = importlib.import_module("distributed.scheduler").KilledWorker
+        try:
+            return future.result()
+        except (killed_worker, CancelledError) as error:
+            return WorkerLost(str(error))

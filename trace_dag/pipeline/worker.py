@@ -1,0 +1,389 @@
+"""The work itself: some stages for some crashes, wherever an executor calls it.
+
+Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. The order of writing is
+what makes an interruption harmless: an older record is first marked as started, then the artefacts are written, then
+the record that lists them.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+import traceback
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
+from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
+from trace_dag.pipeline.records import Records, intact, read_records, write_record
+from trace_dag.pipeline.registry import CrashSource
+from trace_dag.provenance import (
+    Outcome,
+    OutcomeRecord,
+    Provenance,
+    artefact_name,
+    code_version,
+    now,
+    settings_of,
+)
+from trace_dag.settings import Settings
+from trace_dag.storage import Storage, StoredFile
+
+log = logging.getLogger(__name__)
+
+
+class Action(StrEnum):
+    """What a stage of a run did for a crash."""
+
+    COMPUTED = "computed"
+    UNCHANGED = "unchanged"  # its record is current
+    NOT_REACHED = "not_reached"  # an earlier stage rejected the crash
+    BLOCKED = "blocked"  # an earlier stage failed or has not run
+
+
+@dataclass(frozen=True)
+class StageEvent:
+    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it."""
+
+    key: str
+    stage: Stage
+    action: Action
+    record: OutcomeRecord | None
+
+    @property
+    def failed(self) -> bool:
+        """Whether the crash stands failed at this stage after the run."""
+        if self.action is Action.BLOCKED:
+            return True
+        return self.record is not None and self.record.outcome is Outcome.FAILED
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is the same for every chunk of a run; travels to the workers."""
+
+    storage: Storage
+    settings: Settings
+    flow: Flow
+    run_id: str
+    code: Mapping[Stage, str]
+    force: frozenset[Stage] = frozenset()
+
+    @staticmethod
+    def code_versions(flow: Flow) -> dict[Stage, str]:
+        """Code version of every stage of a flow, from the sources in this process."""
+        return {definition.stage: code_version(definition.code) for definition in flow.stages}
+
+
+@dataclass(frozen=True)
+class CrashTask:
+    """One crash to work on, with its records as they were when the task was made."""
+
+    key: str
+    source: CrashSource
+    records: Records = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some crashes and the stages to run for them. ``last``: no later chunk of this run goes on with them.
+
+    ``again``: the chunk was with a worker that died; what it finished is in storage and is looked up.
+    """
+
+    work: Work
+    crashes: tuple[CrashTask, ...]
+    stages: tuple[Stage, ...]
+    last: bool = True
+    again: bool = False
+
+    def split(self) -> list[Chunk]:
+        """One chunk per crash, to be tried again."""
+        return [replace(self, crashes=(crash,), again=True) for crash in self.crashes]
+
+
+def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
+    """Run the chunk's stages; one event for each crash and stage it got to, in order."""
+    work = chunk.work
+    for stage in chunk.stages:
+        here = code_version(work.flow.definition(stage).code)
+        if here != work.code[stage]:
+            raise Failure(f"{stage}: this worker has code {here}, the run has {work.code[stage]}; update the workers")
+    if chunk.again:
+        stored = read_records(work.storage, [crash.key for crash in chunk.crashes])
+        chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
+    definitions = [work.flow.definition(stage) for stage in chunk.stages]
+    if definitions[0].batch_function is not None:
+        return _work_on_group(chunk, definitions[0])
+    return [event for crash in chunk.crashes for event in _CrashWorker(work, crash).run(chunk.stages, chunk.last)]
+
+
+class _CrashWorker:
+    """Works on one crash, stage by stage."""
+
+    def __init__(self, work: Work, task: CrashTask) -> None:
+        self.work = work
+        self.task = task
+        self.records = dict(task.records)
+        self.files = CrashFiles(task.key, task.source, work.settings, work.storage)
+        for record in self.records.values():
+            self.files.accept(record)
+        self.damaged: DamagedArtefactError | None = None
+
+    def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
+        """The stages in order, up to the first that does not accept the crash."""
+        events = self._in_order(stages, self.work.force)
+        damaged = self.damaged
+        if damaged is not None and damaged.stage in stages:
+            log.warning("%s: %s; made again", self.task.key, damaged)
+            kept = [event for event in events if event.stage.position < damaged.stage.position]
+            again = [stage for stage in stages if stage.position >= damaged.stage.position]
+            events = kept + self._in_order(again, self.work.force | {damaged.stage})
+        if last:
+            self.draw(events)
+        return events
+
+    def _in_order(self, stages: Sequence[Stage], force: frozenset[Stage]) -> list[StageEvent]:
+        events: list[StageEvent] = []
+        for stage in stages:
+            event = self.one_stage(self.work.flow.definition(stage), stage in force)
+            events.append(event)
+            if event.record is None or event.record.outcome is not Outcome.ACCEPTED:
+                break
+        return events
+
+    def one_stage(self, definition: StageDefinition, force: bool) -> StageEvent:
+        """Run a stage unless its record is current; the stages before it were accepted."""
+        provenance = self.provenance(definition)
+        earlier = self.records.get(definition.stage)
+        if not force and earlier is not None and is_current(earlier, provenance, self.work.storage):
+            return StageEvent(self.task.key, definition.stage, Action.UNCHANGED, earlier)
+        self.mark_started(definition)
+        return self._event(self.compute(definition, provenance))
+
+    def mark_started(self, definition: StageDefinition) -> None:
+        earlier = self.records.get(definition.stage)
+        if earlier is not None and earlier.artefacts:
+            marked = replace(earlier, outcome=Outcome.STARTED, artefacts=(), fingerprint="", run_id=self.work.run_id)
+            write_record(self.work.storage, marked.superseding(earlier))
+
+    def provenance(self, definition: StageDefinition) -> Provenance:
+        return provenance_of(definition, self.work, self.task.source, self.records)
+
+    def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
+        if definition.function is None:
+            raise ValueError(f"{definition.stage} is a batch stage")
+        execution = self.work.settings.execution
+        started_at, started, wait_s = now(), time.monotonic(), execution.retry_wait_s
+        for attempt in range(1, execution.transient_retries + 2):
+            try:
+                product: StageProduct | Rejection | Exception = definition.function(self.files)
+            except Rejection as rejection:
+                product = rejection
+            except Exception as error:
+                product = error
+                if isinstance(error, TransientFailure) and attempt <= execution.transient_retries:
+                    log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
+                    time.sleep(wait_s)
+                    wait_s *= 2
+                    continue
+            break
+        return self.conclude(definition, provenance, product, started_at, time.monotonic() - started, attempt)
+
+    def conclude(
+        self,
+        definition: StageDefinition,
+        provenance: Provenance,
+        product: StageProduct | Rejection | Exception,
+        started_at: str,
+        duration_s: float,
+        attempts: int = 1,
+    ) -> OutcomeRecord:
+        """Store what a stage made, then its record."""
+        contents: dict[str, bytes] = {}
+        try:
+            if isinstance(product, Rejection):
+                product = StageProduct({}, rejection=product)
+            if isinstance(product, DamagedArtefactError):
+                self.invalidate(product)
+            if isinstance(product, Exception):
+                raise product
+            stored = []
+            for extension, data in product.files.items():
+                file = self.work.storage.write(artefact_name(definition.stage, self.task.key, extension), data)
+                stored.append(file)
+                contents[file.name] = data
+            record = self._judged(definition, provenance, product, stored, started_at, duration_s)
+            record = replace(record, attempts=attempts)
+            earlier = self.records.get(definition.stage)
+            record = record.superseding(earlier)
+            write_record(self.work.storage, record)
+            for file in earlier.artefacts if earlier else ():
+                if file.name not in contents:
+                    self.work.storage.delete(file.name)
+        except Exception as error:
+            contents = {}
+            record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
+        self.records[definition.stage] = record
+        self.files.accept(record, contents)
+        return record
+
+    def invalidate(self, damaged: DamagedArtefactError) -> None:
+        """Let the stage that made a damaged artefact run again, now or next time."""
+        self.damaged = damaged
+        record = self.records[damaged.stage]
+        write_record(self.work.storage, replace(record, fingerprint="").superseding(record))
+
+    def draw(self, events: Iterable[StageEvent]) -> None:
+        """Redraw the crash's picture if something that can be seen has changed."""
+        draws = self.work.flow.picture
+        if draws is None or not self.work.settings.execution.pictures:
+            return
+        if not any(
+            event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
+        ):
+            return
+        try:
+            for extension, picture in draws(self.files).items():
+                self.work.storage.write(picture_name(self.task.key, extension), picture)
+        except Exception:
+            # A crash is not worse for want of a picture; the log says what to mend.
+            log.exception("%s: no picture", self.task.key)
+
+    def _judged(
+        self,
+        definition: StageDefinition,
+        provenance: Provenance,
+        product: StageProduct,
+        stored: Sequence[StoredFile],
+        started_at: str,
+        duration_s: float,
+    ) -> OutcomeRecord:
+        rejection = product.rejection
+        return OutcomeRecord(
+            key=self.task.key,
+            stage=definition.stage,
+            outcome=Outcome.ACCEPTED if rejection is None else Outcome.REJECTED,
+            provenance=provenance,
+            fingerprint=provenance.fingerprint,
+            run_id=self.work.run_id,
+            started_at=started_at,
+            duration_s=round(duration_s, 4),
+            reason=rejection.reason if rejection else None,
+            detail=rejection.detail if rejection else "",
+            measured=rejection.measured if rejection else None,
+            threshold=rejection.threshold if rejection else None,
+            artefacts=tuple(stored),
+            figures=dict(product.figures),
+        )
+
+    def _failed(
+        self,
+        definition: StageDefinition,
+        provenance: Provenance,
+        started_at: str,
+        duration_s: float,
+        error: Exception,
+    ) -> OutcomeRecord:
+        known = isinstance(error, Failure)
+        record = OutcomeRecord(
+            key=self.task.key,
+            stage=definition.stage,
+            outcome=Outcome.FAILED,
+            provenance=provenance,
+            fingerprint=provenance.fingerprint,
+            run_id=self.work.run_id,
+            started_at=started_at,
+            duration_s=round(duration_s, 4),
+            detail=str(error) if known else f"{type(error).__name__}: {error}",
+            error="".join(traceback.format_exception(error)),
+            transient=isinstance(error, TransientFailure),
+        ).superseding(self.records.get(definition.stage))
+        try:
+            write_record(self.work.storage, record)
+        except Failure as second:
+            # The disk is full or the store is gone: the run still knows and says so.
+            log.error("%s %s: the failure could not be recorded: %s", self.task.key, definition.stage, second)
+        return record
+
+    def _event(self, record: OutcomeRecord) -> StageEvent:
+        self.records[record.stage] = record
+        return StageEvent(record.key, record.stage, Action.COMPUTED, record)
+
+
+def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent]:
+    """A batch stage for a group: one call for all crashes whose record is not current."""
+    events, open_workers = [], []
+    for crash in chunk.crashes:
+        worker = _CrashWorker(chunk.work, crash)
+        provenance, earlier = worker.provenance(definition), worker.records.get(definition.stage)
+        forced = definition.stage in chunk.work.force
+        if not forced and earlier is not None and is_current(earlier, provenance, chunk.work.storage):
+            events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
+        else:
+            open_workers.append((worker, provenance))
+    for worker, _ in open_workers:
+        worker.mark_started(definition)
+    for (worker, provenance), product, started_at, duration_s in _call_batch(definition, open_workers):
+        record = worker.conclude(definition, provenance, product, started_at, duration_s)
+        events.append(StageEvent(record.key, record.stage, Action.COMPUTED, record))
+        if chunk.last:
+            worker.draw(events[-1:])
+    return events
+
+
+_OpenCrash = tuple[_CrashWorker, Provenance]
+
+
+def _call_batch(
+    definition: StageDefinition, crashes: Sequence[_OpenCrash]
+) -> Iterable[tuple[_OpenCrash, StageProduct | Rejection | Exception, str, float]]:
+    if definition.batch_function is None:
+        raise ValueError(f"{definition.stage} is not a batch stage")
+    if not crashes:
+        return
+    started_at, started = now(), time.monotonic()
+    try:
+        products = definition.batch_function([worker.files for worker, _ in crashes])
+    except Exception as error:
+        if len(crashes) > 1:  # find the one it broke on
+            for crash in crashes:
+                yield from _call_batch(definition, [crash])
+            return
+        yield crashes[0], error, started_at, time.monotonic() - started
+        return
+    duration_s = (time.monotonic() - started) / len(crashes)
+    for crash in crashes:
+        key = crash[0].task.key
+        product = products.get(key, Failure(f"{definition.stage}: no answer for {key} from the batch"))
+        yield crash, product, started_at, duration_s
+
+
+def provenance_of(
+    definition: StageDefinition, work: Work, source: CrashSource, records: Mapping[Stage, OutcomeRecord]
+) -> Provenance:
+    """What the stage's result would be made from now."""
+    inputs = {}
+    if "report" in definition.from_source:
+        report = source.report
+        inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
+    if "maps" in definition.from_source:
+        inputs["maps"] = source.maps_digest
+    for stage, extension in definition.inputs:
+        record = records.get(stage)
+        file = record.artefact(extension) if record else None
+        inputs[f"{stage}.{extension}"] = file.sha256 if file else ""
+    return Provenance(work.code[definition.stage], settings_of(definition.section(work.settings)), inputs)
+
+
+def is_current(record: OutcomeRecord, provenance: Provenance, storage: Storage) -> bool:
+    """Whether a stored outcome still holds: same fingerprint, not a failure, artefacts all there."""
+    if record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.fingerprint != provenance.fingerprint:
+        return False
+    return intact(storage, [record])[record.name]
+
+
+def picture_name(key: str, extension: str = "png") -> str:
+    """Where a crash's picture lies below the storage root; ``webp`` is the small one."""
+    return f"pictures/{key}.{extension}"

@@ -1,0 +1,108 @@
+"""From an extract and a record to the road map of a crash: converted, placed, filled, checked, compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.types import OsmExtract
+from trace_dag.roads.against_report import NOT_COMPARABLE, compare
+from trace_dag.roads.convert import WayHints, convert
+from trace_dag.roads.crossings import with_kinds
+from trace_dag.roads.gap_filling import fill_gaps
+from trace_dag.roads.gates import OSM2ODR_LIMITS, check_map, require
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.osm2odr import convert_with_osm2odr
+from trace_dag.roads.placement import place_crash
+from trace_dag.roads.report import Comparison, MapReport
+from trace_dag.settings import RoadSettings
+
+
+@dataclass(frozen=True)
+class RoadMap:
+    """A road map and what is recorded beside it."""
+
+    network: RoadNetwork
+    report: MapReport
+
+
+def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
+    """The road map of one crash, in the local frame of its reported point.
+
+    The extract is converted and the crash placed; where OSM is silent on the streets there and the report is not, the
+    extract is converted again with what the report says. The map as it is written must pass every gate.
+
+    Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` with elevation off.
+    """
+    frame = LocalFrame(record.latitude_deg, record.longitude_deg)
+    if not settings.elevation:
+        _reject_vertical_geometry(extract, frame, settings)
+    network = _convert(extract, frame, settings)
+    placement = place_crash(network, record, settings)
+    comparisons = compare(network, record, placement)
+    filling = fill_gaps(network, extract, record, placement)
+    if filling.attributes:
+        network = _convert(filling.extract, frame, settings, filling.hints)
+        placement = place_crash(network, record, settings)
+        comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
+    xodr = write_opendrive(network, marks=settings.marks)
+    limits = OSM2ODR_LIMITS if settings.converter == "osm2odr" else None
+    gates = check_map(network, filling.extract, xodr, placement, limits=limits, name=f"road map of {record.key}")
+    require(gates)
+    report = MapReport(
+        converter=network.converter,
+        placement=placement,
+        gates=gates,
+        comparisons=comparisons,
+        roads=sum(road.junction_id is None for road in network.roads),
+        junctions=len(network.junctions),
+        attribution=extract.attribution,
+    )
+    return RoadMap(network, report)
+
+
+def _convert(
+    extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: dict[int, WayHints] | None = None
+) -> RoadNetwork:
+    if settings.converter == "osm2odr":
+        return with_kinds(convert_with_osm2odr(extract, frame), extract)
+    return with_kinds(convert(extract, frame, settings, hints), extract)
+
+
+def _marked(comparison: Comparison, filled: frozenset[str]) -> Comparison:
+    """The report's word is on the map where only the report spoke."""
+    only_report = comparison.agreement == NOT_COMPARABLE and comparison.reported is not None
+    return replace(comparison, filled_from_report=only_report and comparison.attribute in filled)
+
+
+def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: RoadSettings) -> None:
+    """As the published pipeline does, which cannot represent heights."""
+    limit_m = settings.vertical_geometry_radius_m
+    for way in extract.ways:
+        raised = [key for key in ("bridge", "tunnel", "layer") if way.tags.get(key, "no") not in ("no", "0")]
+        if not raised:
+            continue
+        points = [(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in way.node_ids]
+        local = [frame.to_local(latitude, longitude) for latitude, longitude in points]
+        distance_m = min(_distance_from_origin_m(a.tolist(), b.tolist()) for a, b in pairwise(local))
+        if distance_m <= limit_m:
+            raise Rejection(
+                Reason.VERTICAL_GEOMETRY,
+                f"A way with {raised[0]}={way.tags[raised[0]]} passes {distance_m:.0f} m from the crash (within "
+                f"{limit_m:.0f} m) and elevation is switched off.",
+                measured=distance_m,
+                threshold=limit_m,
+            )
+
+
+def _distance_from_origin_m(a: list[float], b: list[float]) -> float:
+    """Distance of the segment a-b from the origin of the local frame."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length_2 = dx * dx + dy * dy
+    share = min(max(-(a[0] * dx + a[1] * dy) / length_2, 0.0), 1.0) if length_2 else 0.0
+    return math.hypot(a[0] + share * dx, a[1] + share * dy)

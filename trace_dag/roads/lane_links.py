@@ -1,0 +1,97 @@
+"""Which lane leads into which: lane links inside a road, road links, and junction connections."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trace_dag.roads.network import Connection, ContactPoint, LaneRef, Road, RoadNetwork
+
+
+class LaneLinks:
+    """Successors and predecessors of every drivable lane, in the direction of travel."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
+        self._drivable = frozenset(network.drivable_lanes())
+
+    def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one drives into at the lane's end."""
+        return self._successors.get(ref, ())
+
+    def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one can have come from."""
+        return self._predecessors.get(ref, ())
+
+    @cached_property
+    def _successors(self) -> dict[LaneRef, tuple[LaneRef, ...]]:
+        return {ref: tuple(dict.fromkeys(self._find(ref))) for ref in self._network.drivable_lanes()}
+
+    @cached_property
+    def _predecessors(self) -> dict[LaneRef, tuple[LaneRef, ...]]:
+        found: dict[LaneRef, list[LaneRef]] = {}
+        for ref, following in self._successors.items():
+            for successor in following:
+                found.setdefault(successor, []).append(ref)
+        return {ref: tuple(coming) for ref, coming in found.items()}
+
+    @cached_property
+    def _connections_from(self) -> dict[tuple[str, str], list[Connection]]:
+        """Connections by junction and incoming road."""
+        found: dict[tuple[str, str], list[Connection]] = {}
+        for junction in self._network.junctions:
+            for connection in junction.connections:
+                found.setdefault((junction.id, connection.incoming_road), []).append(connection)
+        return found
+
+    def _find(self, ref: LaneRef) -> list[LaneRef]:
+        road = self._network.road_by_id[ref.road_id]
+        lane = self._network.lane(ref)
+        forward = self._network.direction(ref) > 0
+        linked_id = lane.successor if forward else lane.predecessor
+        next_section = ref.section + (1 if forward else -1)
+        if 0 <= next_section < len(road.lane_sections):
+            return self._entered(road.id, next_section, linked_id, forward)
+        link = road.successor if forward else road.predecessor
+        if link is None:
+            return []
+        if link.element_type == "road":
+            return self._entered_at(link.element_id, link.contact_point, linked_id)
+        found: list[LaneRef] = []
+        for connection in self._connections_from.get((link.element_id, road.id), ()):
+            if self._leaves_from_end(connection, road, forward):
+                for from_id, to_id in connection.lane_links:
+                    if from_id == ref.lane_id:
+                        found += self._entered_at(connection.connecting_road, connection.contact_point, to_id)
+        return found
+
+    def _leaves_from_end(self, connection: Connection, road: Road, at_end: bool) -> bool:
+        """Whether a connection starts at the given end of its incoming road, which may touch a junction twice."""
+        connecting = self._network.road_by_id.get(connection.connecting_road)
+        if connecting is None:
+            return False
+        link = connecting.predecessor if connection.contact_point == "start" else connecting.successor
+        if link is None or link.element_id != road.id or link.contact_point is None:
+            return True
+        return (link.contact_point == "end") == at_end
+
+    def _entered_at(self, road_id: str, contact: ContactPoint | None, lane_id: int | None) -> list[LaneRef]:
+        road = self._network.road_by_id.get(road_id)
+        if road is None or contact is None:
+            return []
+        at_start = contact == "start"
+        return self._entered(road_id, 0 if at_start else len(road.lane_sections) - 1, lane_id, at_start)
+
+    def _entered(self, road_id: str, section: int, lane_id: int | None, along: bool) -> list[LaneRef]:
+        """The lane, if traffic drives in it and in that direction."""
+        if lane_id is None:
+            return []
+        ref = _lane_ref(road_id, section, lane_id)
+        return [ref] if ref in self._drivable and (lane_id < 0) == along else []
+
+
+def _lane_ref(road_id: str, section: int, lane_id: int) -> LaneRef:
+    from trace_dag.roads.network import LaneRef  # the model imports its queries, not the other way round
+
+    return LaneRef(road_id, section, lane_id)

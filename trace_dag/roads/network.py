@@ -1,0 +1,378 @@
+"""The road network: OpenDRIVE's concepts as plain types, and the questions the later stages ask of them.
+
+The model is what is written to and read back from ``.xodr``, so a network read from any OpenDRIVE file (ours, the
+published benchmark's, Osm2Odr's) answers the same queries. Frame: the project's local frame. Lane ids follow
+OpenDRIVE: positive left of the reference line, negative right of it, 0 the reference line itself; in right-hand
+traffic negative lanes travel along the reference line and positive ones against it. One-way roads have only
+negative lanes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, LocalFrame, Pose
+from trace_dag.roads.lane_geometry import LaneGeometry, RoadGeometry
+from trace_dag.roads.lane_index import LaneIndex
+from trace_dag.roads.lane_links import LaneLinks
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon, Polygon
+
+SAME_LEVEL_M: Final = 2.5
+"""Surfaces further apart than this in height are different levels: half of the usual clearance of 4.9 m."""
+
+
+class LaneType(StrEnum):
+    """OpenDRIVE 1.7 ``e_laneType`` values in use here."""
+
+    DRIVING = "driving"
+    BIDIRECTIONAL = "bidirectional"  # centre turn lane
+    SHOULDER = "shoulder"
+    PARKING = "parking"
+    MEDIAN = "median"
+    SIDEWALK = "sidewalk"
+    BORDER = "border"
+    ENTRY = "entry"
+    EXIT = "exit"
+    NONE = "none"
+
+    @property
+    def drivable(self) -> bool:
+        """Whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
+        return self in (LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT)
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """``a + b*ds + c*ds**2 + d*ds**3`` from ``s_m`` on (widths, elevation, lane offset), metres."""
+
+    s_m: float
+    a: float
+    b: float = 0.0
+    c: float = 0.0
+    d: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlanElement:
+    """A piece of reference line: line (``curvature_1pm`` 0), arc, or ``paramPoly3`` (``poly`` set).
+
+    ``poly`` holds aU, bU, cU, dU, aV, bV, cV, dV; ``poly_normalized`` is OpenDRIVE's ``pRange``. Only maps of
+    others have it: our own writer uses lines and arcs.
+    """
+
+    s_m: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    length_m: float
+    curvature_1pm: float = 0.0
+    poly: tuple[float, float, float, float, float, float, float, float] | None = None
+    poly_normalized: bool = False
+
+
+@dataclass(frozen=True)
+class RoadMark:
+    """Mark on the outer border of a lane (of lane 0: the centre line). ``type`` as OpenDRIVE ``e_roadMarkType``."""
+
+    type: str = "broken"
+    colour: str = "standard"
+    lane_change: str = "both"
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One lane of a lane section. ``mark`` is what is written; ``legal_mark`` what the law paints."""
+
+    id: int
+    type: LaneType
+    widths: tuple[Cubic, ...]  # s_m relative to the section's start
+    predecessor: int | None = None
+    successor: int | None = None
+    mark: RoadMark | None = None
+    legal_mark: RoadMark | None = None
+    speed_mps: float | None = None
+    turns: tuple[str, ...] = ()  # OSM turn:lanes values of this lane: left, through, right, ...
+
+
+@dataclass(frozen=True)
+class LaneSection:
+    """Lanes from ``s_m`` to the next section or the road's end, by id; lane 0 has no width."""
+
+    s_m: float
+    lanes: tuple[Lane, ...]
+
+
+class ContactPoint(StrEnum):
+    """Which end of a road a link touches."""
+
+    START = "start"
+    END = "end"
+
+
+@dataclass(frozen=True)
+class RoadLink:
+    """Predecessor or successor of a road: a road (with contact point) or a junction."""
+
+    element_type: str  # "road" or "junction"
+    element_id: str
+    contact_point: ContactPoint | None = None
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A traffic signal or sign. ``type`` 1000001 is CARLA's traffic light, 206 stop, 205 yield, 274 speed limit.
+
+    ``orientation`` is OpenDRIVE's: "+" valid for traffic along the reference line, "-" against it.
+    """
+
+    id: str
+    s_m: float
+    t_m: float
+    type: str
+    subtype: str = "-1"
+    name: str = ""
+    orientation: str = "+"
+    value: float | None = None
+    unit: str | None = None
+    dynamic: bool = False
+    z_offset_m: float = 0.0
+    height_m: float = 0.0
+    width_m: float = 0.0
+    osm_node_id: int | None = None
+
+
+@dataclass(frozen=True)
+class Road:
+    """A stretch of road between junctions, or a connecting road inside one (``junction_id`` set).
+
+    ``highway`` is the OSM class it came from, ``names`` its street names and route numbers as tagged (name, ref,
+    alt_name, ...), ``osm_way_ids`` its sources, in order.
+    """
+
+    id: str
+    length_m: float
+    plan: tuple[PlanElement, ...]
+    lane_sections: tuple[LaneSection, ...]
+    elevation: tuple[Cubic, ...] = ()
+    lane_offset: tuple[Cubic, ...] = ()
+    name: str = ""
+    junction_id: str | None = None
+    predecessor: RoadLink | None = None
+    successor: RoadLink | None = None
+    signals: tuple[Signal, ...] = ()
+    highway: str = ""
+    names: tuple[str, ...] = ()
+    osm_way_ids: tuple[int, ...] = ()
+    speed_mps: float | None = None
+    layer: int = 0
+    bridge: bool = False
+    tunnel: bool = False
+    lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
+    turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A permitted movement through a junction: from an incoming road over a connecting road."""
+
+    id: str
+    incoming_road: str
+    connecting_road: str
+    contact_point: ContactPoint
+    lane_links: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Junction:
+    """A crossing. ``osm_node_ids`` are the OSM nodes it was made of (several where crossings were joined)."""
+
+    id: str
+    connections: tuple[Connection, ...]
+    name: str = ""
+    osm_node_ids: tuple[int, ...] = ()
+    kind: str = ""  # "four_way", "t", "y", "roundabout", ... as seen in the map
+    centre_xy_m: tuple[float, float] | None = None
+
+
+class LaneRef(NamedTuple):
+    """A lane: road id, index of the lane section, OpenDRIVE lane id."""
+
+    road_id: str
+    section: int
+    lane_id: int
+
+
+@dataclass(frozen=True)
+class LaneMatch:
+    """Where a point lies relative to a lane: ``s_m`` along the road's reference line, ``offset_m`` to the left of
+    the lane's centre as seen in its direction of travel, and how far outside the lane's borders it is (0 inside)."""
+
+    lane: LaneRef
+    s_m: float
+    offset_m: float
+    outside_m: float
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """All roads and junctions around one crash, in its local frame."""
+
+    frame: LocalFrame
+    roads: tuple[Road, ...]
+    junctions: tuple[Junction, ...] = ()
+    converter: str = ""  # name and version of what made it
+    attribution: str = ""
+
+    @cached_property
+    def road_by_id(self) -> dict[str, Road]:
+        """Roads by OpenDRIVE id."""
+        return {road.id: road for road in self.roads}
+
+    @cached_property
+    def junction_by_id(self) -> dict[str, Junction]:
+        """Junctions by OpenDRIVE id."""
+        return {junction.id: junction for junction in self.junctions}
+
+    # --- lanes -----------------------------------------------------------------------------------------------
+    @cached_property
+    def _geometry(self) -> dict[str, RoadGeometry]:
+        return {road.id: RoadGeometry(road) for road in self.roads}
+
+    @cached_property
+    def _lanes(self) -> dict[LaneRef, LaneGeometry]:
+        return {
+            LaneRef(road.id, index, lane_id): geometry
+            for road in self.roads
+            for index in range(len(road.lane_sections))
+            for lane_id, geometry in self._geometry[road.id].lanes_of(index).items()
+        }
+
+    @cached_property
+    def _drivable(self) -> tuple[LaneRef, ...]:
+        return tuple(ref for ref, geometry in self._lanes.items() if geometry.lane.type.drivable)
+
+    @cached_property
+    def _links(self) -> LaneLinks:
+        return LaneLinks(self)
+
+    @cached_property
+    def _index(self) -> LaneIndex:
+        return LaneIndex({ref: self._lanes[ref] for ref in self._drivable})
+
+    def drivable_lanes(self) -> tuple[LaneRef, ...]:
+        """Every lane traffic drives in, all roads, junctions included."""
+        return self._drivable
+
+    def lanes(self) -> tuple[LaneRef, ...]:
+        """Every lane but the centre ones, drivable or not."""
+        return tuple(self._lanes)
+
+    def lane(self, ref: LaneRef) -> Lane:
+        """The lane itself."""
+        return self._lanes[ref].lane
+
+    def lane_span(self, ref: LaneRef) -> tuple[float, float]:
+        """``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
+        geometry = self._lanes[ref]
+        return geometry.begin_m, geometry.end_m
+
+    def direction(self, ref: LaneRef) -> int:
+        """+1 if the lane's traffic goes along the reference line, -1 if against it."""
+        return -1 if ref.lane_id > 0 else 1
+
+    def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one drives into at the lane's end, in its direction of travel (several at a junction)."""
+        return self._links.successors(ref)
+
+    def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one can have come from, in the direction of travel."""
+        return self._links.predecessors(ref)
+
+    def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
+        """Drivable lanes directly left and right as seen in the direction of travel (either direction of traffic)."""
+        outward = 1 if ref.lane_id > 0 else -1
+        inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
+        left = LaneRef(ref.road_id, ref.section, inner_id)
+        right = LaneRef(ref.road_id, ref.section, ref.lane_id + outward)
+        return (self._if_drivable(left), self._if_drivable(right))
+
+    def _if_drivable(self, ref: LaneRef) -> LaneRef | None:
+        geometry = self._lanes.get(ref)
+        return ref if geometry is not None and geometry.lane.type.drivable else None
+
+    # --- places ----------------------------------------------------------------------------------------------
+    def geometry(self, ref: LaneRef) -> LaneGeometry:
+        """Centre, borders, width and height of a lane, for many evaluations on the same lane."""
+        return self._lanes[ref]
+
+    def road_geometry(self, road_id: str) -> RoadGeometry:
+        """Reference line, lane offset and elevation of a road."""
+        return self._geometry[road_id]
+
+    def pose(self, ref: LaneRef, s_m: float, offset_m: float = 0.0) -> Pose:
+        """Pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, heading in its direction of travel.
+
+        The offset is measured at right angles to the reference line, as OpenDRIVE's ``t`` is.
+        """
+        return self._lanes[ref].pose(s_m, offset_m)
+
+    def poses(self, ref: LaneRef, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
+        """Like :meth:`pose` for ``s_m`` of shape (n,): shape (n, 4), x, y, z (metres), heading (radians)."""
+        return self._lanes[ref].sample(np.asarray(s_m, float), offset_m)
+
+    def width_m(self, ref: LaneRef, s_m: float) -> float:
+        """Width of the lane at ``s_m``."""
+        return self._lanes[ref].width.at(s_m)
+
+    def centreline(self, ref: LaneRef, step_m: float = 1.0) -> FloatArray:
+        """Centre of the lane in its direction of travel, shape (n, 4): x, y, z (metres), heading (radians).
+
+        Points are at most ``step_m`` apart along the reference line, ends included; headings are continuous. The array
+        is shared and read-only.
+        """
+        return self._lanes[ref].centreline(step_m)
+
+    def lane_polygon(self, ref: LaneRef, step_m: float = 2.0) -> Polygon:
+        """The lane's surface seen from above."""
+        return self._index.polygon(self._lanes[ref], step_m)
+
+    @cached_property
+    def drivable_area(self) -> MultiPolygon:
+        """Everything traffic drives on, junctions included, seen from above."""
+        return self._index.drivable_area()
+
+    def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
+        """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
+        return LaneMatch(ref, *self._lanes[ref].project(x_m, y_m))
+
+    def nearest_lanes(
+        self, x_m: float, y_m: float, max_distance_m: float, *, z_m: float | None = None
+    ) -> list[LaneMatch]:
+        """Drivable lanes within ``max_distance_m`` of a point, nearest first (inside before outside).
+
+        The distance is that to the lane's surface; lanes that contain the point are ordered by distance from their
+        centres. With ``z_m``, lanes whose surface is more than :data:`SAME_LEVEL_M` above or below are left out.
+        """
+        matches = []
+        for ref, geometry in self._index.near(x_m, y_m, max_distance_m):
+            match = LaneMatch(ref, *geometry.project(x_m, y_m))
+            level = z_m is None or abs(geometry.road.height_at(match.s_m) - z_m) <= SAME_LEVEL_M
+            if match.outside_m <= max_distance_m and level:
+                matches.append(match)
+        matches.sort(key=lambda match: (match.outside_m, abs(match.offset_m)))
+        return matches
+
+    def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
+        """Height of the road surface at ``s_m``."""
+        return self._lanes[ref].road.height_at(s_m)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Fields only: what the queries have cached is rebuilt, not sent to other processes."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}

@@ -1,0 +1,66 @@
+"""What is known of a road map beyond its geometry: the crash's place on it, its gates, its agreement with the report.
+
+Stored beside the map as ``road_map/<key>.json``. Types only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trace_dag.roads.network import LaneMatch
+
+
+@dataclass(frozen=True)
+class CrashPlacement:
+    """Where the crash lies on the map. The reported point is the origin of the local frame; both are kept.
+
+    ``road_id`` is the road the report names (or the nearest), ``moved_m`` how far the point was moved to reach its
+    carriageway, ``junction_id`` the crossing of an intersection crash, ``matched_by`` the evidence used.
+    ``cross_road_ids``: the other roads of that crossing, or the ones ``TWAY_ID2`` names.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    road_id: str
+    moved_m: float
+    matched_by: str
+    lane: LaneMatch | None = None
+    junction_id: str | None = None
+    cross_road_ids: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class MapGate:
+    """One measured guarantee of a map: value, threshold, whether it holds, and in what unit."""
+
+    name: str
+    value: float | None
+    threshold: float | None
+    unit: str
+    passed: bool | None  # None: not evaluated, ``detail`` says why
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One attribute of the map against the report: ``agreement`` is "agrees", "differs" or "not comparable"."""
+
+    attribute: str
+    reported: str | None
+    mapped: str | None
+    agreement: str
+    filled_from_report: bool = False
+
+
+@dataclass(frozen=True)
+class MapReport:
+    """Everything recorded beside a road map."""
+
+    converter: str
+    placement: CrashPlacement
+    gates: tuple[MapGate, ...]
+    comparisons: tuple[Comparison, ...] = ()
+    roads: int = 0
+    junctions: int = 0
+    attribution: str = ""

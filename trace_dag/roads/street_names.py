@@ -1,0 +1,309 @@
+"""Whether two names mean the same American street: ``SR-41/FRANKLIN TRNPK`` and ``Franklin Turnpike``, ``VA 41``.
+
+Police write abbreviations and route numbers, OpenStreetMap writes names out and puts numbers into ``ref``. A text is
+read into route numbers (system and number) and plain names (core words, type, directions); two texts are alike as far
+as their best pair of routes or names is. Abbreviations of street types and directions are those of the US Postal
+Service's Publication 28 (appendices B and C1) as far as FARS and OSM use them, and a few of the police.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from enum import StrEnum
+from functools import lru_cache
+from typing import Final
+
+
+class RouteSystem(StrEnum):
+    """Who numbers a route."""
+
+    INTERSTATE = "interstate"
+    US = "us"
+    STATE = "state"
+    COUNTY = "county"
+    OTHER = "other"  # townships, municipalities, forests, reservations
+    UNKNOWN = "unknown"  # "Route 175", "Highway 61"
+
+
+@dataclass(frozen=True)
+class Route:
+    """A numbered route. ``variant`` is "business", "alternate", ... where it is not the route itself."""
+
+    system: RouteSystem
+    number: str
+    variant: str = ""
+
+
+@dataclass(frozen=True)
+class PlainName:
+    """A street name in words: ``core`` without type and directions, all upper case and written out."""
+
+    core: tuple[str, ...]
+    type: str = ""
+    directions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StreetName:
+    """Everything one text names."""
+
+    routes: tuple[Route, ...]
+    names: tuple[PlainName, ...]
+    ramp: bool = False
+
+
+SAME_STREET: Final = 0.8
+"""Similarity from which two names are taken for those of one street."""
+
+_SYSTEMS: Final[dict[str, RouteSystem]] = {
+    **dict.fromkeys(("I", "IR", "IH", "INTERSTATE", "INTERSTATE HIGHWAY"), RouteSystem.INTERSTATE),
+    **dict.fromkeys(("US", "USH", "UH", "US HIGHWAY", "US HWY", "US ROUTE", "US RT"), RouteSystem.US),
+    **dict.fromkeys(("SR", "SH", "STH", "ST RT", "ST RD", "ST HWY", "STATE ROUTE", "STATE ROAD"), RouteSystem.STATE),
+    **dict.fromkeys(("STATE HIGHWAY", "STATE HWY", "STATE RT", "STATE RD", "FM", "RM", "SS", "SL"), RouteSystem.STATE),
+    **dict.fromkeys(("STATE TRUNK HIGHWAY", "LOOP", "SPUR", "STATE LOOP"), RouteSystem.STATE),
+    **dict.fromkeys(("CR", "CO", "CH", "CTH", "CSAH", "CO RD", "CO RT", "CO HWY", "COUNTY ROAD"), RouteSystem.COUNTY),
+    **dict.fromkeys(("COUNTY ROUTE", "COUNTY RD", "COUNTY RT", "COUNTY HIGHWAY", "COUNTY HWY"), RouteSystem.COUNTY),
+    **dict.fromkeys(("TR", "TWP", "TWP RD", "TOWNSHIP ROAD", "MU", "LS", "FR", "FS", "BIA", "BLM"), RouteSystem.OTHER),
+    **dict.fromkeys(("RT", "RTE", "ROUTE", "HWY", "HIGHWAY"), RouteSystem.UNKNOWN),
+}
+_STATES: Final = (
+    "AL AK AZ AR CA CO CT DE DC FL GA HI IA ID IL IN KS KY LA MA MD ME MI MN MO MS MT NC ND NE NH NJ NM NV NY OH OK OR "
+    "PA PR RI SC SD TN TX UT VA VT WA WI WV WY"
+)
+_VARIANTS: Final = {
+    **dict.fromkeys(("BUS", "BUSINESS", "BR", "BL"), "business"),
+    **dict.fromkeys(("ALT", "ALTERNATE"), "alternate"),
+    **dict.fromkeys(("BYP", "BYPASS"), "bypass"),
+    **dict.fromkeys(("SPUR", "SPR"), "spur"),
+    **dict.fromkeys(("TRUCK", "TRK"), "truck"),
+    **dict.fromkeys(("HISTORIC", "OLD"), "old"),
+}
+_TYPES: Final[dict[str, str]] = {
+    abbreviation: full
+    for full, abbreviations in {
+        "ALLEY": "ALY ALLY",
+        "AVENUE": "AV AVE AVEN AVENU AVN",
+        "BOULEVARD": "BL BLV BLVD BOUL BVD",
+        "BRIDGE": "BRG BR",
+        "BYPASS": "BYP BYPA",
+        "CAUSEWAY": "CSWY CWY",
+        "CIRCLE": "CI CIR CIRC CRCL",
+        "CONNECTOR": "CONN CONNECTION",
+        "COURT": "CT CRT",
+        "COVE": "CV",
+        "CRESCENT": "CRES",
+        "CROSSING": "XING CRSSNG",
+        "DRIVE": "DR DRV",
+        "EXPRESSWAY": "EXP EXPR EXPW EXPY EXWY",
+        "EXTENSION": "EXT EXTN",
+        "FREEWAY": "FRWY FWY FRY",
+        "HIGHWAY": "HGWY HWY HIWAY HWAY HY",
+        "LANE": "LN LA",
+        "LOOP": "LP",
+        "PARKWAY": "PKWY PKY PARKWY PWY PY",
+        "PASS": "",
+        "PATH": "",
+        "PIKE": "PK",
+        "PLACE": "PL",
+        "PLAZA": "PLZ",
+        "POINT": "PT",
+        "RIDGE": "RDG",
+        "ROAD": "RD",
+        "ROUTE": "RTE RT",
+        "ROW": "",
+        "RUN": "",
+        "SQUARE": "SQ",
+        "STREET": "ST STR STRT",
+        "TERRACE": "TER TERR TE",
+        "THROUGHWAY": "THRUWAY TRWY",
+        "TRACE": "TRCE",
+        "TRAIL": "TRL TR",
+        "TURNPIKE": "TNPK TPK TPKE TRNPK TRPK TURNPK",
+        "VIADUCT": "VIA VDCT",
+        "WAY": "WY",
+    }.items()
+    for abbreviation in (full, *abbreviations.split())
+}
+_DIRECTIONS: Final[dict[str, str]] = {
+    abbreviation: full
+    for full, abbreviations in {
+        "NORTH": "N NO NB NORTHBOUND",
+        "SOUTH": "S SO SB SOUTHBOUND",
+        "EAST": "E EB EASTBOUND",
+        "WEST": "W WB WESTBOUND",
+        "NORTHEAST": "NE",
+        "NORTHWEST": "NW",
+        "SOUTHEAST": "SE",
+        "SOUTHWEST": "SW",
+    }.items()
+    for abbreviation in (full, *abbreviations.split())
+}
+_WORDS: Final = {
+    "MT": "MOUNT",
+    "FT": "FORT",
+    "MTN": "MOUNTAIN",
+    "VLY": "VALLEY",
+    "HTS": "HEIGHTS",
+    "JCT": "JUNCTION",
+    "SPGS": "SPRINGS",
+    "CTR": "CENTER",
+    "CNTR": "CENTER",
+    "CENTRE": "CENTER",
+    "MEM": "MEMORIAL",
+    "CO": "COUNTY",
+    "MLK": "MARTIN LUTHER KING",
+    "JR": "",
+    "THE": "",
+    "AND": "",
+    "CK": "CREEK",
+    "CRK": "CREEK",
+    "FRNTG": "FRONTAGE",
+    "FIRST": "1",
+    "SECOND": "2",
+    "THIRD": "3",
+    "FOURTH": "4",
+    "FIFTH": "5",
+    "SIXTH": "6",
+    "SEVENTH": "7",
+    "EIGHTH": "8",
+    "NINTH": "9",
+    "TENTH": "10",
+    "ELEVENTH": "11",
+    "TWELFTH": "12",
+}
+_PLACEHOLDERS: Final = frozenset({"UNNAMED", "UNKNOWN", "PRIVATE", "NONE"})
+_NO_NAMES: Final = frozenset((*_TYPES, *_VARIANTS, *_DIRECTIONS, *_PLACEHOLDERS))
+_RAMP: Final = re.compile(r"\bRAMPS?\b")
+_ORDINAL: Final = re.compile(r"^(\d+)(?:ST|ND|RD|TH)$")
+_SYSTEM_PATTERN: Final = "|".join(
+    word.replace(" ", r"[\s-]+") for word in sorted((*_SYSTEMS, *_STATES.split()), key=len, reverse=True)
+)
+_ROUTE: Final = re.compile(
+    rf"\b(?P<system>{_SYSTEM_PATTERN})[\s-]*(?P<number>\d+)(?P<letter>[A-Z]?)\b"
+    rf"(?:[\s-]+(?P<variant>{'|'.join(_VARIANTS)})\b)?"
+)
+_BARE_SYSTEM: Final = re.compile(r"^(?:CR|MU|LS|SR|TR|CO|PR|OT)\s*-\s*(?=[A-Z])")  # "CR-ROSS ROAD": a system, no number
+_LIKE_ENOUGH: Final = 0.84  # ratio of equal letters from which two spellings are one name with a slip
+_SHORTEST_MISSPELT: Final = 5  # letters: shorter names with a difference are other names
+
+
+@lru_cache(maxsize=4096)
+def parse_street(text: str) -> StreetName:
+    """Read one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street."""
+    upper = text.upper().replace("½", " 1/2").replace("U.S.", "US").replace("&AMP;", "&")
+    upper = re.sub(r"(?<=\d) ?1/2", " HALF", upper)
+    routes: dict[Route, None] = {}
+    names: dict[PlainName, None] = {}
+    ramp = bool(_RAMP.search(upper))
+    for part in re.split(r"[/;,()@|]", _RAMP.sub(" ", upper)):
+        rest = part.strip()
+        for match in _ROUTE.finditer(rest):
+            routes[_route(match)] = None
+        rest = _BARE_SYSTEM.sub("", _ROUTE.sub(" ", rest).strip())
+        name = _plain_name(rest)
+        # "INTERSTATE 283 RD" or "US 60 E": what is left of a route is a type or a direction, not a name.
+        if name is not None:
+            names[name] = None
+    return StreetName(tuple(routes), tuple(names), ramp)
+
+
+def similarity(reported: str, mapped: Iterable[str]) -> float | None:
+    """How well a reported street fits the names of a mapped one, 0 (another street) to 1 (the same).
+
+    None if the two cannot be compared: a name against nothing but a route number, or either without any.
+    """
+    wanted = parse_street(reported)
+    best: float | None = None
+    for text in mapped:
+        value = _similarity(wanted, parse_street(text))
+        if value is not None and (best is None or value > best):
+            best = value
+    return best
+
+
+def _similarity(a: StreetName, b: StreetName) -> float | None:
+    values = [_route_similarity(x, y) for x in a.routes for y in b.routes]
+    values += [_name_similarity(x, y) for x in a.names for y in b.names]
+    return max(values, default=None)
+
+
+def _route_similarity(a: Route, b: Route) -> float:
+    if a.number != b.number:
+        return 0.0
+    if a.system == b.system:
+        value = 1.0
+    elif RouteSystem.UNKNOWN in (a.system, b.system):
+        value = 0.9
+    elif {a.system, b.system} == {RouteSystem.STATE, RouteSystem.COUNTY}:
+        value = 0.6  # secondary state roads are taken for county roads, and the other way round
+    else:
+        return 0.0
+    return value if a.variant == b.variant else value * 0.5
+
+
+def _name_similarity(a: PlainName, b: PlainName) -> float:
+    value = _core_similarity(a.core, b.core)
+    if a.type != b.type:
+        value *= 0.85 if a.type and b.type else 0.95
+    if a.directions != b.directions:
+        value *= 0.8 if a.directions and b.directions else 0.97
+    return value
+
+
+def _core_similarity(a: tuple[str, ...], b: tuple[str, ...]) -> float:
+    if a == b:
+        return 1.0
+    joined_a, joined_b = "".join(a), "".join(b)
+    if joined_a == joined_b:  # "Oak Wood" and "Oakwood"
+        return 0.98
+    digits = [re.findall(r"\d+", joined) for joined in (joined_a, joined_b)]
+    if digits[0] == digits[1] and min(len(joined_a), len(joined_b)) >= _SHORTEST_MISSPELT:
+        ratio = SequenceMatcher(None, joined_a, joined_b, autojunk=False).ratio()
+        if ratio >= _LIKE_ENOUGH:
+            return 0.9 * ratio
+    common = len(set(a) & set(b))
+    share = common / max(len(set(a)), len(set(b)))
+    return 0.8 * share if share > 0.5 else 0.0  # "George Washington Memorial" and "George Washington"
+
+
+def _route(match: re.Match[str]) -> Route:
+    word = re.sub(r"[\s-]+", " ", match["system"])
+    variant = _VARIANTS.get(match["variant"] or "", "")
+    return Route(_SYSTEMS.get(word, RouteSystem.STATE), match["number"] + match["letter"], variant)
+
+
+def _plain_name(text: str) -> PlainName | None:
+    tokens = [token for token in re.split(r"[^A-Z0-9']+", text) if token]
+    tokens = [token.replace("'", "") for token in tokens]
+    if len(tokens) > 1 and tokens[0] == "ST" and tokens[1] not in _DIRECTIONS:
+        tokens[0] = "SAINT"
+    directions, tokens = _take_directions(tokens)
+    kind = ""
+    if len(tokens) > 1 and tokens[-1] in _TYPES:
+        kind = _TYPES[tokens.pop()]
+    elif len(tokens) > 1 and tokens[0] in _TYPES:  # "AVENUE G"
+        kind = _TYPES[tokens.pop(0)]
+    core = tuple(word for token in tokens for word in _written_out(token).split())
+    if not core or (len(core) == 1 and core[0] in (_NO_NAMES if not kind else _PLACEHOLDERS)):
+        return None
+    return PlainName(core, kind, directions)
+
+
+def _take_directions(tokens: list[str]) -> tuple[tuple[str, ...], list[str]]:
+    """Directions before and after a name; a name that is nothing else ("North Street", "Avenue E") keeps its word."""
+    directions: list[str] = []
+    rest = list(tokens)
+    if len(rest) > 1 and rest[0] in _DIRECTIONS and not (len(rest) == 2 and rest[1] in _TYPES):
+        directions.append(_DIRECTIONS[rest.pop(0)])
+    if len(rest) > 1 and rest[-1] in _DIRECTIONS and not (len(rest) == 2 and rest[0] in _TYPES):
+        directions.append(_DIRECTIONS[rest.pop()])
+    return tuple(sorted(directions)), rest
+
+
+def _written_out(token: str) -> str:
+    if match := _ORDINAL.match(token):
+        return match[1]
+    return _WORDS.get(token, token)

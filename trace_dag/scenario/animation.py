@@ -1,0 +1,182 @@
+"""A simulated crash as an animated picture, GIF or WebP: all of the motion on the left, the impact close up beside it.
+
+The map is drawn once per view; frames are that picture with the bodies on it. Time runs as it did, and at a quarter
+of that around the impact.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.scenario.maps import Window, draw_network
+from trace_dag.scenario.pictures import CONTACT_COLOUR, VEHICLE_COLOURS
+from trace_dag.scenario.replay import replay_windows
+from trace_dag.sim.types import SimulationLog
+from trace_dag.units import mps_to_mph
+from trace_dag.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
+
+_FRAME_S = 0.06  # shown; GIF knows hundredths only
+_SLOW = 0.25
+_SLOW_BEFORE_S, _SLOW_AFTER_S = 0.4, 0.8
+_BEFORE_IMPACT_S, _AFTER_IMPACT_S = 3.0, 4.0
+_LAST_FRAME_S = 1.2
+_HEADER_PX = 44
+_SMOOTHING = 2  # frames are drawn this much larger and reduced
+
+
+def write_animation(
+    record: CrashRecord,
+    network: RoadNetwork,
+    log: SimulationLog,
+    verdict: Verdict | None = None,
+    *,
+    image_format: Literal["gif", "webp"] = "webp",
+    panel_px: int = 420,
+) -> bytes:
+    """The animated picture, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is about."""
+    times = _frame_times(log)
+    windows = replay_windows(log, from_s=times[0][0])
+    views = [_View(network, window, panel_px) for window in (windows.overview, windows.impact)]
+    from PIL.Image import Dither
+
+    frames = [_frame(record, log, verdict, views, time_s, rate) for time_s, rate in times]
+    durations = [round(1000 * _FRAME_S)] * (len(frames) - 1) + [round(1000 * _LAST_FRAME_S)]
+    stream = io.BytesIO()
+    if image_format == "gif":
+        frames = [frame.quantize(colors=96, dither=Dither.NONE) for frame in frames]
+        frames[0].save(stream, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
+    else:
+        frames[0].save(
+            stream, "WEBP", save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=70, method=2
+        )
+    return stream.getvalue()
+
+
+def _frame_times(log: SimulationLog) -> list[tuple[float, float]]:
+    """Simulated times shown, each with the rate it is shown at."""
+    contact = log.first_contact
+    end_s = log.duration_s if contact is None else min(log.duration_s, contact.time_s + _AFTER_IMPACT_S)
+    time_s = 0.0 if contact is None else max(0.0, contact.time_s - _BEFORE_IMPACT_S)
+    times = []
+    while time_s < end_s:
+        slow = contact is not None and -_SLOW_BEFORE_S <= time_s - contact.time_s < _SLOW_AFTER_S
+        rate = _SLOW if slow else 1.0
+        times.append((time_s, rate))
+        time_s += _FRAME_S * rate
+    times.append((end_s, 1.0))
+    return times
+
+
+class _View:
+    """A window of the map as a picture, and where points of the local frame lie on it."""
+
+    def __init__(self, network: RoadNetwork, window: Window, size_px: int) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+        from PIL import Image
+
+        self.size_px = size_px * _SMOOTHING
+        self._west, _, self._east, self._north = window
+        figure = Figure(figsize=(self.size_px / 100, self.size_px / 100), dpi=100)
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        draw_network(axes, network, window_m=window)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        canvas.draw()  # type: ignore[no-untyped-call]
+        pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        self.background = Image.fromarray(pixels[..., :3].copy())
+
+    @property
+    def px_per_m(self) -> float:
+        return self.size_px / (self._east - self._west)
+
+    def px(self, points_m: FloatArray) -> list[tuple[float, float]]:
+        scale = self.px_per_m
+        return [((x - self._west) * scale, (self._north - y) * scale) for x, y in np.atleast_2d(points_m).tolist()]
+
+
+def _frame(
+    record: CrashRecord,
+    log: SimulationLog,
+    verdict: Verdict | None,
+    views: list[_View],
+    time_s: float,
+    rate: float,
+) -> Image:
+    from PIL import Image, ImageDraw
+
+    panels = []
+    for view in views:
+        panel = view.background.copy()
+        draw = ImageDraw.Draw(panel)
+        for index in range(len(log.vehicles)):
+            _draw_vehicle(draw, view, log, index, time_s)
+        contact = log.first_contact
+        if contact is not None and time_s >= contact.time_s:
+            ((x, y),) = view.px(np.array([contact.x_m, contact.y_m]))
+            r = 5 * _SMOOTHING
+            draw.ellipse((x - r, y - r, x + r, y + r), outline=CONTACT_COLOUR, width=2 * _SMOOTHING)
+        panels.append(panel.resize((view.size_px // _SMOOTHING,) * 2, Image.Resampling.BOX))
+    width = sum(panel.width for panel in panels) + 4
+    picture = Image.new("RGB", (width, panels[0].height + _HEADER_PX), "white")
+    picture.paste(panels[0], (0, _HEADER_PX))
+    picture.paste(panels[1], (panels[0].width + 4, _HEADER_PX))
+    _draw_header(ImageDraw.Draw(picture), record, log, verdict, time_s, rate)
+    return picture
+
+
+def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, time_s: float) -> None:
+    vehicle = log.vehicles[index]
+    body = log.bodies[vehicle.number]
+    colour = VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]
+    past = vehicle.time_s <= time_s
+    x_m, y_m, heading_rad = (
+        float(np.interp(time_s, vehicle.time_s, values))
+        for values in (vehicle.x_m, vehicle.y_m, np.unwrap(vehicle.heading_rad))
+    )
+    pose = Pose(x_m, y_m, heading_rad)
+    trail = view.px(np.append(np.stack([vehicle.x_m, vehicle.y_m], axis=-1)[past], [pose.xy_m], axis=0))
+    draw.line(trail, fill=colour, width=_SMOOTHING)
+    outline = view.px(rectangle_corners(pose, body.length_m, body.width_m))
+    draw.polygon(outline, fill=colour, outline="white", width=_SMOOTHING)
+    ahead, half = body.length_m / 2 - min(0.3 * body.length_m, 1.6), 0.4 * body.width_m
+    windscreen = view.px(pose.to_world(np.array([[ahead, half], [ahead, -half]])))
+    draw.line(windscreen, fill="white", width=max(_SMOOTHING, round(0.35 * view.px_per_m)))
+
+
+def _draw_header(
+    draw: ImageDraw,
+    record: CrashRecord,
+    log: SimulationLog,
+    verdict: Verdict | None,
+    time_s: float,
+    rate: float,
+) -> None:
+    from PIL import ImageFont
+
+    font, small = ImageFont.load_default(size=15), ImageFont.load_default(size=13)
+    outcome = "" if verdict is None else "verified" if verdict.accepted else f"not verified: {verdict.reason}"
+    draw.text((8, 4), "   ".join(filter(None, (record.key, outcome))), fill="black", font=font)
+    contact = log.first_contact
+    clock = f"{time_s:5.2f} s"
+    if contact is not None:
+        clock = f"{time_s - contact.time_s:+.2f} s from impact"
+    draw.text((8, 24), clock + ("   1/4 speed" if rate != 1.0 else ""), fill="black", font=small)
+    x = 250
+    for index, vehicle in enumerate(log.vehicles):
+        speed = float(np.interp(time_s, vehicle.time_s, np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)))
+        label = f"V{vehicle.number} {log.bodies[vehicle.number].vehicle_class.replace('_', ' ')} "
+        text = label + f"{mps_to_mph(speed):.0f} mph"
+        draw.text((x, 24), text, fill=VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)], font=small)
+        x += 170

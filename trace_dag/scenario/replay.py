@@ -1,0 +1,177 @@
+"""A simulated crash to watch: an HTML page with everything in it, to be opened anywhere, from a stick or a mail.
+
+The map is drawn once, as SVG, by the same hand as the pictures; the page moves the bodies of the log over it. No
+network, no library, no CDN. The animated pictures of the same thing are in :mod:`trace_dag.scenario.animation`.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.scenario.maps import Window, draw_network
+from trace_dag.scenario.pictures import CONTACT_COLOUR, VEHICLE_COLOURS
+from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.verdict.types import Verdict
+
+_MARGIN_M = 25.0
+_LEAST_SPAN_M = 90.0
+_MAP_INCHES = 10.0
+_MAP_WIDER = 1.8  # than the overview is square: screens are wide
+_CLOSE_UP_M = 32.0
+
+
+@dataclass(frozen=True)
+class ReplayWindows:
+    """What to look at: everything that happens, and the impact close up."""
+
+    overview: Window
+    impact: Window
+
+
+def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
+    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all)."""
+    points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
+    low, high = points.min(axis=0), points.max(axis=0)
+    half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
+    centre = (low + high) / 2
+    contact = log.first_contact
+    impact = np.array([contact.x_m, contact.y_m]) if contact else centre
+    return ReplayWindows(_square(centre, half_m), _square(impact, _CLOSE_UP_M / 2))
+
+
+def _square(centre: FloatArray, half_m: float) -> Window:
+    x, y = float(centre[0]), float(centre[1])
+    return x - half_m, y - half_m, x + half_m, y + half_m
+
+
+def write_html_player(
+    record: CrashRecord, network: RoadNetwork, log: SimulationLog, verdict: Verdict | None = None
+) -> bytes:
+    """The page: roads, vehicles, paths, contact and speeds over time, with a slider; one file, no other needed.
+
+    ``log`` is of the hypothesis that ``verdict`` is about. The same input gives the same bytes.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    windows = replay_windows(log)
+    template = Environment(undefined=StrictUndefined, autoescape=True).from_string(
+        resources.files("trace_dag.scenario").joinpath("templates", "replay.html.jinja").read_text(encoding="utf-8")
+    )
+    west, south, east, north = windows.overview
+    wider = (east - west) * (_MAP_WIDER - 1) / 2
+    map_window = (west - wider, south, east + wider, north)
+    svg = base64.b64encode(_map_svg(network, map_window)).decode("ascii")
+    page = template.render(
+        title=f"Crash {record.key}",
+        place=_place(record),
+        classes=" · ".join(
+            value.replace("_", " ")
+            for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
+        ),
+        outcome=_outcome(verdict),
+        attribution=network.attribution,
+        map_svg=f"data:image/svg+xml;base64,{svg}",
+        data=_script_safe({**_data(record, log, windows), "map": [round(value, 2) for value in map_window]}),
+    )
+    return page.encode("utf-8")
+
+
+def _place(record: CrashRecord) -> str:
+    roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
+    return ", ".join(filter(None, (roads, record.county_name.title(), record.state_name)))
+
+
+def _outcome(verdict: Verdict | None) -> str:
+    if verdict is None:
+        return "not judged"
+    if verdict.accepted:
+        return "verified"
+    return f"not verified: {(verdict.reason or '').replace('_', ' ')} ({verdict.detail})"
+
+
+def _map_svg(network: RoadNetwork, window: Window) -> bytes:
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_MAP_INCHES * _MAP_WIDER, _MAP_INCHES))
+    FigureCanvasSVG(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_network(axes, network, window_m=window)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    stream = io.BytesIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trace-dag"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()
+
+
+def _data(record: CrashRecord, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:
+    contact = log.first_contact
+    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    vehicles = []
+    for index, vehicle in enumerate(log.vehicles):
+        body, said = log.bodies[vehicle.number], reported.get(vehicle.number)
+        vehicles.append(
+            {
+                "number": vehicle.number,
+                "label": body.vehicle_class.replace("_", " "),
+                "make": said.make_model if said else "",
+                "colour": VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)],
+                "length": round(body.length_m, 2),
+                "width": round(body.width_m, 2),
+                "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),
+                "delta_v": _delta_v(log, vehicle.number),
+                **_motion(vehicle),
+            }
+        )
+    return {
+        "time": [round(float(t), 3) for t in log.vehicles[0].time_s],
+        "vehicles": vehicles,
+        "contact": None
+        if contact is None
+        else {
+            "time": round(contact.time_s, 4),
+            "x": round(contact.x_m, 3),
+            "y": round(contact.y_m, 3),
+            "closing": round(contact.closing_speed_mps, 2),
+        },
+        "contact_colour": CONTACT_COLOUR,
+        "termination": log.termination.replace("_", " "),
+        "overview": [round(value, 2) for value in windows.overview],
+        "impact": [round(value, 2) for value in windows.impact],
+    }
+
+
+def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
+    heading = np.unwrap(vehicle.heading_rad)
+    speed = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)
+    columns = {"x": (vehicle.x_m, 3), "y": (vehicle.y_m, 3), "h": (heading, 4), "v": (speed, 2)}
+    columns |= {"brake": (vehicle.brake, 2), "throttle": (vehicle.throttle, 2), "steer": (vehicle.steer_rad, 3)}
+    return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
+
+
+def _delta_v(log: SimulationLog, number: int) -> float | None:
+    contact = log.first_contact
+    if contact is None or number not in (contact.number_1, contact.number_2):
+        return None
+    x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps
+    return round(float(np.hypot(x, y)), 2)
+
+
+def _script_safe(data: dict[str, Any]) -> str:
+    """JSON that can stand inside a script element whatever text the report holds."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,0 +1,162 @@
+"""The crash as a few strokes: an SVG small enough to stand in a table, where no picture fits.
+
+Dagster shows Markdown in place only up to 1,000 characters. Within that, percent-encoded, a sketch holds the roads near
+the crash as strokes of their width, the driven paths, the bodies at first contact and the reported point; lines are
+simplified until it fits. Units: metres, y downward as in SVG.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.roads.network import LaneRef, Road, RoadNetwork
+from trace_dag.sim.types import SimulationLog
+
+MOST_CHARACTERS = 900
+_HALF_WINDOW_M = 35
+_WIDTH_PX = 320
+_COLOURS = ("0072b2", "d55e00", "009e73", "cc79a7")
+_TOLERANCES_M = (0.7, 1.5, 3.0, 6.0, 12.0)
+_ESCAPES = str.maketrans({"<": "%3C", ">": "%3E", "#": "%23", " ": "%20", '"': "'"})
+
+
+def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most: int = MOST_CHARACTERS) -> str:
+    """An SVG whose :func:`data_url` has at most ``most`` characters; the farthest roads go first where it must."""
+    contact = log.first_contact if log else None
+    centre = np.array([contact.x_m, contact.y_m]) if contact else np.zeros(2)
+    strokes = _roads(network, centre)
+    for tolerance_m in _TOLERANCES_M:
+        svg = _svg(strokes, log, centre, tolerance_m)
+        if len(data_url(svg)) <= most:
+            return svg
+    while strokes:
+        strokes.pop()
+        svg = _svg(strokes, log, centre, _TOLERANCES_M[-1])
+        if len(data_url(svg)) <= most:
+            return svg
+    return _svg([], None, centre, _TOLERANCES_M[-1])
+
+
+def data_url(svg: str) -> str:
+    """An SVG as the address of an image, escaped no more than Markdown and browsers ask for."""
+    return "data:image/svg+xml," + svg.translate(_ESCAPES)
+
+
+def _roads(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Width and centre line of every road within the window, the nearest first."""
+    found = []
+    for road in network.roads:
+        for section, lanes in enumerate(road.lane_sections):
+            drivable = sorted(lane.id for lane in lanes.lanes if lane.type.drivable)
+            if not drivable:
+                continue
+            refs = [LaneRef(road.id, section, lane) for lane in drivable]
+            line = _middle(network, road, refs) - centre
+            near = np.abs(line).max(axis=1) <= _HALF_WINDOW_M * 1.4
+            if near.any():
+                width_m = sum(network.width_m(ref, sum(network.lane_span(ref)) / 2) for ref in refs)
+                first, last = np.flatnonzero(near)[[0, -1]]
+                piece = line[max(first - 1, 0) : last + 2]
+                found.append((float(np.hypot(*piece.T).min()), width_m, piece))
+    return [(width_m, line) for _, width_m, line in sorted(found, key=lambda each: each[0])]
+
+
+def _middle(network: RoadNetwork, road: Road, refs: Sequence[LaneRef]) -> FloatArray:
+    """The line halfway between the outermost drivable lanes, along the road, shape (n, 2)."""
+    lines = []
+    for ref in (refs[0], refs[-1]):
+        line = network.centreline(ref, 2.0)[:, :2]
+        lines.append(line if network.direction(ref) > 0 else line[::-1])
+    steps = np.linspace(0, 1, max(map(len, lines)))
+    spread = [
+        np.stack([np.interp(steps, np.linspace(0, 1, len(line)), line[:, axis]) for axis in (0, 1)], axis=1)
+        for line in lines
+    ]
+    return np.asarray((spread[0] + spread[1]) / 2, float)
+
+
+def _svg(
+    strokes: Sequence[tuple[float, FloatArray]], log: SimulationLog | None, centre: FloatArray, by_m: float
+) -> str:
+    half = _HALF_WINDOW_M
+    parts = [
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='-{half},-{half},{2 * half},{2 * half}' width='{_WIDTH_PX}'>",
+        "<g fill='none' stroke='#bbb'>",
+    ]
+    by_width: dict[int, list[FloatArray]] = {}
+    for width_m, line in strokes:
+        by_width.setdefault(max(3, round(width_m)), []).append(line)
+    for width, lines in sorted(by_width.items()):
+        parts.append(f"<path d='{_path(lines, by_m)}' stroke-width='{width}'/>")
+    parts.append("</g>")
+    parts.extend(_motion(log, centre, by_m) if log else ())
+    x, y = (round(float(value)) for value in -centre)
+    parts.append(f"<path d='M{x - 2},{-y}h4m-2-2v4' stroke='#000'/></svg>")
+    return "".join(parts)
+
+
+def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str]:
+    contact = log.first_contact
+    for vehicle, colour in zip(log.vehicles, _COLOURS, strict=False):
+        path = np.stack([vehicle.x_m, vehicle.y_m], axis=1) - centre
+        inside = path[np.abs(path).max(axis=1) <= _HALF_WINDOW_M]
+        if len(inside) > 1:
+            yield f"<path d='{_path([inside], min(by_m, 3.0))}' fill='none' stroke='#{colour}'/>"
+        pose = _pose_at_contact(log, vehicle.number)
+        if contact is not None and pose is not None:
+            body = log.bodies[vehicle.number]
+            corners = rectangle_corners(pose, body.length_m, body.width_m) - centre
+            yield f"<path d='{_path([corners], 0.0, decimals=1)}z' fill='#{colour}'/>"
+
+
+def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
+    contact = log.first_contact
+    if contact is None:
+        return None
+    return {contact.number_1: contact.pose_1, contact.number_2: contact.pose_2}.get(number)
+
+
+def _path(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> str:
+    """SVG path data, y turned downward, in as few characters as there can be."""
+    path = ""
+    for line in lines:
+        points = _simplified(line, by_m) if by_m else line
+        numbers: list[str] = []
+        for x, y in points:
+            pair = (_number(x, decimals), _number(-y, decimals))
+            if tuple(numbers[-2:]) != pair:
+                numbers.extend(pair)
+        text = numbers[0]
+        for number in numbers[1:]:
+            text += number if number.startswith("-") else f",{number}"
+        path += f"M{text}"
+    return path
+
+
+def _number(value: float, decimals: int) -> str:
+    rounded = round(float(value), decimals)
+    return f"{rounded:g}" if rounded else "0"
+
+
+def _simplified(line: FloatArray, by_m: float) -> FloatArray:
+    """Douglas and Peucker: no point of the line is farther than ``by_m`` from what is kept."""
+    keep = [0, len(line) - 1]
+    waiting = [(0, len(line) - 1)]
+    while waiting:
+        first, last = waiting.pop()
+        if last - first < 2:
+            continue
+        along = line[last] - line[first]
+        offsets = line[first + 1 : last] - line[first]
+        length = math.hypot(*along)
+        away = np.abs(along[0] * offsets[:, 1] - along[1] * offsets[:, 0]) / length if length else np.hypot(*offsets.T)
+        farthest = int(away.argmax())
+        if away[farthest] > by_m:
+            middle = first + 1 + farthest
+            keep.append(middle)
+            waiting += [(first, middle), (middle, last)]
+    return line[sorted(keep)]

@@ -1,0 +1,108 @@
+"""Columns declared once: name with its unit, type, meaning and source; Arrow schemas and data dictionaries follow.
+
+Belongs here: the machinery. Does not belong here: any table; each package declares its own beside what fills it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+class ColumnType(StrEnum):
+    """Types a column can have; the value is DuckDB's name for it."""
+
+    TEXT = "VARCHAR"
+    INTEGER = "INTEGER"
+    REAL = "DOUBLE"
+    BOOLEAN = "BOOLEAN"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a stored table.
+
+    ``unit`` is also the suffix of the name where there is one; ``source`` the element of the source it comes from
+    (FARS names in capitals). ``fields`` makes it a struct of those columns; ``repeated`` a list.
+    """
+
+    name: str
+    type: ColumnType | None
+    meaning: str
+    unit: str = ""
+    source: str = ""
+    required: bool = False
+    repeated: bool = False
+    fields: tuple[Column, ...] = ()
+
+    def __post_init__(self) -> None:
+        if (self.type is None) != bool(self.fields):
+            raise ValueError(f"column {self.name}: give either a type or fields")
+
+    def arrow_type(self) -> pa.DataType:
+        """The Arrow type, nested where ``fields`` or ``repeated`` say so."""
+        import pyarrow as pa
+
+        if self.type is None:
+            item = pa.struct([field.arrow_field() for field in self.fields])
+        else:
+            item = {
+                ColumnType.TEXT: pa.string(),
+                ColumnType.INTEGER: pa.int32(),
+                ColumnType.REAL: pa.float64(),
+                ColumnType.BOOLEAN: pa.bool_(),
+            }[self.type]
+        return pa.list_(pa.field("item", item, nullable=False)) if self.repeated else item
+
+    def arrow_field(self) -> pa.Field:
+        """The Arrow field, its unit, meaning and source as field metadata."""
+        import pyarrow as pa
+
+        metadata = {"meaning": self.meaning, "unit": self.unit, "source": self.source}
+        return pa.field(
+            self.name,
+            self.arrow_type(),
+            nullable=not self.required,
+            metadata={key: value for key, value in metadata.items() if value},
+        )
+
+    def walk(self, prefix: str = "") -> Iterator[tuple[str, Column]]:
+        """This column and the ones below it, each with its dotted path."""
+        path = prefix + self.name
+        yield path, self
+        for field in self.fields:
+            yield from field.walk(f"{path}.")
+
+
+@dataclass(frozen=True)
+class TableSchema:
+    """A stored table: its columns in order."""
+
+    name: str
+    meaning: str
+    columns: tuple[Column, ...]
+
+    def arrow(self) -> pa.Schema:
+        """The Arrow schema, with every column's unit, meaning and source in its metadata."""
+        import pyarrow as pa
+
+        return pa.schema([column.arrow_field() for column in self.columns], metadata={"meaning": self.meaning})
+
+    def dictionary(self) -> list[dict[str, str]]:
+        """The data dictionary: one row per column, nested ones by dotted path."""
+        return [
+            {
+                "column": path,
+                "type": column.type.value if column.type else "STRUCT",
+                "unit": column.unit,
+                "meaning": column.meaning,
+                "source": column.source,
+            }
+            for top in self.columns
+            for path, column in top.walk()
+        ]

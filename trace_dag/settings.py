@@ -1,0 +1,180 @@
+"""All settings, in one place, each with its unit, default and where the default comes from.
+
+Read from ``<root>/settings.toml`` and from the environment (``TRACE_DAG_SIM__STEP_S=0.002``), the environment winning.
+One section per stage: a stage's provenance holds exactly its own section, so that changing a setting recomputes from
+the stage it belongs to. Secrets (API keys) are not settings: they are read from the environment where they are used
+and never stored.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from trace_dag.errors import UserError
+
+_NOT_IN_PROVENANCE: dict[str, Any] = {"provenance": False}  # says how a service is reached, not what comes out
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CrashSettings(_Section):
+    """Reading and filtering reports (stages ``raw_report`` and ``crash_record``)."""
+
+    repair_malformed: bool = Field(False, description="Repair reports that are not well-formed, and mark them so.")
+    vehicles: int | None = Field(2, description="Motor vehicles a crash must involve; null takes any number.")
+
+
+class OsmSettings(_Section):
+    """Cutting the map (stage ``osm_extract``)."""
+
+    radius_m: float = Field(300.0, gt=0, description="Half the side of the box around the crash.")
+    service_roads: bool = Field(True, description="Keep service roads and driveways.")
+
+
+class RoadSettings(_Section):
+    """OSM to OpenDRIVE (stage ``road_map``)."""
+
+    converter: Literal["native", "osm2odr"] = "native"
+    elevation: bool = Field(True, description="Off rejects crashes near bridges and tunnels, as the paper does.")
+    vertical_geometry_radius_m: float = Field(
+        100.0, description="With elevation off: a bridge, tunnel or layer this near the crash rejects it."
+    )
+    marks: Literal["reconstruction", "legal"] = "reconstruction"
+    max_move_m: float = Field(30.0, description="How far a reported point may be moved to reach the road it names.")
+
+
+class StateSettings(_Section):
+    """Estimating states (stage ``state_estimate``)."""
+
+    estimator: Literal["analytic", "llm"] = "analytic"
+    lead_time_s: float = Field(5.0, gt=0, description="Time before the impact at which the reconstruction starts.")
+    max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
+    llm_model: str = "gemini/gemini-3-flash-preview"
+    llm_max_attempts: int = Field(3, ge=1)
+    llm_fallback: Literal["analytic", "reject"] = "analytic"
+    llm_timeout_s: float = Field(120.0, json_schema_extra=_NOT_IN_PROVENANCE)
+    llm_budget_usd: float | None = Field(
+        None,
+        description="Cost at which a run stops asking; null has no limit.",
+        json_schema_extra=_NOT_IN_PROVENANCE,
+    )
+    llm_requests_per_minute: float = Field(60.0, json_schema_extra=_NOT_IN_PROVENANCE)
+    llm_prompt: str = Field("segments-v1", description="Name of the prompt file.")
+
+
+class SimSettings(_Section):
+    """Simulation (stage ``simulation_log``)."""
+
+    backend: Literal["embedded", "carla"] = "embedded"
+    step_s: float = Field(0.005, gt=0, le=0.05, description="Integration step.")
+    log_step_s: float = Field(0.02, gt=0, description="Step of the log.")
+    time_limit_s: float = Field(20.0, gt=0)
+    friction: float = Field(0.75, gt=0, description="Tyre-road friction, dry asphalt; scaled by VSURCOND.")
+    restitution: float = Field(0.1, ge=0, le=1, description="Between bodies, along the contact normal.")
+    contact_friction: float = Field(0.5, ge=0, description="Between bodies, along the contact; 0.3 to 0.6 in tests.")
+    locked_wheels: float = Field(
+        0.5, ge=0, le=1, description="After the impact: share of a vehicle's weight on locked wheels, the rest rolls."
+    )
+    carla_host: str = Field("127.0.0.1", json_schema_extra=_NOT_IN_PROVENANCE)
+    carla_port: int = Field(2000, json_schema_extra=_NOT_IN_PROVENANCE)
+
+
+class VerdictSettings(_Section):
+    """Judging (stage ``verdict``). Defaults are the paper's thresholds.
+
+    The rule set "published" has its own, fixed ones: the published procedure's, for comparison.
+    """
+
+    rule_set: Literal["trace-dag", "published"] = "trace-dag"
+    max_contact_distance_m: float = Field(5.0, gt=0, description="First contact to the reported location.")
+    max_clock_error_h: float = Field(2.0, ge=0, le=6, description="Impact on each body, against the reported one.")
+    max_direction_error_deg: float = Field(45.0, ge=0, le=180)
+    max_speed_error_rel: float = Field(0.1, ge=0, description="Against reported speeds; shown, rejects nothing.")
+
+
+class ServiceSettings(_Section):
+    """How public services are reached; never part of any provenance."""
+
+    crashapi_url: str | None = Field(None, description="Where the CrashAPI is; null is NHTSA's own.")
+    overpass_urls: tuple[str, ...] = Field((), description="Overpass endpoints, in order; empty takes public ones.")
+    osm_api_url: str | None = Field(None, description="Where the OSM API is; null is OpenStreetMap's own.")
+    cache_dir: str | None = Field(None, description="Folder for answers; null is cache/ in the root's local folder.")
+    cache_only: bool = Field(False, description="Ask nobody: what is not in the cache fails.")
+    requests_per_s: float = Field(
+        2.0, gt=0, description="Requests to one service, over all processes that share the cache folder."
+    )
+    timeout_s: float = Field(60.0, gt=0, description="Longest wait for a service to say something.")
+    attempts: int = Field(5, ge=1, description="Times a request is made before it counts as failed.")
+    first_wait_s: float = Field(1.0, ge=0, description="Pause before the second attempt; doubles each time.")
+
+
+class ExecutionSettings(_Section):
+    """How a batch runs; never part of any provenance."""
+
+    executor: Literal["in_process", "processes", "dask"] = "processes"
+    workers: int | None = Field(None, description="Processes; null is one per core.")
+    chunk_size: int = Field(8, ge=1, description="Crashes handed to a worker at a time.")
+    dask_address: str | None = Field(None, description="Address of a running Dask scheduler, tcp://host:port.")
+    batch_size: int = Field(250, ge=1, description="Crashes in one Dagster run.")
+    transient_retries: int = Field(2, ge=0, description="Times a stage is tried again after a transient failure.")
+    retry_wait_s: float = Field(1.0, ge=0, description="Pause before the first of those; doubles each time.")
+    pictures: bool = Field(True, description="Draw a picture of each crash.")
+
+
+class Settings(_Section):
+    """Everything one run is configured by."""
+
+    crash: CrashSettings = CrashSettings()
+    osm: OsmSettings = OsmSettings()
+    roads: RoadSettings = RoadSettings()
+    states: StateSettings = StateSettings()
+    sim: SimSettings = SimSettings()
+    verdict: VerdictSettings = VerdictSettings()
+    services: ServiceSettings = ServiceSettings()
+    execution: ExecutionSettings = ExecutionSettings()
+
+
+def load_settings(
+    toml: bytes = b"", *, name: str = "settings.toml", overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings from a TOML file's content, the environment over it, and ``overrides`` over both.
+
+    ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
+    the setting, the value found and what was expected.
+    """
+    from pydantic_settings import BaseSettings, EnvSettingsSource
+
+    try:
+        from_file = tomllib.loads(toml.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
+
+    class Sources(BaseSettings, Settings):  # type: ignore[misc] # its model_config is BaseSettings', the fields are ours
+        """The same sections, readable from the environment."""
+
+    try:
+        environment = EnvSettingsSource(
+            Sources, env_prefix="TRACE_DAG_", env_nested_delimiter="__", env_parse_none_str="null"
+        )
+        merged = _merge(_merge(from_file, environment()), overrides or {})
+        return Settings.model_validate(merged)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise UserError(
+            f"setting {where} = {first['input']!r} (from {name}, TRACE_DAG_... or the command line): {first['msg']}"
+        ) from error
+
+
+def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for name, value in over.items():
+        below = merged.get(name)
+        merged[name] = _merge(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return merged

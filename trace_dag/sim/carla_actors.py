@@ -1,0 +1,284 @@
+"""A participant in CARLA's world: spawned, carried along its plan, let go, watched; and contacts of two of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trace_dag.errors import Failure
+from trace_dag.geometry import Pose
+from trace_dag.sim.carla_blueprints import choose_blueprint
+from trace_dag.sim.carla_frame import (
+    location_from_carla,
+    location_to_carla,
+    pose_from_carla,
+    transform_to_carla,
+    yaw_rate_from_carla,
+    yaw_rate_to_carla,
+)
+from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
+from trace_dag.sim.plan import Plan, resample
+from trace_dag.sim.types import PULSE_S, Body, BodyKind, Contact, Participant, VehicleLog
+
+_SPAWN_ABOVE_M = 0.3
+_POSITION_GAIN = 4.0  # 1/s: target velocity for each metre off the plan
+_HEADING_GAIN = 4.0  # 1/s
+_STANDARD_FRICTION = 0.75  # that CARLA's default tyres stand for
+_REST_MPS = 0.1
+_CRUISE_THROTTLE = 0.3
+_STANDARD_MAX_STEER_RAD = math.radians(70.0)
+_WHEELBASE = 0.6  # of the length
+
+
+@dataclass(eq=False)
+class CarlaActor:
+    """A vehicle of the server that stands for a participant, with what was seen of it, one row per tick.
+
+    ``rows``: x, y, z (m), heading (rad), velocity x, y (m/s), yaw rate (rad/s), steering (rad), throttle, brake; of the
+    centre of its bounding box, in the local frame.
+    """
+
+    carla: Any
+    world: Any
+    participant: Participant
+    plan: Plan
+    actor: Any
+    body: Body
+    max_steer_rad: float
+    sensor: Any = None
+    crashed: bool = False
+    steer: float = 0.0
+    throttle: float = 0.0
+    brake: float = 0.0
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+
+    @classmethod
+    def spawn(
+        cls, carla: Any, world: Any, participant: Participant, *, friction: float, step_s: float, time_limit_s: float
+    ) -> CarlaActor:
+        """Spawn the blueprint most like the participant at its start, with its mass and the road's friction.
+
+        Raises :class:`Failure` if its place is taken or off the road.
+        """
+        library = world.get_blueprint_library()
+        blueprint = choose_blueprint(participant.body, [entry.id for entry in library])
+        pose = participant.initial_pose
+        actor = world.try_spawn_actor(library.find(blueprint.id), transform_to_carla(carla, pose, _SPAWN_ABOVE_M))
+        if actor is None:
+            raise Failure(
+                f"CARLA could not spawn vehicle {participant.number} ({blueprint.id}) at x {pose.x_m:.1f} m, "
+                f"y {pose.y_m:.1f} m: something is in its place or there is no road under it"
+            )
+        control = actor.get_physics_control()
+        control.mass = participant.body.mass_kg
+        wheels = control.wheels
+        for wheel in wheels:
+            wheel.tire_friction *= friction / _STANDARD_FRICTION
+        control.wheels = wheels
+        actor.apply_physics_control(control)
+        extent = actor.bounding_box.extent
+        return cls(
+            carla=carla,
+            world=world,
+            participant=participant,
+            plan=resample(participant.trajectory, step_s, time_limit_s, 0.0),
+            actor=actor,
+            body=Body(
+                kind=BodyKind.MOTOR_VEHICLE,
+                vehicle_class=participant.body.vehicle_class,
+                length_m=2 * extent.x,
+                width_m=2 * extent.y,
+                height_m=2 * extent.z,
+                mass_kg=participant.body.mass_kg,
+            ),
+            max_steer_rad=max(
+                (math.radians(wheel.max_steer_angle) for wheel in wheels if wheel.max_steer_angle > 0),
+                default=_STANDARD_MAX_STEER_RAD,
+            ),
+        )
+
+    @property
+    def number(self) -> int:
+        """The participant's number."""
+        return self.participant.number
+
+    @property
+    def _ahead_m(self) -> float:
+        """The box's centre ahead of the actor's own origin."""
+        return float(self.actor.bounding_box.location.x)
+
+    def outline(self, tick: int) -> Outline:
+        """The body's outline as seen after a tick."""
+        x, y, _, heading = self.rows[tick][:4]
+        return Outline(x, y, heading, self.body.length_m / 2, self.body.width_m / 2)
+
+    def velocity(self, tick: int) -> tuple[float, float]:
+        """Velocity x, y as seen after a tick."""
+        return self.rows[tick][4], self.rows[tick][5]
+
+    def plan_is_over(self, tick: int) -> bool:
+        """Whether nothing is planned any more at a tick."""
+        return tick >= len(self.plan.rows) and self.plan.end_s > 0
+
+    def at_rest(self, tick: int) -> bool:
+        """Whether it no longer moves, and nothing is going to move it."""
+        return (self.crashed or tick >= len(self.plan.rows)) and math.hypot(*self.velocity(-1)) < _REST_MPS
+
+    # --- control ---------------------------------------------------------------------------------------------
+    def hold(self) -> None:
+        """Stand on all brakes."""
+        self.actor.apply_control(self.carla.VehicleControl(brake=1.0, hand_brake=True))
+
+    def put_at_start(self, step_s: float) -> None:
+        """Move the settled vehicle one step short of its start, so that the next tick brings it there at its speed."""
+        start = self.participant.initial_pose
+        back_m = self._ahead_m + self.participant.initial_speed_mps * step_s
+        origin = Pose(
+            start.x_m - back_m * math.cos(start.heading_rad),
+            start.y_m - back_m * math.sin(start.heading_rad),
+            start.heading_rad,
+            self.actor.get_transform().location.z,
+        )
+        self.actor.set_transform(transform_to_carla(self.carla, origin))
+        self.actor.apply_control(self.carla.VehicleControl())
+        self.carry(0)
+
+    def carry(self, tick: int) -> None:
+        """Target velocities for the plan at a tick, and wheels that match them."""
+        last = len(self.plan.rows) - 1
+        _, _, vx, vy, _, _, speed, curvature, _, _ = self.plan.rows[min(tick, last)]
+        off_x = off_y = turn = 0.0
+        if self.rows:
+            before = self.plan.rows[min(max(tick - 1, 0), last)]
+            off_x, off_y = before[0] - self.rows[-1][0], before[1] - self.rows[-1][1]
+            turn = math.remainder(before[8] - self.rows[-1][3], math.tau)
+        x, y = location_to_carla(vx + _POSITION_GAIN * off_x, vy + _POSITION_GAIN * off_y)
+        yaw_rate = yaw_rate_to_carla(curvature * speed + _HEADING_GAIN * turn)
+        self.actor.set_target_velocity(self.carla.Vector3D(x, y, 0.0))
+        self.actor.set_target_angular_velocity(self.carla.Vector3D(0.0, 0.0, yaw_rate))
+        self.steer = math.atan(_WHEELBASE * self.body.length_m * curvature)
+        self.throttle, self.brake = (_CRUISE_THROTTLE, 0.0) if abs(speed) > _REST_MPS else (0.0, 1.0)
+        to_the_right = -self.steer / self.max_steer_rad
+        self.actor.apply_control(
+            self.carla.VehicleControl(
+                throttle=self.throttle,
+                steer=max(-1.0, min(1.0, to_the_right)),
+                brake=self.brake,
+                reverse=speed < 0,
+            )
+        )
+
+    def let_go(self, locked_wheels: float) -> None:
+        """Nobody drives any more: brakes only, all of them if its plan just ended."""
+        self.steer = self.throttle = 0.0
+        self.brake = locked_wheels if self.crashed else 1.0
+        self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))
+
+    def dispose(self) -> list[Any]:
+        """What is to be called, in order, to leave nothing of it behind."""
+        sensor = [] if self.sensor is None else [self.sensor.stop, self.sensor.destroy]
+        return [*sensor, self.actor.destroy]
+
+    # --- what is seen ----------------------------------------------------------------------------------------
+    def observe(self) -> None:
+        """Keep the state after a tick."""
+        seen = self.world.get_snapshot().find(self.actor.id)
+        origin = pose_from_carla(seen.get_transform())
+        velocity = seen.get_velocity()
+        vx, vy = location_from_carla(velocity.x, velocity.y)
+        yaw_rate = yaw_rate_from_carla(seen.get_angular_velocity().z)
+        ahead_x, ahead_y = self._ahead_m * math.cos(origin.heading_rad), self._ahead_m * math.sin(origin.heading_rad)
+        self.rows.append(
+            (
+                origin.x_m + ahead_x,
+                origin.y_m + ahead_y,
+                origin.z_m,
+                origin.heading_rad,
+                vx - yaw_rate * ahead_y,
+                vy + yaw_rate * ahead_x,
+                yaw_rate,
+                self.steer,
+                self.throttle,
+                self.brake,
+            )
+        )
+
+    def log(self, step_s: float) -> VehicleLog:
+        """The log of all ticks; acceleration is the mean over the step that ends at each."""
+        x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = np.array(self.rows, np.float64).T
+        ahead_x, ahead_y = np.cos(heading), np.sin(heading)
+        acceleration = np.zeros(len(x))
+        if len(x) > 1:
+            acceleration[1:] = (np.diff(vx) * ahead_x[1:] + np.diff(vy) * ahead_y[1:]) / step_s
+            acceleration[0] = acceleration[1]
+        return VehicleLog(
+            number=self.number,
+            time_s=np.arange(len(x), dtype=np.float64) * step_s,
+            x_m=x,
+            y_m=y,
+            z_m=z,
+            heading_rad=heading,
+            speed_mps=vx * ahead_x + vy * ahead_y,
+            velocity_x_mps=vx,
+            velocity_y_mps=vy,
+            yaw_rate_rps=yaw_rate,
+            acceleration_mps2=acceleration,
+            steer_rad=steer,
+            throttle=throttle,
+            brake=brake,
+        )
+
+
+@dataclass
+class CarlaContact:
+    """A contact of two actors under way, by the ticks in which sensors reported it."""
+
+    one: CarlaActor
+    two: CarlaActor
+    first_tick: int
+    last_tick: int
+    impulse_ns: float = 0.0
+
+    def add(self, tick: int, impulse_ns: float, step_s: float) -> None:
+        """Another report of the first one's sensor."""
+        self.last_tick = max(self.last_tick, tick)
+        if (tick - self.first_tick) * step_s <= PULSE_S:
+            self.impulse_ns += impulse_ns
+
+    def contact(self, step_s: float) -> Contact:
+        """The contact, its place from the two boxes between the tick before it and its own."""
+        one, two = self.one, self.two
+        last = len(one.rows) - 1
+        after = min(self.first_tick, last)
+        before = max(after - 1, 0)
+        start, end = (one.outline(before), two.outline(before)), (one.outline(after), two.outline(after))
+        fraction = first_touch(start, end) if separation(*end)[0] <= 0 < separation(*start)[0] else 1.0
+        touching = between(start[0], end[0], fraction), between(start[1], end[1], fraction)
+        _, nx, ny = separation(*touching)
+        x, y = contact_point(*touching)
+        v1, v2 = one.velocity(before), two.velocity(before)
+        settled = min(self.first_tick + round(PULSE_S / step_s), self.last_tick + 1, last)
+        w1, w2 = one.velocity(settled), two.velocity(settled)
+        z1, z2 = one.rows[before][2], two.rows[before][2]
+        return Contact(
+            time_s=(before + fraction) * step_s,
+            duration_s=(self.last_tick - self.first_tick) * step_s,
+            x_m=x,
+            y_m=y,
+            z_m=(z1 + z2) / 2,
+            normal_x=nx,
+            normal_y=ny,
+            impulse_ns=self.impulse_ns,
+            closing_speed_mps=(v1[0] - v2[0]) * nx + (v1[1] - v2[1]) * ny,
+            number_1=one.number,
+            number_2=two.number,
+            pose_1=Pose(touching[0].x_m, touching[0].y_m, touching[0].heading_rad, z1),
+            pose_2=Pose(touching[1].x_m, touching[1].y_m, touching[1].heading_rad, z2),
+            velocity_1_mps=v1,
+            velocity_2_mps=v2,
+            delta_v_1_mps=(w1[0] - v1[0], w1[1] - v1[1]),
+            delta_v_2_mps=(w2[0] - v2[0], w2[1] - v2[1]),
+        )

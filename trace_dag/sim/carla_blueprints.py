@@ -1,0 +1,81 @@
+"""Which of CARLA's vehicles stands for a reported one.
+
+A blueprint's size is only known once it is spawned, so that it has to be tabulated to choose by: lengths and widths
+of the bounding boxes in CARLA 0.9.15, rounded. What was spawned is recorded in the log with its own box.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.errors import Failure
+from trace_dag.sim.types import Body
+
+_C = VehicleClass
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """A vehicle of CARLA's library: id, the classes it stands for (best first), length and width of its box."""
+
+    id: str
+    classes: tuple[VehicleClass, ...]
+    length_m: float
+    width_m: float
+
+
+BLUEPRINTS = (
+    Blueprint("vehicle.audi.a2", (_C.CAR,), 3.71, 1.79),
+    Blueprint("vehicle.nissan.micra", (_C.CAR,), 3.63, 1.85),
+    Blueprint("vehicle.mini.cooper_s_2021", (_C.CAR,), 4.55, 2.10),
+    Blueprint("vehicle.seat.leon", (_C.CAR,), 4.19, 1.82),
+    Blueprint("vehicle.toyota.prius", (_C.CAR,), 4.51, 2.01),
+    Blueprint("vehicle.mercedes.coupe_2020", (_C.CAR,), 4.67, 1.81),
+    Blueprint("vehicle.tesla.model3", (_C.CAR, _C.OTHER), 4.79, 2.16),
+    Blueprint("vehicle.lincoln.mkz_2020", (_C.CAR,), 4.89, 1.84),
+    Blueprint("vehicle.dodge.charger_2020", (_C.CAR,), 5.01, 1.88),
+    Blueprint("vehicle.chevrolet.impala", (_C.CAR,), 5.36, 2.03),
+    Blueprint("vehicle.jeep.wrangler_rubicon", (_C.SUV,), 3.87, 1.91),
+    Blueprint("vehicle.nissan.patrol_2021", (_C.SUV, _C.PICKUP), 5.57, 2.15),
+    Blueprint("vehicle.audi.etron", (_C.SUV,), 4.86, 2.03),
+    Blueprint("vehicle.tesla.cybertruck", (_C.PICKUP, _C.LIGHT_TRUCK), 6.27, 2.39),
+    Blueprint("vehicle.volkswagen.t2_2021", (_C.VAN,), 4.44, 1.77),
+    Blueprint("vehicle.mercedes.sprinter", (_C.VAN, _C.LIGHT_TRUCK), 5.92, 1.99),
+    Blueprint("vehicle.ford.ambulance", (_C.LIGHT_TRUCK, _C.VAN), 6.37, 2.35),
+    Blueprint("vehicle.carlamotors.carlacola", (_C.TRUCK, _C.LIGHT_TRUCK), 5.20, 2.61),
+    Blueprint("vehicle.carlamotors.firetruck", (_C.TRUCK, _C.TRACTOR_TRAILER), 8.47, 2.89),
+    Blueprint("vehicle.carlamotors.european_hgv", (_C.TRACTOR_TRAILER, _C.TRUCK), 7.94, 2.89),
+    Blueprint("vehicle.mitsubishi.fusorosa", (_C.BUS,), 10.27, 3.94),
+    Blueprint("vehicle.vespa.zx125", (_C.MOTORCYCLE,), 1.81, 0.87),
+    Blueprint("vehicle.kawasaki.ninja", (_C.MOTORCYCLE,), 2.03, 0.80),
+    Blueprint("vehicle.yamaha.yzf", (_C.MOTORCYCLE,), 2.19, 0.87),
+    Blueprint("vehicle.harley-davidson.low_rider", (_C.MOTORCYCLE,), 2.35, 0.76),
+)
+_SECOND_CHOICE_M = 0.5  # size a blueprint made for the class may differ more than one that only does for it
+
+
+def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
+    """The blueprint nearest in class, then in length and width, of those the server has.
+
+    Raises :class:`Failure` if it has none of them.
+    """
+    present = set(available)
+    candidates = [blueprint for blueprint in BLUEPRINTS if blueprint.id in present]
+    if not candidates:
+        raise Failure(
+            f"CARLA's library has none of the {len(BLUEPRINTS)} vehicles known here; "
+            "versions 0.9.15 and 0.9.16 with their standard assets do"
+        )
+
+    two_wheeled = body.vehicle_class is VehicleClass.MOTORCYCLE
+
+    def unlike(blueprint: Blueprint) -> tuple[bool, bool, float]:
+        size_m = math.hypot(blueprint.length_m - body.length_m, blueprint.width_m - body.width_m)
+        if body.vehicle_class not in blueprint.classes:
+            return True, two_wheeled is not (VehicleClass.MOTORCYCLE in blueprint.classes), size_m
+        return False, False, size_m + blueprint.classes.index(body.vehicle_class) * _SECOND_CHOICE_M
+
+    return min(candidates, key=unlike)

@@ -1,0 +1,260 @@
+"""Planar single-track vehicle: its state, its tyres, its driver up to the first contact and what it does after it.
+
+The body is a rigid body that MuJoCo integrates; this module gives the forces the road exerts on it at each step. Both
+axles carry their static load (no load transfer, no suspension, no roll). Frame of forces: the local frame, at the
+centre of gravity.
+
+* Driven: each axle's tyre force is friction-limited by an ellipse; lateral force saturates as a tanh of the slip with
+  the class's cornering stiffness. The driver reads the plan at the current time and asks for the acceleration that
+  brings position and velocity back to it; the longitudinal part becomes traction or braking, the lateral part a
+  steering angle, by inverting the front tyre (Kritayakirana and Gerdes, IJVAS 2012). At walking pace, where tyre slip
+  says nothing, steering is kinematic. What the tyres cannot give, the vehicle does not do.
+* Free (after the impact, or beyond the plan's end): nobody drives. A share of each axle's load stands on
+  locked wheels, which slide against their velocity with the full friction; the rest on free-rolling ones, which only
+  resist sideways. Wheels point ahead.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.sim.outlines import Outline
+from trace_dag.sim.plan import Plan
+from trace_dag.sim.surface import Ground
+from trace_dag.sim.types import Participant
+from trace_dag.sim.vehicles import VehicleModel
+from trace_dag.units import GRAVITY_MPS2
+
+_POSITION_GAIN = 6.0  # 1/s2
+_VELOCITY_GAIN = 5.0  # 1/s; damping ratio 1
+_YAW_DAMPING = 3.0  # 1/s
+_LOOKAHEAD_M = 4.0  # of kinematic steering
+_KINEMATIC_BELOW_MPS, _DYNAMIC_ABOVE_MPS = 3.0, 5.0
+_SLIP_FLOOR_MPS = 1.0  # slip angles are taken as if at least this fast
+_SLIDE_FLOOR_MPS = 0.2  # sliding friction fades below this speed
+_ROLLING_RESISTANCE = 0.015
+_ATANH_LIMIT = 0.98
+_LEAST_GRIP_2 = 0.01  # of the squared grip, left across however hard a tyre brakes
+_TOPPLED_FRICTION = 0.6  # of a motorcycle on its side, relative to rubber on the same road
+_REST_MPS, _REST_RPS = 0.08, 0.05
+
+
+class Vehicle:
+    """One vehicle while it is simulated: state at its centre of gravity, controls, and who drives."""
+
+    __slots__ = (
+        "_along_n",
+        "_axles",
+        "_drag_n",
+        "_friction",
+        "_front_floor_2",
+        "_front_grip_2",
+        "_front_share",
+        "_limit_n",
+        "_locked_wheels",
+        "_mass",
+        "_planned_steps",
+        "_rear_floor_2",
+        "_rear_grip_2",
+        "_rows",
+        "_toppled",
+        "_traction_n",
+        "_yaw_damping",
+        "crashed",
+        "ground",
+        "heading",
+        "model",
+        "number",
+        "plan_end_s",
+        "reach_m",
+        "steer",
+        "vx",
+        "vy",
+        "x",
+        "y",
+        "yaw_rate",
+        "z",
+    )
+
+    def __init__(
+        self, participant: Participant, model: VehicleModel, plan: Plan, *, friction: float, locked_wheels: float
+    ) -> None:
+        pose, speed = participant.initial_pose, participant.initial_speed_mps
+        c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        self.model = model
+        self.number = participant.number
+        self.plan_end_s = plan.end_s
+        self.reach_m = math.hypot(model.body.length_m / 2 + abs(model.cg_ahead_m), model.body.width_m / 2)
+        self.x = pose.x_m + model.cg_ahead_m * c
+        self.y = pose.y_m + model.cg_ahead_m * s
+        self.z = pose.z_m
+        self.heading = pose.heading_rad
+        self.yaw_rate = plan.rows[0][7] * speed  # it starts in the bend it is in
+        self.vx = speed * c - model.cg_ahead_m * self.yaw_rate * s
+        self.vy = speed * s + model.cg_ahead_m * self.yaw_rate * c
+        self.steer = 0.0
+        self.crashed = False
+        self.ground = Ground(math.inf, math.inf, pose.z_m, 0.0, 0.0)  # not looked at yet
+        self._rows = plan.rows
+        self._planned_steps = len(plan.rows) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
+        self._friction = friction
+        self._locked_wheels = locked_wheels
+        self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
+        self._mass = model.body.mass_kg
+        self._limit_n = friction * self._mass * GRAVITY_MPS2
+        self._traction_n = self._mass * model.max_acceleration_mps2
+        self._front_share = model.rear_axle_m / model.wheelbase_m
+        self._front_grip_2 = (friction * model.front_load_n) ** 2
+        self._rear_grip_2 = (friction * model.rear_load_n) ** 2
+        self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
+        self._yaw_damping = model.yaw_inertia_kgm2 / model.wheelbase_m * _YAW_DAMPING
+        self._axles = (
+            (model.front_axle_m, model.front_load_n, model.front_stiffness_npr),
+            (-model.rear_axle_m, model.rear_load_n, model.rear_stiffness_npr),
+        )
+        self._drag_n = 0.0
+        self._along_n = 0.0
+
+    def outline(self) -> Outline:
+        """The body's outline now."""
+        return self.outline_at(self.x, self.y, self.heading)
+
+    def outline_at(self, x_m: float, y_m: float, heading_rad: float) -> Outline:
+        """The body's outline with its centre of gravity elsewhere."""
+        ahead, body = self.model.cg_ahead_m, self.model.body
+        return Outline(
+            x_m - ahead * math.cos(heading_rad),
+            y_m - ahead * math.sin(heading_rad),
+            heading_rad,
+            body.length_m / 2,
+            body.width_m / 2,
+        )
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it no longer moves."""
+        return math.hypot(self.vx, self.vy) < _REST_MPS and abs(self.yaw_rate) < _REST_RPS
+
+    def road_force(self, step: int) -> tuple[float, float, float]:
+        """Force x, y (N) and yaw moment (Nm) of the road for the step that begins now."""
+        rows = self._rows
+        if self.crashed:
+            fx, fy, moment = self._free(self._locked_wheels)
+        elif step < self._planned_steps:
+            fx, fy, moment = self._driven(rows[step] if step < len(rows) else rows[-1])
+        else:
+            fx, fy, moment = self._free(1.0)
+        if self.ground.slope_x or self.ground.slope_y:
+            weight = self._mass * GRAVITY_MPS2
+            return fx - weight * self.ground.slope_x, fy - weight * self.ground.slope_y, moment
+        return fx, fy, moment
+
+    def _driven(self, row: tuple[float, ...]) -> tuple[float, float, float]:
+        # The loop spends most of its time here: locals and comparisons instead of attributes, min and max.
+        rx, ry, rvx, rvy, rax, ray, planned_speed, curvature, course, _ = row
+        model, mass, limit = self.model, self._mass, self._limit_n
+        a, b = model.front_axle_m, model.rear_axle_m
+        vx, vy, yaw_rate, ground = self.vx, self.vy, self.yaw_rate, self.ground
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        ahead_v, left_v = vx * c + vy * s, vy * c - vx * s
+        ex, ey = rx - self.x, ry - self.y
+        want_x = rax + _VELOCITY_GAIN * (rvx - vx) + _POSITION_GAIN * ex + GRAVITY_MPS2 * ground.slope_x
+        want_y = ray + _VELOCITY_GAIN * (rvy - vy) + _POSITION_GAIN * ey + GRAVITY_MPS2 * ground.slope_y
+        want_left = want_y * c - want_x * s
+        speed = -ahead_v if ahead_v < 0 else ahead_v
+
+        # Along: traction up to what the class accelerates with, braking up to friction; shared by load.
+        drag = self._drag_n
+        if speed < 0.5 and -0.05 < planned_speed < 0.05:
+            along = -limit * max(-1.0, min(1.0, ahead_v / _SLIDE_FLOOR_MPS))  # stands on its brakes
+        else:
+            along = mass * (want_x * c + want_y * s) + drag
+        backward = ahead_v < -0.1 or (ahead_v < 0.1 and planned_speed < 0)
+        traction = self._traction_n + (drag if drag > 0 else -drag)
+        if traction > limit:
+            traction = limit
+        low, high = (-traction, limit) if backward else (-limit, traction)
+        along = low if along < low else high if along > high else along
+        along_f = along * self._front_share
+        along_r = along - along_f
+
+        # Across: the rear tyre answers its slip, the front one is steered to the rest.
+        floor_v = speed if speed > _SLIP_FLOOR_MPS else _SLIP_FLOOR_MPS
+        left_f, left_r = self._front_grip_2 - along_f * along_f, self._rear_grip_2 - along_r * along_r
+        cap_f = math.sqrt(left_f if left_f > self._front_floor_2 else self._front_floor_2)
+        cap_r = math.sqrt(left_r if left_r > self._rear_floor_2 else self._rear_floor_2)
+        slip_r = (left_v - b * yaw_rate) / floor_v
+        side_r = -cap_r * math.tanh(model.rear_stiffness_npr * slip_r / cap_r)
+        toward_f = left_v + a * yaw_rate
+        stiffness_f = model.front_stiffness_npr
+        if backward or speed <= _KINEMATIC_BELOW_MPS:
+            steer = self._kinematic_steer(ex, ey, curvature, course, ahead_v, left_v, backward)
+        else:
+            damping = self._yaw_damping * (want_left / ahead_v - yaw_rate)
+            side_f = (mass * want_left - side_r + damping - along_f * math.sin(self.steer)) / math.cos(self.steer)
+            ratio = side_f / cap_f
+            ratio = -_ATANH_LIMIT if ratio < -_ATANH_LIMIT else _ATANH_LIMIT if ratio > _ATANH_LIMIT else ratio
+            steer = math.atan2(toward_f, speed) + math.atan(math.atanh(ratio) * cap_f / stiffness_f)
+            if speed < _DYNAMIC_ABOVE_MPS:
+                share = (speed - _KINEMATIC_BELOW_MPS) / (_DYNAMIC_ABOVE_MPS - _KINEMATIC_BELOW_MPS)
+                kinematic = self._kinematic_steer(ex, ey, curvature, course, ahead_v, left_v, backward)
+                steer = share * steer + (1 - share) * kinematic
+        most = model.max_steer_rad
+        steer = -most if steer < -most else most if steer > most else steer
+        cs, sn = math.cos(steer), math.sin(steer)
+        rolling = abs(ahead_v * cs + toward_f * sn)
+        slip_f = (toward_f * cs - ahead_v * sn) / (rolling if rolling > _SLIP_FLOOR_MPS else _SLIP_FLOOR_MPS)
+        side_f = -cap_f * math.tanh(stiffness_f * slip_f / cap_f)
+
+        self.steer = steer
+        self._drag_n = side_f * sn
+        self._along_n = -along if backward else along
+        across_f = side_f * cs + along_f * sn
+        ahead = along_f * cs - side_f * sn + along_r
+        left = across_f + side_r
+        return ahead * c - left * s, ahead * s + left * c, a * across_f - b * side_r
+
+    @property
+    def pedals(self) -> tuple[float, float]:
+        """Throttle and brake, 0 to 1, of the last step."""
+        if self.crashed:
+            return 0.0, self._locked_wheels
+        if self._along_n >= 0:
+            return min(1.0, self._along_n / self._traction_n), 0.0
+        return 0.0, min(1.0, -self._along_n / self._limit_n)
+
+    def _kinematic_steer(
+        self, ex: float, ey: float, curvature: float, course: float, ahead_v: float, left_v: float, backward: bool
+    ) -> float:
+        """Steering by geometry: the curvature that brings the path back to the plan over a fixed distance."""
+        model = self.model
+        offset = ex * math.sin(course) - ey * math.cos(course)  # of the vehicle, left of the plan
+        drift = left_v / ahead_v if abs(ahead_v) > 0.5 else model.rear_axle_m * curvature
+        angle = math.remainder(self.heading + math.atan(drift) - course, math.tau)
+        sense = -1.0 if backward else 1.0
+        wanted = curvature - sense * 2 * angle / _LOOKAHEAD_M - offset / _LOOKAHEAD_M**2
+        return math.atan(model.wheelbase_m * wanted)
+
+    def _free(self, locked: float) -> tuple[float, float, float]:
+        friction = self._friction
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        ahead_v, left_v = self.vx * c + self.vy * s, self.vy * c - self.vx * s
+        if self._toppled:
+            friction, locked = friction * _TOPPLED_FRICTION, 1.0
+        rolling = 1.0 - locked
+        floor_v = max(abs(ahead_v), _SLIP_FLOOR_MPS)
+        resist = rolling * min(_ROLLING_RESISTANCE, friction) * max(-1.0, min(1.0, ahead_v / _SLIDE_FLOOR_MPS))
+        ahead = left = moment = 0.0
+        for arm, load, stiffness in self._axles:
+            across_v = left_v + arm * self.yaw_rate
+            slide = friction * load * locked / max(math.hypot(ahead_v, across_v), _SLIDE_FLOOR_MPS)
+            grip = friction * load
+            side = -rolling * grip * math.tanh(stiffness * across_v / floor_v / grip) - slide * across_v
+            ahead -= slide * ahead_v + load * resist
+            left += side
+            moment += arm * side
+        self.steer = 0.0
+        self._along_n = -locked * self._limit_n
+        return ahead * c - left * s, ahead * s + left * c, moment

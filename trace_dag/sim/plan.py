@@ -1,0 +1,133 @@
+"""The planned motion on the simulation's clock, as the driver reads it: one row per step, and how well it was kept."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.errors import Failure
+from trace_dag.geometry import FloatArray
+from trace_dag.sim.types import Participant, VehicleLog
+from trace_dag.states.types import Trajectory
+
+_STANDSTILL_MPS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A trajectory sampled at every step from 0 to its end, for the body's centre of gravity.
+
+    ``rows[k]``: x, y (m), velocity x, y (m/s), acceleration x, y (m/s2), speed along the body (m/s, negative
+    backward), curvature of the path (1/m), heading of the body (rad), z of the surface (m).
+    """
+
+    rows: list[tuple[float, ...]]
+    end_s: float
+
+
+def check_trajectory(participant: Participant) -> None:
+    """Raise :class:`Failure` for a plan nobody can drive, with the vehicle and what is wrong with it."""
+    who = f"vehicle {participant.number}"
+    t = participant.trajectory
+    arrays = {
+        "time_s": t.time_s,
+        "x_m": t.x_m,
+        "y_m": t.y_m,
+        "z_m": t.z_m,
+        "heading_rad": t.heading_rad,
+        "speed_mps": t.speed_mps,
+    }
+    lengths = {name: len(values) for name, values in arrays.items()}
+    if len(set(lengths.values())) != 1:
+        raise Failure(f"{who}: its trajectory's arrays differ in length ({lengths}); they must be equal")
+    for name, values in arrays.items():
+        if not np.isfinite(values).all():
+            first = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise Failure(f"{who}: its trajectory's {name}[{first}] is {values[first]}; every value must be finite")
+    pose, body = participant.initial_pose, participant.body
+    start = (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad, participant.initial_speed_mps)
+    if not np.isfinite(start).all():
+        raise Failure(f"{who}: its initial state {start} holds a value that is not finite")
+    measures = (body.length_m, body.width_m, body.height_m, body.mass_kg)
+    if not all(value > 0 and np.isfinite(value) for value in measures):
+        raise Failure(f"{who}: length, width, height and mass must be positive and finite, found {body}")
+    if len(t.time_s) == 0:
+        raise Failure(f"{who}: its trajectory is empty; it needs two points, or one to stand on")
+    if len(t.time_s) == 1 and abs(participant.initial_speed_mps) > _STANDSTILL_MPS:
+        raise Failure(
+            f"{who}: its trajectory has one point but it starts at {participant.initial_speed_mps:.1f} m/s; "
+            "a moving vehicle needs two points or more"
+        )
+    if len(t.time_s) > 1 and not (np.diff(t.time_s) > 0).all():
+        raise Failure(f"{who}: its trajectory's times do not increase")
+    if t.time_s[0] > 0:
+        raise Failure(f"{who}: its trajectory begins at {t.time_s[0]} s; it must cover time 0")
+
+
+def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float) -> Plan:
+    """The plan on steps of ``step_s``, by Hermite splines through positions and velocities.
+
+    ``cg_ahead_m`` moves it from the body's centre to its centre of gravity.
+    """
+    t = trajectory
+    end_s = min(float(t.time_s[-1]), time_limit_s)
+    times = np.arange(round(end_s / step_s) + 1) * step_s
+    if len(t.time_s) == 1:
+        stands = float(t.heading_rad[0])
+        x = float(t.x_m[0]) + cg_ahead_m * math.cos(stands)
+        y = float(t.y_m[0]) + cg_ahead_m * math.sin(stands)
+        return Plan([(x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, stands, float(t.z_m[0]))], 0.0)
+    heading = np.unwrap(t.heading_rad)
+    at = np.interp(times, t.time_s, np.arange(len(t.time_s)))
+    index = np.clip(at.astype(int), 0, len(t.time_s) - 2)
+    h = (t.time_s[index + 1] - t.time_s[index])[:, None]
+    u = (at - index)[:, None]
+    xy = np.stack([t.x_m, t.y_m], axis=-1)
+    velocity = t.speed_mps[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    p0, p1, v0, v1 = xy[index], xy[index + 1], velocity[index], velocity[index + 1]
+    position = (
+        (2 * u**3 - 3 * u**2 + 1) * p0
+        + (u**3 - 2 * u**2 + u) * h * v0
+        + (3 * u**2 - 2 * u**3) * p1
+        + (u**3 - u**2) * h * v1
+    )
+    speed = np.interp(times, t.time_s, t.speed_mps)
+    course = np.interp(times, t.time_s, heading)
+    z = np.interp(times, t.time_s, t.z_m)
+    yaw_rate = np.interp(times, t.time_s, np.gradient(heading, t.time_s))
+    tangential = np.interp(times, t.time_s, np.gradient(t.speed_mps, t.time_s))
+    c, s = np.cos(course), np.sin(course)
+    moving = np.abs(speed) > 0.3
+    curvature = np.where(moving, yaw_rate / np.where(moving, speed, 1.0), 0.0)
+    columns = (
+        position[:, 0] + cg_ahead_m * c,
+        position[:, 1] + cg_ahead_m * s,
+        speed * c - cg_ahead_m * yaw_rate * s,
+        speed * s + cg_ahead_m * yaw_rate * c,
+        tangential * c - speed * yaw_rate * s,
+        tangential * s + speed * yaw_rate * c,
+        speed,
+        curvature,
+        course,
+        z,
+    )
+    return Plan(list(zip(*(column.tolist() for column in columns), strict=True)), end_s)
+
+
+def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
+    """How a vehicle kept its plan up to ``until_s``, per logged step, both non-negative: distance of its centre from
+    the planned *path* (m), and deviation of its speed from the planned one (m/s)."""
+    use = log.time_s <= until_s + 1e-9
+    x, y = log.x_m[use], log.y_m[use]
+    t = trajectory
+    if len(t.time_s) == 1:
+        return np.hypot(x - t.x_m[0], y - t.y_m[0]), np.abs(log.speed_mps[use])
+    start, along = np.stack([t.x_m, t.y_m], axis=-1)[:-1], np.diff(np.stack([t.x_m, t.y_m], axis=-1), axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    to_point = np.stack([x, y], axis=-1)[:, None, :] - start[None]
+    fraction = np.clip((to_point * along).sum(axis=2) / square, 0, 1)
+    distance = np.linalg.norm(to_point - fraction[..., None] * along, axis=2).min(axis=1)
+    planned = np.interp(log.time_s[use], t.time_s, t.speed_mps)
+    return distance, np.abs(log.speed_mps[use] - planned)

@@ -1,0 +1,162 @@
+"""Scenarios in the published benchmark's layout (``simulation_<stateCase>.json``) as estimates of our own kind.
+
+The layout: ``vehicle1`` and ``vehicle2``, each with ``start_position``, ``yaw``, ``speed_kmh`` and ``trajectory``, a
+list of waypoints some 5 m apart; ``crash_point``. In CARLA's frame, degrees and km/h. What the vehicles did is their
+trajectory at that constant speed; its first waypoint, not ``start_position``, which may lie in another lane, is where
+it begins.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
+from trace_dag.errors import UserError
+from trace_dag.geometry import FloatArray, Pose, arc_lengths
+from trace_dag.sim.carla_frame import heading_from_carla, location_from_carla
+from trace_dag.states.types import (
+    EstimatorRun,
+    Hypothesis,
+    Manoeuvre,
+    ParticipantState,
+    SpeedSource,
+    StateEstimate,
+    Trajectory,
+)
+from trace_dag.units import kmh_to_mps
+
+_STEP_S = 0.1
+_PATH_STEP_M = 1.0
+_SMOOTHING_M = 5.0
+_SAME_PLACE_M = 1e-3
+_LENGTH_M, _WIDTH_M, _HEIGHT_M, _MASS_KG = 4.69, 1.85, 1.44, 1845.0  # CARLA's Tesla Model 3, with which it was made
+_STANDS_S = 30.0  # how long a vehicle without speed stands
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedVehicle:
+    """One vehicle, in the local frame: waypoints of shape (n, 2), heading at the start, constant speed."""
+
+    waypoints_m: FloatArray
+    heading_rad: float
+    speed_mps: float
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedScenario:
+    """The two vehicles and the crash point, in the local frame."""
+
+    vehicles: tuple[PublishedVehicle, PublishedVehicle]
+    crash_xy_m: tuple[float, float]
+
+
+def read_published(data: bytes, *, name: str) -> PublishedScenario:
+    """Read a published scenario; :class:`UserError` naming ``name`` and what is missing or no number."""
+    try:
+        content = json.loads(data)
+        crash = content["crash_point"]
+        one, two = (_vehicle(content[key]) for key in ("vehicle1", "vehicle2"))
+        crash_xy = location_from_carla(float(crash["x"]), float(crash["y"]))
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise UserError(f"{name}: not a published scenario ({type(error).__name__}: {error})") from error
+    return PublishedScenario((one, two), crash_xy)
+
+
+def _vehicle(content: dict[str, Any]) -> PublishedVehicle:
+    waypoints = np.array(content["trajectory"], float)
+    if waypoints.ndim != 2 or waypoints.shape[1] < 2 or not len(waypoints) or not np.isfinite(waypoints).all():
+        raise ValueError(f"trajectory of shape {waypoints.shape}; finite points x, y are needed")
+    waypoints = np.array([location_from_carla(x, y) for x, y in waypoints[:, :2].tolist()])
+    return PublishedVehicle(
+        waypoints, heading_from_carla(float(content["yaw"])), kmh_to_mps(float(content["speed_kmh"]))
+    )
+
+
+def published_estimate(scenario: PublishedScenario, record: CrashRecord) -> StateEstimate:
+    """The scenario as an estimate with one hypothesis, both bodies the car it was made with."""
+    pair = record.colliding_pair
+    if pair is None:
+        raise UserError(f"{record.key}: the report names no pair of vehicles; a published scenario has two")
+    vehicles = sorted(pair, key=lambda vehicle: vehicle.number)
+    participants = tuple(
+        _participant(published, vehicle, scenario.crash_xy_m)
+        for published, vehicle in zip(scenario.vehicles, vehicles, strict=True)
+    )
+    hypothesis = Hypothesis(
+        name="published",
+        score=0.0,
+        evidence={},
+        participants=participants,
+        impact_time_s=min(_nearest(p.trajectory, scenario.crash_xy_m)[1] for p in participants),
+        impact_point_xy_m=scenario.crash_xy_m,
+    )
+    return StateEstimate(record.key, (hypothesis,), EstimatorRun(estimator="published", version="FSE Companion '26"))
+
+
+def _participant(
+    published: PublishedVehicle, vehicle: VehicleRecord, crash_xy_m: tuple[float, float]
+) -> ParticipantState:
+    trajectory = constant_speed_trajectory(published)
+    impact_pose, _ = _nearest(trajectory, crash_xy_m)
+    return ParticipantState(
+        vehicle_number=vehicle.number,
+        vehicle_class=VehicleClass.CAR,
+        length_m=_LENGTH_M,
+        width_m=_WIDTH_M,
+        height_m=_HEIGHT_M,
+        mass_kg=_MASS_KG,
+        manoeuvre=Manoeuvre.STRAIGHT if published.speed_mps else Manoeuvre.STOPPED,
+        initial_pose=Pose(float(trajectory.x_m[0]), float(trajectory.y_m[0]), float(trajectory.heading_rad[0])),
+        initial_speed_mps=published.speed_mps,
+        impact_pose=impact_pose,
+        impact_speed_mps=published.speed_mps,
+        speed_source=SpeedSource.INFERRED_CLASS,
+        trajectory=trajectory,
+    )
+
+
+def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
+    """Along the waypoints at the vehicle's speed; without speed it stands at the first one.
+
+    Waypoints jump between lanes by metres over a few metres, up to fifteen times what tyres can follow at the speeds
+    given: they are smoothed over their own spacing (Gaussian), as any driver who looks ahead would.
+    """
+    points = vehicle.waypoints_m
+    points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_PLACE_M])]
+    if vehicle.speed_mps <= 0 or len(points) < 2:
+        time = np.array([0.0, _STANDS_S])
+        still = np.zeros(2)
+        x, y = points[0]
+        return Trajectory(time, still + x, still + y, still, still + vehicle.heading_rad, still)
+    path = _smooth(points)
+    s = arc_lengths(path)
+    time = np.arange(0.0, s[-1] / vehicle.speed_mps, _STEP_S)
+    spline = CubicSpline(s, path)
+    xy, slope = spline(time * vehicle.speed_mps), spline(time * vehicle.speed_mps, 1)
+    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    still = np.zeros_like(time)
+    return Trajectory(time, xy[:, 0], xy[:, 1], still, heading, still + vehicle.speed_mps)
+
+
+def _smooth(points: FloatArray) -> FloatArray:
+    """The polyline at even steps, smoothed by :data:`_SMOOTHING_M`; its ends stay where they are."""
+    s = arc_lengths(points)
+    even = np.linspace(0.0, s[-1], max(2, math.ceil(s[-1] / _PATH_STEP_M) + 1))
+    xy = np.stack([np.interp(even, s, points[:, i]) for i in (0, 1)], axis=-1)
+    reach = len(xy) - 1
+    mirrored = np.concatenate([2 * xy[0] - xy[reach:0:-1], xy, 2 * xy[-1] - xy[-2 : -reach - 2 : -1]])
+    smoothed: FloatArray = gaussian_filter1d(mirrored, _SMOOTHING_M * reach / s[-1], axis=0)
+    return smoothed[reach : reach + len(xy)]
+
+
+def _nearest(trajectory: Trajectory, xy_m: tuple[float, float]) -> tuple[Pose, float]:
+    i = int(np.hypot(trajectory.x_m - xy_m[0], trajectory.y_m - xy_m[1]).argmin())
+    pose = Pose(float(trajectory.x_m[i]), float(trajectory.y_m[i]), float(trajectory.heading_rad[i]))
+    return pose, float(trajectory.time_s[i])

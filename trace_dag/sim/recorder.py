@@ -1,0 +1,136 @@
+"""What is kept of a run: states on the log's clock, and contacts as they begin, go on and end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.geometry import Pose
+from trace_dag.sim.dynamics import Vehicle
+from trace_dag.sim.types import PULSE_S, Contact, VehicleLog
+
+_LONGEST_GAP_S = 0.05  # bodies that touch again sooner are still in the same contact
+
+
+class StateRecorder:
+    """Collects one row per vehicle and logged step and turns them into logs at the end."""
+
+    def __init__(self, vehicles: list[Vehicle]) -> None:
+        self._vehicles = vehicles
+        self._times: list[float] = []
+        self._rows: list[list[tuple[float, ...]]] = [[] for _ in vehicles]
+
+    def record(self, time_s: float) -> None:
+        """Keep the state of every vehicle now; a time already kept is not kept twice."""
+        if self._times and time_s <= self._times[-1]:
+            return
+        self._times.append(time_s)
+        for vehicle, rows in zip(self._vehicles, self._rows, strict=True):
+            rows.append(
+                (
+                    vehicle.x,
+                    vehicle.y,
+                    vehicle.z,
+                    vehicle.heading,
+                    vehicle.vx,
+                    vehicle.vy,
+                    vehicle.yaw_rate,
+                    vehicle.steer,
+                    *vehicle.pedals,
+                )
+            )
+
+    def logs(self) -> tuple[VehicleLog, ...]:
+        """The logs, of the bodies' centres; acceleration is the mean over the step that ends at each time."""
+        time = np.array(self._times)
+        logs = []
+        for vehicle, rows in zip(self._vehicles, self._rows, strict=True):
+            x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = np.array(rows).T
+            c, s = np.cos(heading), np.sin(heading)
+            ahead = vehicle.model.cg_ahead_m
+            x, y = x - ahead * c, y - ahead * s
+            centre_vx, centre_vy = vx + ahead * yaw_rate * s, vy - ahead * yaw_rate * c
+            acceleration = np.zeros_like(time)
+            if len(time) > 1:
+                step = np.diff(time)
+                acceleration[1:] = (np.diff(vx) * c[1:] + np.diff(vy) * s[1:]) / step
+                acceleration[0] = acceleration[1]
+            logs.append(
+                VehicleLog(
+                    number=vehicle.number,
+                    time_s=time,
+                    x_m=x,
+                    y_m=y,
+                    z_m=z,
+                    heading_rad=np.arctan2(s, c),
+                    speed_mps=centre_vx * c + centre_vy * s,
+                    velocity_x_mps=centre_vx,
+                    velocity_y_mps=centre_vy,
+                    yaw_rate_rps=yaw_rate,
+                    acceleration_mps2=acceleration,
+                    steer_rad=steer,
+                    throttle=throttle,
+                    brake=brake,
+                )
+            )
+        return tuple(logs)
+
+
+@dataclass
+class ContactEpisode:
+    """A contact of two bodies under way: as it began, and what it has done so far."""
+
+    one: Vehicle
+    two: Vehicle
+    start_s: float
+    point: tuple[float, float]
+    normal: tuple[float, float]
+    poses: tuple[Pose, Pose]
+    velocities: tuple[tuple[float, float], tuple[float, float]]
+    closing_speed_mps: float
+    last_s: float
+    impulse_x_ns: float = 0.0
+    impulse_y_ns: float = 0.0
+
+    @property
+    def over_s(self) -> float:
+        """When it counts as over unless the bodies touch again."""
+        return self.last_s + _LONGEST_GAP_S
+
+    @property
+    def pulse_end_s(self) -> float:
+        """Until when its impulse is counted."""
+        return self.start_s + PULSE_S
+
+    def add(self, force_x_n: float, force_y_n: float, time_s: float, step_s: float) -> None:
+        """Count the force on the second body over a step that ends at ``time_s``."""
+        self.last_s = time_s
+        if time_s <= self.pulse_end_s:
+            self.impulse_x_ns += force_x_n * step_s
+            self.impulse_y_ns += force_y_n * step_s
+
+    def contact(self) -> Contact:
+        """The contact as logged."""
+        m1, m2 = self.one.model.body.mass_kg, self.two.model.body.mass_kg
+        px, py = self.impulse_x_ns, self.impulse_y_ns
+        return Contact(
+            time_s=self.start_s,
+            duration_s=max(self.last_s - self.start_s, 0.0),
+            x_m=self.point[0],
+            y_m=self.point[1],
+            z_m=(self.poses[0].z_m + self.poses[1].z_m) / 2,
+            normal_x=self.normal[0],
+            normal_y=self.normal[1],
+            impulse_ns=math.hypot(px, py),
+            closing_speed_mps=self.closing_speed_mps,
+            number_1=self.one.number,
+            number_2=self.two.number,
+            pose_1=self.poses[0],
+            pose_2=self.poses[1],
+            velocity_1_mps=self.velocities[0],
+            velocity_2_mps=self.velocities[1],
+            delta_v_1_mps=(-px / m1, -py / m1),
+            delta_v_2_mps=(px / m2, py / m2),
+        )

@@ -1,0 +1,75 @@
+"""From an estimate to logs: every kept hypothesis in one back-end."""
+
+from __future__ import annotations
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.settings import SimSettings
+from trace_dag.sim.types import Backend, Body, BodyKind, Participant, SimulationLog
+from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
+
+_RELATIVE_FRICTION = {
+    1: 1.0,  # dry
+    2: 0.75,  # wet
+    3: 0.35,  # snow
+    4: 0.15,  # ice or frost
+    5: 0.6,  # sand
+    6: 0.55,  # water, standing or moving
+    7: 0.4,  # oil
+    10: 0.3,  # slush
+    11: 0.6,  # mud, dirt or gravel
+}
+"""Tyre friction by ``VSURCOND`` relative to dry asphalt: middle of the ranges in Warner et al., Friction Applications
+in Accident Reconstruction, SAE 830612. Surfaces the report does not name count as dry."""
+
+
+def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:
+    """Friction of tyres on the reported surface; where vehicles report different ones, the more slippery."""
+    codes = [vehicle.surface_condition_code for vehicle in record.vehicles] if record else []
+    relative = [_RELATIVE_FRICTION.get(code, 1.0) for code in codes if code is not None]
+    return settings.friction * min(relative, default=1.0)
+
+
+def participant(state: ParticipantState) -> Participant:
+    """A vehicle of a hypothesis as the simulation takes it."""
+    return Participant(
+        number=state.vehicle_number,
+        body=Body(
+            kind=BodyKind.MOTOR_VEHICLE,
+            vehicle_class=state.vehicle_class,
+            length_m=state.length_m,
+            width_m=state.width_m,
+            height_m=state.height_m,
+            mass_kg=state.mass_kg,
+        ),
+        initial_pose=state.initial_pose,
+        initial_speed_mps=state.initial_speed_mps,
+        trajectory=state.trajectory,
+    )
+
+
+def participants(hypothesis: Hypothesis) -> tuple[Participant, ...]:
+    """All vehicles of a hypothesis, in its order."""
+    return tuple(participant(state) for state in hypothesis.participants)
+
+
+def simulate(
+    backend: Backend,
+    network: RoadNetwork,
+    xodr: bytes,
+    estimate: StateEstimate,
+    settings: SimSettings,
+    *,
+    record: CrashRecord | None = None,
+) -> tuple[SimulationLog, ...]:
+    """One log per hypothesis, in the estimate's order, on the map ``xodr`` (the same map as ``network``).
+
+    ``record`` gives the road's surface; without it the road is dry. All hypotheses are simulated, so that thresholds
+    of the verdict can change without simulating again. Raises :class:`trace_dag.errors.Failure` for an estimate that
+    cannot be driven; that vehicles do not meet is no error but a termination.
+    """
+    simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
+    return tuple(
+        simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
+        for hypothesis in estimate.hypotheses
+    )

@@ -1,0 +1,150 @@
+"""The back-end contract: participants in, a log out. The same types for every back-end.
+
+Frame: the crash's local frame; times in seconds from the start of the reconstruction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.states.types import Trajectory
+
+PULSE_S = 0.25
+"""Time after first touching over which a contact's delta-v is taken: that of event data recorders, 49 CFR 563.7."""
+
+
+class Termination(StrEnum):
+    """Why a simulation ended."""
+
+    AT_REST = "at_rest"
+    TIME_LIMIT = "time_limit"
+    NO_CONTACT = "no_contact"
+    STARTED_IN_CONTACT = "started_in_contact"
+    DIVERGED = "diverged"
+    BACKEND_ERROR = "backend_error"
+
+
+class BodyKind(StrEnum):
+    """What a participant is. Only motor vehicles are reconstructed today."""
+
+    MOTOR_VEHICLE = "motor_vehicle"
+    PEDESTRIAN = "pedestrian"
+    CYCLIST = "cyclist"
+
+
+@dataclass(frozen=True)
+class Body:
+    """Dimensions (m) and mass (kg) of a participant's body."""
+
+    kind: BodyKind
+    vehicle_class: VehicleClass
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Participant:
+    """A body, where and how fast it starts, and the planned motion its driver follows until the first contact."""
+
+    number: int  # FARS VEH_NO
+    body: Body
+    initial_pose: Pose
+    initial_speed_mps: float
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleLog:
+    """States per step of one participant, arrays of equal length n; throttle and brake from 0 to 1."""
+
+    number: int
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    z_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray  # along the body's axis, negative backward
+    velocity_x_mps: FloatArray
+    velocity_y_mps: FloatArray
+    yaw_rate_rps: FloatArray
+    acceleration_mps2: FloatArray  # along the body's axis
+    steer_rad: FloatArray
+    throttle: FloatArray
+    brake: FloatArray
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact between two bodies: its first moment, and what it did over its whole duration.
+
+    ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
+    their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
+    gravity) are what the contact did within :data:`PULSE_S` of its first moment; ``duration_s`` is how long the two
+    touched.
+    """
+
+    time_s: float
+    duration_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    normal_x: float
+    normal_y: float
+    impulse_ns: float
+    closing_speed_mps: float
+    number_1: int
+    number_2: int
+    pose_1: Pose
+    pose_2: Pose
+    velocity_1_mps: tuple[float, float]
+    velocity_2_mps: tuple[float, float]
+    delta_v_1_mps: tuple[float, float]
+    delta_v_2_mps: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationLog:
+    """What a back-end returns for one hypothesis."""
+
+    backend: str
+    backend_version: str
+    step_s: float
+    vehicles: tuple[VehicleLog, ...]
+    contacts: tuple[Contact, ...]
+    bodies: dict[int, Body]
+    termination: Termination
+    reason: str
+    duration_s: float  # simulated time
+    wall_s: float = 0.0
+
+    @property
+    def first_contact(self) -> Contact | None:
+        """The first contact between two participants."""
+        return min(self.contacts, key=lambda contact: contact.time_s, default=None)
+
+
+class Simulation(Protocol):
+    """One run in a connected back-end."""
+
+    def run(self, participants: tuple[Participant, ...], *, time_limit_s: float) -> SimulationLog:
+        """Simulate until rest or ``time_limit_s``; ends with a termination and a reason, never hangs."""
+
+
+class Backend(Protocol):
+    """A connection to a simulator; lives as long as a batch."""
+
+    name: str
+
+    def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
+        """Make the road map ready. ``xodr`` is the map as stored, ``network`` the same map as read, ``friction`` that
+        of tyres on this road."""
+
+    def close(self) -> None:
+        """Release everything; safe to call twice."""

@@ -1,0 +1,86 @@
+"""What a vehicle class is dynamically: axles, centre of gravity, tyres, limits. One rigid body each.
+
+Dimensions and mass come from the report; the proportions below are those of typical vehicles of the class (wheelbase
+and axle positions from manufacturers' drawings, cornering stiffness per load after Pacejka, Tyre and Vehicle
+Dynamics, 3rd ed., and Winkler, Simplified Analysis of the Steady-State Turning of Complex Vehicles, for trucks). A
+tractor with its trailer is one body here: its wheelbase is the one that turns like the combination, not a distance
+between axles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.sim.types import Body
+from trace_dag.units import GRAVITY_MPS2
+
+
+@dataclass(frozen=True)
+class _Proportions:
+    wheelbase: float  # of the length
+    rear_load: float  # share of the weight on the rear axle
+    front_overhang: float  # of the length, front bumper to front axle
+    cornering_stiffness: float  # 1/rad, per load of the axle
+    max_steer_rad: float
+    max_acceleration_mps2: float
+
+
+_PROPORTIONS: dict[VehicleClass, _Proportions] = {
+    VehicleClass.CAR: _Proportions(0.58, 0.42, 0.19, 14.0, 0.62, 5.0),
+    VehicleClass.SUV: _Proportions(0.58, 0.44, 0.19, 13.0, 0.62, 4.5),
+    VehicleClass.PICKUP: _Proportions(0.61, 0.42, 0.17, 12.0, 0.62, 4.5),
+    VehicleClass.VAN: _Proportions(0.59, 0.45, 0.18, 12.0, 0.65, 4.0),
+    VehicleClass.LIGHT_TRUCK: _Proportions(0.58, 0.55, 0.16, 9.0, 0.70, 3.0),
+    VehicleClass.TRUCK: _Proportions(0.55, 0.62, 0.15, 7.0, 0.75, 2.5),
+    VehicleClass.TRACTOR_TRAILER: _Proportions(0.35, 0.55, 0.30, 7.0, 0.80, 2.0),
+    VehicleClass.BUS: _Proportions(0.50, 0.62, 0.23, 7.0, 0.80, 2.5),
+    VehicleClass.MOTORCYCLE: _Proportions(0.66, 0.52, 0.16, 14.0, 0.70, 6.0),
+    VehicleClass.OTHER: _Proportions(0.58, 0.45, 0.19, 12.0, 0.62, 4.0),
+}
+
+
+@dataclass(frozen=True)
+class VehicleModel:
+    """A single-track model: distances from the centre of gravity along the body, loads and stiffness of both axles."""
+
+    body: Body
+    cg_ahead_m: float  # centre of gravity ahead of the body's centre
+    front_axle_m: float  # ahead of the centre of gravity
+    rear_axle_m: float  # behind the centre of gravity
+    yaw_inertia_kgm2: float
+    front_load_n: float
+    rear_load_n: float
+    front_stiffness_npr: float
+    rear_stiffness_npr: float
+    max_steer_rad: float
+    max_acceleration_mps2: float
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Distance between the axles."""
+        return self.front_axle_m + self.rear_axle_m
+
+
+@lru_cache(maxsize=256)
+def vehicle_model(body: Body) -> VehicleModel:
+    """The single-track model of a body; yaw inertia that of a uniform box, about the centre of gravity."""
+    p = _PROPORTIONS[body.vehicle_class]
+    wheelbase = p.wheelbase * body.length_m
+    front_axle_ahead = body.length_m * (0.5 - p.front_overhang)
+    front_axle = p.rear_load * wheelbase
+    weight = body.mass_kg * GRAVITY_MPS2
+    return VehicleModel(
+        body=body,
+        cg_ahead_m=front_axle_ahead - front_axle,
+        front_axle_m=front_axle,
+        rear_axle_m=wheelbase - front_axle,
+        yaw_inertia_kgm2=body.mass_kg * (body.length_m**2 + body.width_m**2) / 12,
+        front_load_n=weight * (1 - p.rear_load),
+        rear_load_n=weight * p.rear_load,
+        front_stiffness_npr=weight * (1 - p.rear_load) * p.cornering_stiffness,
+        rear_stiffness_npr=weight * p.rear_load * p.cornering_stiffness,
+        max_steer_rad=p.max_steer_rad,
+        max_acceleration_mps2=p.max_acceleration_mps2,
+    )

@@ -1,0 +1,133 @@
+"""The analytic estimator: every reading of the record, every pair of paths, ranked by the evidence.
+
+Deterministic, no network, no key.
+"""
+
+from __future__ import annotations
+
+import math
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.assemble import hypothesis
+from trace_dag.states.candidates import Candidate, candidates
+from trace_dag.states.checks import ESSENTIAL
+from trace_dag.states.encounters import Encounter, Party, encounters, party
+from trace_dag.states.scene import Scene
+from trace_dag.states.solver import Solution, solve
+from trace_dag.states.stream_finder import StreamFinder
+from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+
+NAME = "analytic"
+VERSION = "1"
+
+MAX_SOLVED = 24  # candidates whose contact is solved for, by prior
+PRIOR_REACH = 6.0  # log-likelihood below the best prior at which a candidate is not worth solving
+ASSEMBLED = 4  # times the hypotheses kept
+_FASTEST_MPS = 75.0
+_MARGIN_M = 40.0
+
+
+def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
+    """The streams past the crash, long enough for the fastest vehicle of the record."""
+    placement = report.placement
+    speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
+    reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
+    finder = StreamFinder(network, placement.x_m, placement.y_m, placement.z_m, back_m=reach, ahead_m=_MARGIN_M * 2)
+    return Scene(record, network, placement, finder, finder.streams(placement.junction_id))
+
+
+def parties(record: CrashRecord) -> tuple[Party, Party]:
+    """The two vehicles that collided; rejects a record that does not have two."""
+    pair = record.colliding_pair
+    if pair is None:
+        raise Rejection(
+            Reason.NO_FEASIBLE_STATE,
+            f"{len(record.vehicles)} vehicles in the record and no collision between two of them named in its events",
+            measured=len(record.vehicles),
+        )
+    return party(record, pair[0]), party(record, pair[1])
+
+
+def estimate_analytic(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
+) -> StateEstimate:
+    """The ranked hypotheses of one crash.
+
+    Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
+    """
+    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
+    readings = encounters(record, *parties(record))
+    found = [candidate for reading in readings for candidate in candidates(scene, reading)]
+    solutions = solve_all(scene, found)
+    hypotheses, ambiguity = ranked(scene, solutions, settings)
+    if not hypotheses:
+        raise Rejection(Reason.NO_FEASIBLE_STATE, _why_not(scene, readings, found), measured=len(found))
+    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), ambiguity)
+
+
+def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
+    """Solutions of the likeliest candidates, best first."""
+    if not found:
+        return []
+    order = sorted(range(len(found)), key=lambda index: (-round(found[index].log_prior, 6), index))
+    best = found[order[0]].log_prior
+    worth = [found[i] for i in order if found[i].log_prior >= best - PRIOR_REACH][:MAX_SOLVED]
+    solved = [solution for each in worth if (solution := solve(each, scene.record, *scene.place_xy_m)) is not None]
+    return sorted(solved, key=lambda solution: (-solution.score, solution.name))
+
+
+def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
+    """The hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
+
+    Hypotheses of the same streams and roles differ in detail only; the best of each such group comes before the
+    others of any.
+    """
+    groups: dict[tuple[str, ...], list[Solution]] = {}
+    for solution in solutions:
+        groups.setdefault(_group(solution), []).append(solution)
+    leaders = [group[0] for group in groups.values()]
+    rest = [solution for group in groups.values() for solution in group[1:]]
+    wanted = ASSEMBLED * settings.max_hypotheses
+    chosen = (sorted(leaders, key=_order) + sorted(rest, key=_order))[:wanted]
+    kept: list[tuple[int, int, Solution, Hypothesis]] = []
+    for solution in chosen:
+        built = hypothesis(solution, scene.network, lead_time_s=settings.lead_time_s)
+        failed = {each.name for each in built.checks if not each.passed}
+        if not failed & ESSENTIAL:
+            kept.append((len(failed), len(kept), solution, built))
+    kept.sort(key=lambda each: each[:2])
+    if not kept:
+        return (), 0.0
+    best = kept[0][2]
+    total = sum(math.exp(min(leader.score - best.score, 50.0)) for leader in leaders)
+    ambiguity = 1.0 - 1.0 / max(total, 1.0)
+    return tuple(each[3] for each in kept[: settings.max_hypotheses]), round(ambiguity, 6)
+
+
+def _order(solution: Solution) -> tuple[float, str]:
+    return (-solution.score, solution.name)
+
+
+def _group(solution: Solution) -> tuple[str, ...]:
+    encounter = solution.candidate.encounter
+    return (
+        encounter.relation,
+        str(encounter.mover.vehicle.number),
+        solution.mover.option.stream.name,
+        solution.other.option.stream.name,
+    )
+
+
+def _why_not(scene: Scene, readings: tuple[Encounter, ...], found: list[Candidate]) -> str:
+    relations = ", ".join(dict.fromkeys(reading.relation.value for reading in readings))
+    if not scene.streams:
+        return "no lane of the map passes the crash"
+    if not found:
+        return (
+            f"{len(scene.streams)} ways past the crash, none of which lets the vehicles meet as reported ({relations})"
+        )
+    return f"{len(found)} pairs of paths examined ({relations}), in none do the bodies touch near the crash"

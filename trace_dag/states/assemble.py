@@ -1,0 +1,121 @@
+"""From a solution to a hypothesis: participants with timed trajectories, and its checks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.roads.network import LaneMatch, RoadNetwork
+from trace_dag.states.checks import check
+from trace_dag.states.encounters import Party
+from trace_dag.states.solver import Placed, Solution
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
+from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
+from trace_dag.units import bearing_to_clock_h
+
+AFTER_IMPACT_S = 3.0
+AFTER_IMPACT_M = 25.0  # a turn begun is complete by then
+LONGEST_AFTER_S = 20.0
+LANE_REACH_M = 4.0
+_DECIMALS = 6  # a micrometre; equal on every machine where the last bits are not
+
+
+def hypothesis(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
+    """The solution as states: each vehicle's profile run backward from the impact along its path."""
+    candidate = solution.candidate
+    parts = (
+        (candidate.encounter.mover, solution.mover, candidate.mover_speed, candidate.mover_profile),
+        (candidate.encounter.other, solution.other, candidate.other_speed, candidate.other_profile),
+    )
+    participants = tuple(
+        sorted(
+            (_participant(network, *part, lead_time_s=lead_time_s) for part in parts),
+            key=lambda participant: participant.vehicle_number,
+        )
+    )
+    mapped = {
+        party.vehicle.number: bool(placed.option.stream.off_map)
+        or placed.station_m + _travelled(profile, lead_time_s) < placed.option.stream.mapped_from_m
+        for party, placed, _, profile in parts
+    }
+    x_m, y_m = solution.contact_xy_m
+    return Hypothesis(
+        name=solution.name,
+        score=solution.score,
+        evidence={
+            "reading of the record": round(candidate.encounter.log_prior, _DECIMALS),
+            **{name: round(value, _DECIMALS) for name, value in sorted(solution.terms.items())},
+        },
+        participants=participants,
+        impact_time_s=lead_time_s,
+        impact_point_xy_m=(round(x_m, _DECIMALS), round(y_m, _DECIMALS)),
+        checks=check(solution, participants, lead_time_s=lead_time_s, beyond_map=mapped),
+    )
+
+
+def _travelled(profile: SpeedProfile, lead_time_s: float) -> float:
+    """Distance from the impact at the beginning, negative."""
+    return float(profile.sample(lead_time_s, 0.0)[1][0])
+
+
+def _participant(
+    network: RoadNetwork,
+    party: Party,
+    placed: Placed,
+    speed: TravelSpeed,
+    profile: SpeedProfile,
+    *,
+    lead_time_s: float,
+) -> ParticipantState:
+    vehicle = party.vehicle
+    after_s = AFTER_IMPACT_S
+    if profile.impact_mps > 0:
+        after_s = min(max(after_s, AFTER_IMPACT_M / profile.impact_mps), LONGEST_AFTER_S)
+    time, distance, speeds = profile.sample(lead_time_s, after_s)
+    x, y, z, heading = placed.path.at(placed.station_m + distance)
+    backing = placed.option.backing
+    if backing:
+        heading, speeds = heading + math.pi, -speeds
+    heading = heading - math.tau * round(float(heading[0]) / math.tau)
+    trajectory = Trajectory(*(np.round(values, _DECIMALS) for values in (time, x, y, z, heading, speeds)))
+    impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
+    initial_pose, impact_pose = _pose(trajectory, 0), _pose(trajectory, impact)
+    return ParticipantState(
+        vehicle_number=vehicle.number,
+        vehicle_class=vehicle.vehicle_class,
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        height_m=vehicle.height_m,
+        mass_kg=vehicle.mass_kg,
+        manoeuvre=placed.option.manoeuvre,
+        initial_pose=initial_pose,
+        initial_speed_mps=float(trajectory.speed_mps[0]),
+        impact_pose=impact_pose,
+        impact_speed_mps=float(trajectory.speed_mps[impact]),
+        speed_source=speed.source,
+        trajectory=trajectory,
+        initial_lane=lane_under(network, initial_pose),
+        impact_lane=lane_under(network, impact_pose),
+        impact_clock_h=round(bearing_to_clock_h(placed.bearing_rad), 3),
+        braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
+    )
+
+
+def _pose(trajectory: Trajectory, index: int) -> Pose:
+    values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
+    x, y, heading, z = (float(value[index]) for value in values)
+    return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)
+
+
+def lane_under(network: RoadNetwork, pose: Pose) -> LaneMatch | None:
+    """The lane a body stands in: the nearest one, the one in its direction of travel where several are as near."""
+    matches = network.nearest_lanes(pose.x_m, pose.y_m, LANE_REACH_M, z_m=pose.z_m)
+
+    def order(match: LaneMatch) -> tuple[float, float, str, int]:
+        lane = network.pose(match.lane, match.s_m)
+        apart = abs(math.remainder(lane.heading_rad - pose.heading_rad, math.tau))
+        return (round(match.outside_m, 2), round(apart, 2), match.lane.road_id, match.lane.lane_id)
+
+    return min(matches, key=order, default=None)

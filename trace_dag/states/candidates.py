@@ -1,0 +1,90 @@
+"""Candidates: for one reading of the record, the pairs of paths that can have brought it about.
+
+Whether and where the bodies then touch is the solver's question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from trace_dag.states import evidence
+from trace_dag.states.crash_types import Relation
+from trace_dag.states.encounters import Encounter, collided_with_each_other
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.pairs import Pair
+from trace_dag.states.pairs_along import opposite, same_direction, same_lane
+from trace_dag.states.pairs_crossing import backing, crossing
+from trace_dag.states.scene import Scene
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+
+NOT_REPORTED = -3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A pair of options, the mover's first. ``parallel``: along one road, so that the place along it is free."""
+
+    encounter: Encounter
+    mover: Option
+    other: Option
+    mover_speed: TravelSpeed
+    other_speed: TravelSpeed
+    mover_profile: SpeedProfile
+    other_profile: SpeedProfile
+    parallel: bool
+    terms: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def log_prior(self) -> float:
+        """Everything known before the contact is solved for."""
+        return self.encounter.log_prior + sum(self.terms.values())
+
+
+def candidates(scene: Scene, encounter: Encounter) -> list[Candidate]:
+    """All candidates of one reading."""
+    if encounter.mover.backing:
+        return [_judged(scene, encounter, pair) for pair in backing(scene, encounter)]
+    makers: dict[Relation, Callable[[Scene, Encounter], Iterator[Pair]]] = {
+        Relation.SAME_LANE: same_lane,
+        Relation.SAME_DIRECTION: same_direction,
+        Relation.OPPOSITE_DIRECTION: opposite,
+        Relation.CROSSING: crossing,
+    }
+    return [_judged(scene, encounter, pair) for pair in makers[encounter.relation](scene, encounter)]
+
+
+def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
+    terms = dict(pair.terms)
+    sides = ((encounter.mover, pair.mover), (encounter.other, pair.other))
+    for party, option in sides:
+        number = party.vehicle.number
+        stream = option.stream
+        for name, value in {
+            **evidence.street_terms(scene.network, scene.placement, scene.record, stream),
+            **evidence.road_terms(party.vehicle, stream),
+            **evidence.lane_terms(party.vehicle, stream, party.turn),
+            **evidence.speed_terms(party.vehicle, stream, party.turn),
+            **option.costs,
+        }.items():
+            terms[f"{name} (vehicle {number})"] = value
+    if not collided_with_each_other(scene.record):
+        # The same for every candidate; it says that the record itself does not have them touch.
+        terms["collision of the two not reported"] = NOT_REPORTED
+    if encounter.relation is Relation.CROSSING and scene.record.trafficway_2:
+        roads = [option.stream.road for _, option in sides]
+        main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
+        cross = [road is not None and evidence.is_cross(scene.network, scene.placement, road) for road in roads]
+        if not ((main[0] and cross[1]) or (main[1] and cross[0])):
+            terms["one vehicle on each street"] = -1.0
+    return Candidate(
+        encounter,
+        pair.mover,
+        pair.other,
+        pair.mover_speed,
+        pair.other_speed,
+        speed_profile(encounter.mover.vehicle, pair.mover_speed.speed_mps),
+        pair.other_profile or speed_profile(encounter.other.vehicle, pair.other_speed.speed_mps),
+        pair.parallel,
+        terms,
+    )

@@ -1,0 +1,176 @@
+"""Checks every hypothesis carries, whatever estimator chose it.
+
+The estimator's own promises (touching, never before, speeds kept, drivable) and the published criteria as planned.
+Each says what was measured. A hypothesis that breaks one of ``ESSENTIAL`` is no reconstruction and is dropped.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from trace_dag.crash.record import VehicleRecord
+from trace_dag.states.contact import separation_m
+from trace_dag.states.crash_types import Turn
+from trace_dag.states.solver import Placed, Solution
+from trace_dag.states.speeds import starts
+from trace_dag.states.types import EstimateCheck, Manoeuvre, ParticipantState
+from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h, clock_difference_h
+
+ESSENTIAL = frozenset({"touching", "no earlier contact"})
+
+MAX_GAP_M = 0.02
+MAX_PLACE_M = 5.0
+MAX_CLOCK_H = 2.0
+MAX_LATERAL_G = 0.72  # dry asphalt holds 0.75
+MAX_SPEED_ERROR_INITIAL = 0.02
+MAX_SPEED_ERROR_IMPACT = 0.10
+MAX_OUTSIDE_M = 3.0
+_AGAINST_LANE_ALLOWED = frozenset(
+    {Manoeuvre.WRONG_WAY, Manoeuvre.BACKING, Manoeuvre.PASS, Manoeuvre.CROSS_CENTRELINE, Manoeuvre.U_TURN}
+)
+
+
+def check(
+    solution: Solution,
+    participants: tuple[ParticipantState, ...],
+    *,
+    lead_time_s: float,
+    beyond_map: dict[int, bool],
+) -> tuple[EstimateCheck, ...]:
+    """All checks of one hypothesis; ``beyond_map``: by vehicle number, whether it starts where the map has no road."""
+    records = {
+        party.vehicle.number: party
+        for party in (solution.candidate.encounter.mover, solution.candidate.encounter.other)
+    }
+    checks = list(_contact(participants, lead_time_s))
+    x_m, y_m = solution.contact_xy_m
+    distance = math.hypot(x_m - solution.place_xy_m[0], y_m - solution.place_xy_m[1])
+    checks.append(
+        EstimateCheck(
+            "place", distance <= MAX_PLACE_M, f"{distance:.2f} m from the reported place, at most {MAX_PLACE_M:g}"
+        )
+    )
+    for participant in participants:
+        party = records[participant.vehicle_number]
+        checks += _speed(party.vehicle, participant)
+        checks.append(_lateral(participant, lead_time_s))
+        checks.append(_on_road(participant, beyond_map[participant.vehicle_number]))
+        checks.append(_side_of_road(solution, participant))
+        checks += _area(party.vehicle, participant)
+        checks.append(_direction(solution, participant, party.turn))
+    return tuple(checks)
+
+
+def _named(name: str, participant: ParticipantState) -> str:
+    return f"{name} (vehicle {participant.vehicle_number})"
+
+
+def _contact(participants: tuple[ParticipantState, ...], lead_time_s: float) -> list[EstimateCheck]:
+    one, two = participants
+    impact = int(np.argmin(np.abs(one.trajectory.time_s - lead_time_s)))
+    until = slice(0, impact + 1)
+    state_1, state_2 = (
+        (each.trajectory.x_m[until], each.trajectory.y_m[until], each.trajectory.heading_rad[until])
+        for each in (one, two)
+    )
+    gap = separation_m(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
+    before = float(gap[:impact].min()) if impact else 0.0
+    at = float(gap[impact])
+    return [
+        EstimateCheck("touching", abs(at) <= MAX_GAP_M, f"gap {at:.4f} m at the impact, at most {MAX_GAP_M:g}"),
+        EstimateCheck("no earlier contact", before > 0, f"least gap before the impact {before:.3f} m"),
+    ]
+
+
+def _speed(vehicle: VehicleRecord, participant: ParticipantState) -> list[EstimateCheck]:
+    reported = vehicle.travel_speed_mps
+    if reported is None:
+        return []
+    initial, impact = abs(participant.initial_speed_mps), abs(participant.impact_speed_mps)
+    scale = max(reported, 1e-9)
+    error = abs(initial - reported) / scale if reported else initial
+    checks = [
+        EstimateCheck(
+            _named("reported speed", participant),
+            error <= MAX_SPEED_ERROR_INITIAL,
+            f"{initial:.2f} m/s at the beginning, reported {reported:.2f}",
+        )
+    ]
+    if not participant.braking and not starts(vehicle, reported):
+        error = abs(impact - reported) / scale if reported else impact
+        checks.append(
+            EstimateCheck(
+                _named("speed at impact", participant),
+                error <= MAX_SPEED_ERROR_IMPACT,
+                f"{impact:.2f} m/s at the impact, reported {reported:.2f}",
+            )
+        )
+    return checks
+
+
+def _lateral(participant: ParticipantState, lead_time_s: float) -> EstimateCheck:
+    trajectory = participant.trajectory
+    driven = trajectory.time_s <= lead_time_s + 1e-6
+    yaw_rate = np.gradient(trajectory.heading_rad, trajectory.time_s)
+    worst = float(np.abs(yaw_rate * trajectory.speed_mps)[driven].max()) / GRAVITY_MPS2
+    return EstimateCheck(
+        _named("lateral acceleration", participant),
+        worst <= MAX_LATERAL_G,
+        f"{worst:.2f} g at most, limit {MAX_LATERAL_G:g}",
+    )
+
+
+def _on_road(participant: ParticipantState, beyond_map: bool) -> EstimateCheck:
+    name = _named("starts on a road", participant)
+    lane = participant.initial_lane
+    if lane is None and participant.manoeuvre is Manoeuvre.CROSS_CENTRELINE:
+        return EstimateCheck(name, True, "already crossing the median at the beginning")
+    if beyond_map:
+        return EstimateCheck(name, True, "starts where the map has no road: beyond its edge or on a driveway")
+    if lane is None:
+        return EstimateCheck(name, False, "no lane near the initial position")
+    return EstimateCheck(
+        name, lane.outside_m <= MAX_OUTSIDE_M, f"{lane.outside_m:.2f} m outside road {lane.lane.road_id}"
+    )
+
+
+def _side_of_road(solution: Solution, participant: ParticipantState) -> EstimateCheck:
+    name = _named("right side of the road", participant)
+    placed = _placed(solution, participant)
+    if placed.option.stream.wrong_way and participant.manoeuvre not in _AGAINST_LANE_ALLOWED:
+        return EstimateCheck(name, False, "follows its lane the wrong way without being reported to")
+    return EstimateCheck(name, True, f"{participant.manoeuvre} on {placed.option.stream.name}")
+
+
+def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[EstimateCheck]:
+    if vehicle.impact is None or participant.impact_clock_h is None:
+        return []
+    reported = bearing_to_clock_h(vehicle.impact.centre_rad)
+    apart = clock_difference_h(participant.impact_clock_h, reported)
+    allowed = max(MAX_CLOCK_H, vehicle.impact.half_width_rad * 6 / math.pi)
+    return [
+        EstimateCheck(
+            _named("impact area", participant),
+            apart <= allowed,
+            f"struck at {participant.impact_clock_h:.1f} o'clock, reported {reported:g}, at most {allowed:g} h apart",
+        )
+    ]
+
+
+def _direction(solution: Solution, participant: ParticipantState, turn: Turn | None) -> EstimateCheck:
+    """Turned the reported way: begun to by the impact, and complete by the end of the plan."""
+    name = _named("direction", participant)
+    placed = _placed(solution, participant)
+    if turn is None or placed.option.turn is None:
+        change = math.remainder(participant.impact_pose.heading_rad - participant.initial_pose.heading_rad, math.tau)
+        return EstimateCheck(name, True, f"heading changed by {math.degrees(change):.0f} deg along its road")
+    sign = -1.0 if turn is Turn.RIGHT else 1.0
+    planned = math.degrees(sign * placed.option.turn.angle_rad)
+    return EstimateCheck(name, planned > 0, f"turns {turn} by {planned:.0f} deg")
+
+
+def _placed(solution: Solution, participant: ParticipantState) -> Placed:
+    mover = solution.candidate.encounter.mover
+    return solution.mover if mover.vehicle.number == participant.vehicle_number else solution.other

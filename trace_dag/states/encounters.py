@@ -1,0 +1,194 @@
+"""Encounters: who met whom how, as far as the record tells.
+
+From crash types, critical events, movements and the sequence of events to a short list of readings of the record: the
+relation of the two approaches and who left whose path. Where the record is silent every reading stays, at its prior.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from trace_dag.crash.classes import CollisionType
+from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord
+from trace_dag.states.crash_types import (
+    CRASH_TYPES,
+    CrashType,
+    CriticalEvent,
+    Relation,
+    Role,
+    Side,
+    Turn,
+    critical_event,
+    opposite_side,
+)
+
+_MOVEMENT_TURN = {Movement.TURNING_LEFT: Turn.LEFT, Movement.TURNING_RIGHT: Turn.RIGHT, Movement.U_TURN: Turn.U_TURN}
+_LEFT_ITS_LANE = frozenset({64, 65, 68})  # SOE: ran off left, cross median, cross centre line
+CROSS_MEDIAN = 65
+
+_SAID_BY_ONE = math.log(0.5)  # the two crash types name different relations
+_UNSAID = math.log(0.25)
+_HINT = 2.0  # a critical event that names the relation where no crash type does
+_MANNER_HINT = 1.0
+_MANNER_RELATIONS = {
+    CollisionType.FRONT_TO_REAR: (Relation.SAME_LANE,),
+    CollisionType.FRONT_TO_FRONT: (Relation.OPPOSITE_DIRECTION,),
+    CollisionType.ANGLE: (Relation.CROSSING,),
+    CollisionType.SIDESWIPE_SAME_DIRECTION: (Relation.SAME_DIRECTION,),
+    CollisionType.SIDESWIPE_OPPOSITE_DIRECTION: (Relation.OPPOSITE_DIRECTION,),
+}
+_AGAINST_ROLE = -3.0
+_AGAINST_EVENT = -1.5
+_KEEP_WITHIN = 3.0
+
+
+@dataclass(frozen=True)
+class Party:
+    """One of the two vehicles with everything the record says about its part."""
+
+    vehicle: VehicleRecord
+    crash_type: CrashType
+    critical: CriticalEvent
+    turn: Turn | None
+    events: frozenset[int]  # SOE of its non-collision events before the collision
+
+    @property
+    def backing(self) -> bool:
+        """Whether it drove backward."""
+        return self.crash_type.backing or self.vehicle.movement is Movement.BACKING
+
+    @property
+    def stationary(self) -> bool:
+        """Whether it stood still, by its reported speed or, where none is reported, its movement."""
+        if self.vehicle.travel_speed_mps is not None:
+            return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not Movement.STARTING
+        return self.crash_type.stopped or self.vehicle.movement in (Movement.STOPPED, Movement.PARKED_IN_LANE)
+
+    @property
+    def encroached(self) -> float:
+        """Log-odds that this vehicle left its path or struck: from role, critical event and events, 0 if unsaid."""
+        role = {Role.ENCROACHING: 1.0, Role.STRIKING: 1.0, Role.STEADY: -1.0, Role.STRUCK: -1.0}
+        odds = role.get(self.crash_type.role, 0.0) * -_AGAINST_ROLE
+        if self.critical.own is not None:
+            odds += (1.0 if self.critical.own else -1.0) * -_AGAINST_EVENT
+        if self.events & _LEFT_ITS_LANE:
+            odds -= _AGAINST_EVENT
+        return odds
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """One reading: ``mover`` left its path, turned, backed, or struck from behind; ``other`` did not.
+
+    ``mover_from`` is the side of ``other`` from which the mover came (crossing) or on which it was (same direction),
+    None where either is possible. ``log_prior`` weighs the reading by the record.
+    """
+
+    relation: Relation
+    mover: Party
+    other: Party
+    mover_from: Side | None
+    log_prior: float
+
+
+def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
+    """Everything the record says about one vehicle's part."""
+    crash_type = CRASH_TYPES.get(vehicle.crash_type_code or 99, CrashType())
+    own_events: list[EventRecord] = []
+    for event in record.events:
+        if vehicle.number in (event.vehicle_1, event.vehicle_2):
+            if event.vehicle_1 is not None and event.vehicle_2 is not None:
+                break
+            own_events.append(event)
+    turn = _MOVEMENT_TURN.get(vehicle.movement, crash_type.turn)
+    return Party(
+        vehicle,
+        crash_type,
+        critical_event(vehicle.critical_event_code),
+        turn,
+        frozenset(event.code for event in own_events),
+    )
+
+
+def encounters(record: CrashRecord, one: Party, two: Party) -> tuple[Encounter, ...]:
+    """All readings of the record within reach of the likeliest, likeliest first."""
+    found = []
+    for relation, weight in _relations(record, one, two).items():
+        crossing = relation is Relation.CROSSING
+        orders: tuple[tuple[Party, Party], ...] = ((one, two), (two, one))
+        if crossing:  # both orders read the same there: who turns or backs is the mover
+            orders = orders[1:] if _moves(two) > _moves(one) else orders[:1]
+        for mover, other in orders:
+            log_prior = weight if crossing else weight + _mover_prior(relation, mover, other)
+            found.append(Encounter(relation, mover, other, _side(relation, mover, other), log_prior))
+    best = max(encounter.log_prior for encounter in found)
+    kept = [encounter for encounter in found if encounter.log_prior > best - _KEEP_WITHIN]
+    return tuple(sorted(kept, key=lambda encounter: -encounter.log_prior))
+
+
+def _moves(each: Party) -> tuple[bool, bool]:
+    return each.backing, each.turn is not None
+
+
+def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, float]:
+    if one.backing or two.backing:
+        return {Relation.CROSSING: 0.0}  # along the road or out of a driveway: the candidates hold both
+    said = [each.crash_type.relation for each in (one, two) if each.crash_type.relation is not None]
+    if said:
+        return {relation: 0.0 if len(set(said)) == 1 else _SAID_BY_ONE for relation in dict.fromkeys(said)}
+    weights = dict.fromkeys(Relation, _UNSAID)
+    for each in (one, two):
+        if each.critical.relation is not None:
+            weights[each.critical.relation] += _HINT
+    for relation in _MANNER_RELATIONS.get(record.collision_type, ()):
+        weights[relation] += _MANNER_HINT
+    if not collided_with_each_other(record):
+        # Both struck someone or something else, one after the other: as a rule they followed one another.
+        weights[Relation.SAME_LANE] += _MANNER_HINT
+        weights[Relation.SAME_DIRECTION] += _MANNER_HINT
+    return weights
+
+
+def collided_with_each_other(record: CrashRecord) -> bool:
+    """Whether the sequence of events holds a collision of two motor vehicles of the record, or no sequence is known."""
+    numbers = {vehicle.number for vehicle in record.vehicles}
+    pairs = [event for event in record.events if event.vehicle_1 in numbers and event.vehicle_2 in numbers]
+    return bool(pairs) or not record.events
+
+
+def _mover_prior(relation: Relation, mover: Party, other: Party) -> float:
+    """Log-probability that ``mover``, not ``other``, is the one that moved, given the relation."""
+    odds = mover.encroached - other.encroached
+    if relation in (Relation.OPPOSITE_DIRECTION, Relation.SAME_DIRECTION):
+        odds += 4.0 * ((mover.turn is not None) - (other.turn is not None))
+    odds += 4.0 * (mover.backing - other.backing)
+    if relation is Relation.SAME_LANE:
+        # Only a faster vehicle runs into one ahead, and it does so with its front.
+        odds += 2.0 * (other.stationary - mover.stationary) + 2.0 * (_front(mover) - _front(other))
+        speeds = mover.vehicle.travel_speed_mps, other.vehicle.travel_speed_mps
+        if speeds[0] is not None and speeds[1] is not None and speeds[0] != speeds[1]:
+            odds += 2.0 if speeds[0] > speeds[1] else -2.0
+    return -math.log1p(math.exp(-odds)) if odds > -30 else odds
+
+
+def _front(each: Party) -> int:
+    """1 struck at the front, -1 at the rear, 0 elsewhere or unknown."""
+    if each.vehicle.impact is None:
+        return 0
+    along = math.cos(each.vehicle.impact.centre_rad)
+    return 1 if along > 0.7 else -1 if along < -0.7 else 0
+
+
+def _side(relation: Relation, mover: Party, other: Party) -> Side | None:
+    """The side of ``other`` the mover came from or was on."""
+    if relation not in (Relation.CROSSING, Relation.SAME_DIRECTION):
+        return None
+    if other.crash_type.relation is relation and other.crash_type.other_from is not None:
+        return other.crash_type.other_from
+    if mover.crash_type.relation is relation and mover.crash_type.other_from is not None:
+        return opposite_side(mover.crash_type.other_from)
+    if relation is Relation.SAME_DIRECTION:
+        over = {60: Side.LEFT, 61: Side.RIGHT}  # P_CRASH2 of the other: over its left, its right lane line
+        return over.get(other.vehicle.critical_event_code or 0)
+    return None

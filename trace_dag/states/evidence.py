@@ -1,0 +1,187 @@
+"""Log-likelihoods of the record's evidence, term by term.
+
+Every function returns named terms, natural logarithms, 0 at best agreement. They are stated, not fitted: each is a
+Gaussian or a fixed penalty whose width says how far reports and maps usually differ. The sum ranks hypotheses; the
+terms are kept with each so that a reader sees what spoke for it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trace_dag.crash.classes import CollisionType
+from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.network import Road, RoadNetwork
+from trace_dag.roads.report import CrashPlacement
+from trace_dag.states.crash_types import Turn
+from trace_dag.states.streams import Stream
+from trace_dag.units import mps_to_mph
+
+CLOCK_SIGMA_RAD = math.radians(25)  # a clock position is 30 degrees wide; first contact and coded damage differ
+_HALF_CLOCK_POSITION_RAD = math.radians(15)
+PLACE_SIGMA_M = 2.5
+LIMIT_SIGMA_MPH = 10.0
+TRAVEL_SIGMA_MPH = 20.0
+CURVE_RAD = math.radians(6)
+
+Terms = dict[str, float]
+
+
+def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, stream: Stream) -> Terms:
+    """Whether the stream's approach is one of the streets the record names."""
+    if stream.road is None:
+        return {}
+    if is_main(network, placement, stream.road):
+        return {}
+    if is_cross(network, placement, stream.road):
+        return {} if record.trafficway_2 or placement.junction_id else {"street not named": -1.0}
+    meets = placement.junction_id is not None and placement.junction_id in _ends(stream.road)
+    return {"street not named": -0.5 if meets else -1.5}
+
+
+def _ends(road: Road) -> set[str]:
+    """The junctions at a road's ends."""
+    links = (road.predecessor, road.successor)
+    return {link.element_id for link in links if link is not None and link.element_type == "junction"}
+
+
+def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
+    """Whether a road is the first trafficway of the record, by the crash's placement."""
+    return _same_street(network, placement.road_id, road)
+
+
+def is_cross(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
+    """Whether a road is the other street of the crash's crossing."""
+    return any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids)
+
+
+def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
+    if road.id == road_id:
+        return True
+    other = network.road_by_id.get(road_id)
+    return other is not None and bool(set(other.names) & set(road.names))
+
+
+def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
+    """Speed limit, lanes, division and alignment of the approach against what the vehicle's form says."""
+    terms: Terms = {}
+    road = stream.road
+    if road is not None:
+        if vehicle.speed_limit_mps and road.speed_mps:
+            apart = mps_to_mph(vehicle.speed_limit_mps - road.speed_mps) / LIMIT_SIGMA_MPH
+            terms["speed limit"] = -min(0.5 * apart**2, 1.0)
+        divided = vehicle.trafficway_code in (2, 3, 4, 6, 7)
+        if vehicle.trafficway_code in (1, 2, 3, 4, 5, 6, 7) and divided != stream.one_way:
+            terms["division of the road"] = -0.5
+        if vehicle.lanes:
+            counted = stream.lanes_along if divided or stream.one_way else stream.lanes_total
+            terms["lanes"] = -0.3 * min(abs(counted - vehicle.lanes), 3) * (1.0 if road.lanes_from_tags else 0.5)
+        if vehicle.trafficway_code == 0:
+            terms["driveway reported"] = 0.0 if road.highway == "service" else -1.0
+    elif vehicle.trafficway_code not in (0, None):
+        terms["no road there"] = -1.0
+    curve = {1: 0, 2: -1, 3: 1}.get(vehicle.alignment_code or 0)  # VALIGN: straight, curve right, curve left
+    if curve is not None:
+        seen = 0 if abs(stream.curve_rad) < CURVE_RAD else int(math.copysign(1, stream.curve_rad))
+        terms["alignment"] = -0.75 * abs(curve - seen)
+    if stream.wrong_way:
+        # Whoever drives the wrong way keeps to the right of what he takes for a two-way road: beside the median.
+        terms["wrong way"] = -2.0 - 0.4 * stream.lane_from_left
+    terms["around the roundabout"] = -1.5 * stream.share_of_ring  # most leave before they have gone far around
+    if stream.extended and not stream.off_map:
+        terms["straight on where the road ends"] = -1.0
+    if stream.off_map and vehicle.trafficway_code != 0:
+        terms["off the map"] = -2.0
+    return {name: value for name, value in terms.items() if value}
+
+
+def lane_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
+    """Whether the lane is the one such a manoeuvre is made from."""
+    terms: Terms = {}
+    from_right = stream.lanes_along - 1 - stream.lane_from_left
+    left = turn in (Turn.LEFT, Turn.U_TURN)
+    if stream.centre_lane:
+        terms["turn from this lane"] = 0.0 if left else -3.0
+    elif left:
+        terms["turn from this lane"] = -1.0 * stream.lane_from_left - (0.5 if stream.centre_lane_beside else 0.0)
+    elif turn is Turn.RIGHT:
+        terms["turn from this lane"] = -1.0 * from_right
+    elif vehicle.movement is Movement.MERGING:
+        terms["merging from this lane"] = -1.0 * from_right
+    arrows = {arrow for value in stream.lane_turns for arrow in value.split(";") if arrow in _ARROWS}
+    if arrows:
+        wanted = {Turn.LEFT: "left", Turn.RIGHT: "right", Turn.U_TURN: "reverse", None: "through"}[turn]
+        if not any(wanted in arrow for arrow in arrows):
+            terms["arrow of the lane"] = -1.5
+    return {name: value for name, value in terms.items() if value}
+
+
+_ARROWS = frozenset(
+    {"left", "slight_left", "sharp_left", "through", "right", "slight_right", "sharp_right", "reverse"}
+)  # OSM turn:lanes values that say where a lane leads; "none", "merge_to_left" and the like do not
+
+
+def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
+    """Whether one drives that fast there: the reported speed against the road's limit, for through traffic."""
+    road = stream.road
+    if vehicle.travel_speed_mps is None or road is None or not road.speed_mps or turn is not None:
+        return {}
+    if vehicle.movement is not Movement.GOING_STRAIGHT and vehicle.movement is not Movement.NEGOTIATING_CURVE:
+        return {}
+    apart = mps_to_mph(vehicle.travel_speed_mps - road.speed_mps) / TRAVEL_SIGMA_MPH
+    return {"speed for this road": -min(0.5 * apart**2, 1.5)}
+
+
+def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:
+    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported."""
+    if vehicle.impact is None:
+        return np.zeros_like(bearing_rad)
+    apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)
+    # A wide area (a whole side) is coded by its middle: wider, but not indifferent within.
+    sigma = CLOCK_SIGMA_RAD + max(vehicle.impact.half_width_rad - _HALF_CLOCK_POSITION_RAD, 0.0) / 2
+    return np.asarray(-0.5 * (apart / sigma) ** 2)
+
+
+def manner_log_likelihood(record: CrashRecord, bearing_1_rad: FloatArray, bearing_2_rad: FloatArray) -> FloatArray:
+    """Log-likelihood of the struck faces given the manner of collision (``MAN_COLL``), bearings of shape (n,) each.
+
+    Says something where the areas of impact are not reported; the manner is that of the first harmful event.
+    """
+    wanted = _FACES.get(record.collision_type)
+    if wanted is None:
+        return np.zeros_like(bearing_1_rad)
+    along_1, along_2 = np.cos(bearing_1_rad), np.cos(bearing_2_rad)
+    first, second = wanted
+    fits = (_on_face(along_1, first) & _on_face(along_2, second)) | (
+        _on_face(along_1, second) & _on_face(along_2, first)
+    )
+    return np.asarray(np.where(fits, 0.0, _OTHER_MANNER))
+
+
+_OTHER_MANNER = -1.0
+_FACES = {
+    CollisionType.FRONT_TO_REAR: ("front", "rear"),
+    CollisionType.FRONT_TO_FRONT: ("front", "front"),
+    CollisionType.REAR_TO_REAR: ("rear", "rear"),
+    CollisionType.REAR_TO_SIDE: ("rear", "side"),
+}
+
+
+def _on_face(along: FloatArray, face: str) -> NDArray[np.bool_]:
+    if face == "front":
+        return along > _FACE_COSINE
+    if face == "rear":
+        return along < -_FACE_COSINE
+    return np.abs(along) < 1 - _FACE_COSINE / 2
+
+
+_FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
+
+
+def place_log_likelihood(distance_m: FloatArray) -> FloatArray:
+    """Log-likelihood of a contact this far from the reported place."""
+    return np.asarray(-0.5 * (distance_m / PLACE_SIGMA_M) ** 2)

@@ -1,0 +1,232 @@
+"""What a model answers, in two forms, and what is wrong with an answer.
+
+Every complaint is a sentence the model can act on: it is put back into the next prompt.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.states.llm.choices import Approach, Choices
+from trace_dag.states.speeds import brakes, starts
+
+MAX_PLACE_M = 15.0
+HEADING_TOLERANCE_DEG = 30.0
+WRONG_SIDE_DEG = 120.0
+SPEED_SHARE = 0.5  # of the distance a reported speed covers
+
+
+class _Form(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class Place(_Form):
+    """A point in the local frame, metres."""
+
+    x_m: float = Field(allow_inf_nan=False)
+    y_m: float = Field(allow_inf_nan=False)
+
+
+class SegmentChoice(_Form):
+    """One vehicle in a ``segments`` answer."""
+
+    vehicle_number: int
+    candidate: str = Field(description="id of one of this vehicle's candidate approaches")
+    road: str | None = Field(None, description="the candidate's road")
+    lane: int | None = Field(None, description="the candidate's lane")
+    position_m: float = Field(allow_inf_nan=False, description="metres before the crash along the approach")
+    heading_deg: float = Field(allow_inf_nan=False, description="degrees counter-clockwise from east at that position")
+
+
+class SegmentsAnswer(_Form):
+    """Answer to a ``segments`` prompt."""
+
+    reasoning: str
+    vehicles: list[SegmentChoice]
+    crash: Place
+
+
+class StartPoint(_Form):
+    """One vehicle in a ``coordinates`` answer."""
+
+    vehicle_number: int
+    x_m: float = Field(allow_inf_nan=False)
+    y_m: float = Field(allow_inf_nan=False)
+    heading_deg: float = Field(allow_inf_nan=False, description="degrees counter-clockwise from east")
+
+
+class CoordinatesAnswer(_Form):
+    """Answer to a ``coordinates`` prompt."""
+
+    reasoning: str
+    vehicles: list[StartPoint]
+    crash: Place
+
+
+Kind = Literal["segments", "coordinates"]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A checked answer: each vehicle's approach."""
+
+    approaches: dict[int, Approach]
+    reasoning: str
+
+
+class WrongAnswer(Exception):  # noqa: N818 - an outcome that is counted, not an error of ours
+    """An answer that cannot be used; ``complaints`` say why, for the next prompt."""
+
+    def __init__(self, complaints: list[str]) -> None:
+        super().__init__("; ".join(complaints))
+        self.complaints = complaints
+
+
+def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
+    """The answer's form for a kind of prompt."""
+    return SegmentsAnswer if kind == "segments" else CoordinatesAnswer
+
+
+def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
+    """Read an answer; fences of Markdown around the JSON are tolerated. Raises :class:`WrongAnswer`."""
+    stripped = text.strip()
+    if not stripped:
+        raise WrongAnswer(["The answer was empty. Answer with one JSON object."])
+    if stripped.startswith("```"):
+        stripped = stripped.strip("`").removeprefix("json").strip()
+    try:
+        return form(kind).model_validate_json(stripped)
+    except ValidationError as error:
+        if not _is_json(stripped):
+            raise WrongAnswer(
+                ["The answer was not valid JSON. Answer with one JSON object and nothing else."]
+            ) from error
+        complaints = [
+            f"{'.'.join(str(part) for part in each['loc']) or 'the answer'}: {each['msg']}"
+            for each in error.errors()[:5]
+        ]
+        raise WrongAnswer(complaints) from error
+
+
+def _is_json(text: str) -> bool:
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True
+
+
+def decide(
+    answer: SegmentsAnswer | CoordinatesAnswer,
+    choices: Choices,
+    record: CrashRecord,
+    numbers: tuple[int, int],
+    *,
+    lead_time_s: float,
+) -> Decision:
+    """The approaches an answer amounts to. Raises :class:`WrongAnswer` with everything that is wrong with it."""
+    complaints: list[str] = []
+    given = [each.vehicle_number for each in answer.vehicles]
+    if sorted(given) != sorted(numbers):
+        raise WrongAnswer(
+            [f"The answer names vehicles {given}; it must name {numbers[0]} and {numbers[1]}, once each."]
+        )
+    place_x, place_y = choices.scene.place_xy_m
+    away_m = math.hypot(answer.crash.x_m - place_x, answer.crash.y_m - place_y)
+    if away_m > MAX_PLACE_M:
+        complaints.append(
+            f"The crash is put {away_m:.0f} m from the reported place ({place_x:.0f}, {place_y:.0f}); "
+            f"it must lie within {MAX_PLACE_M:.0f} m."
+        )
+    vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
+    approaches: dict[int, Approach] = {}
+    for each in answer.vehicles:
+        vehicle = vehicles[each.vehicle_number]
+        found = (
+            _segment(each, choices, complaints)
+            if isinstance(each, SegmentChoice)
+            else _point(each, choices, complaints)
+        )
+        if found is None:
+            continue
+        approach, position_m = found
+        approaches[vehicle.number] = approach
+        complaint = _position_complaint(vehicle, position_m, lead_time_s)
+        if complaint:
+            complaints.append(complaint)
+    if complaints:
+        raise WrongAnswer(complaints)
+    return Decision(approaches, answer.reasoning)
+
+
+def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> tuple[Approach, float] | None:
+    who = f"Vehicle {choice.vehicle_number}"
+    approach = choices.by_id(choice.candidate)
+    if approach is None:
+        known = ", ".join(each.id for each in choices.approaches)
+        complaints.append(f"{who}: there is no candidate {choice.candidate[:40]!r}; the candidates are {known}.")
+        return None
+    if choice.vehicle_number not in approach.vehicles:
+        open_to = ", ".join(each.id for each in choices.approaches if choice.vehicle_number in each.vehicles)
+        complaints.append(f"{who}: candidate {approach.id} is not open to it; choose from {open_to}.")
+        return None
+    road = approach.stream.road
+    if choice.road is not None and choice.road != (road.id if road is not None else None):
+        complaints.append(
+            f"{who}: candidate {approach.id} is on road {road.id if road is not None else None}, "
+            f"not {choice.road[:40]!r}."
+        )
+        return None
+    lane = approach.stream.lanes[0].lane_id if approach.stream.lanes else None
+    if choice.lane is not None and choice.lane != lane:
+        complaints.append(f"{who}: candidate {approach.id} is lane {lane}, not {choice.lane}.")
+        return None
+    if not 0.0 <= choice.position_m <= max(approach.length_m, 1.0):
+        complaints.append(
+            f"{who}: position {choice.position_m:.0f} m lies outside the road: candidate {approach.id} is known "
+            f"from 0 to {approach.length_m:.0f} m before the crash."
+        )
+        return None
+    direction = approach.heading_deg(choice.position_m)
+    apart = abs(math.remainder(direction - choice.heading_deg, 360.0))
+    if apart > HEADING_TOLERANCE_DEG:
+        side = " That is the wrong side of the road." if apart > WRONG_SIDE_DEG else ""
+        complaints.append(
+            f"{who}: heading {choice.heading_deg:.0f} deg disagrees with candidate {approach.id}, which leads "
+            f"{direction:.0f} deg there.{side}"
+        )
+        return None
+    return approach, choice.position_m
+
+
+def _point(point: StartPoint, choices: Choices, complaints: list[str]) -> tuple[Approach, float] | None:
+    who = f"Vehicle {point.vehicle_number}"
+    approach = choices.at(point.x_m, point.y_m, point.heading_deg, point.vehicle_number)
+    if approach is None:
+        reverse = choices.at(point.x_m, point.y_m, point.heading_deg + 180.0, point.vehicle_number)
+        why = "is on the wrong side of the road" if reverse else "lies outside the lanes that lead to the crash"
+        complaints.append(
+            f"{who}: the point ({point.x_m:.0f}, {point.y_m:.0f}) with heading {point.heading_deg:.0f} deg {why}."
+        )
+        return None
+    station, _ = approach.stream.path.project(point.x_m, point.y_m)
+    return approach, approach.stream.station_m - station
+
+
+def _position_complaint(vehicle: VehicleRecord, position_m: float, lead_time_s: float) -> str | None:
+    speed = vehicle.travel_speed_mps
+    if speed is None or brakes(vehicle) or starts(vehicle, speed):
+        return None
+    expected_m = speed * lead_time_s
+    if abs(position_m - expected_m) <= max(SPEED_SHARE * expected_m, 10.0):
+        return None
+    return (
+        f"Vehicle {vehicle.number}: {position_m:.0f} m before the crash disagrees with its reported speed of "
+        f"{speed:.1f} m/s, which covers {expected_m:.0f} m in {lead_time_s:g} s."
+    )

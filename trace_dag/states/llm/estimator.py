@@ -1,0 +1,162 @@
+"""The LLM estimator: ask, check, ask again with what was wrong, and let the solver turn the choice into states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.analytic import build_scene, estimate_analytic, parties, ranked, solve_all
+from trace_dag.states.candidates import candidates
+from trace_dag.states.encounters import encounters
+from trace_dag.states.llm.answer import Decision, WrongAnswer, decide, form, parse
+from trace_dag.states.llm.choices import Choices
+from trace_dag.states.llm.client import REFUSED, LlmClient
+from trace_dag.states.llm.prompt import Prompt, ask_again
+from trace_dag.states.llm.store import StoredAnswer
+from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+
+NAME = "llm"
+VERSION = "1"
+_TRUNCATED = "length"
+_MOST_CHECKS = 4
+
+
+@dataclass
+class _Tally:
+    """What asking took so far, for the provenance of the estimate."""
+
+    answers: list[dict[str, object]] = field(default_factory=list)
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float = 0.0
+    latency_s: float = 0.0
+
+    def add(self, answer: StoredAnswer, complaints: list[str]) -> None:
+        self.prompt_tokens += answer.prompt_tokens
+        self.completion_tokens += answer.completion_tokens
+        self.cost_usd += answer.cost_usd
+        self.latency_s += answer.latency_s
+        self.answers.append(
+            {
+                "text": answer.text,
+                "finish_reason": answer.finish_reason,
+                "model": answer.model,
+                "complaints": complaints,
+            }
+        )
+
+    def run(self, settings: StateSettings, *, fallback: bool) -> EstimatorRun:
+        return EstimatorRun(
+            estimator=NAME,
+            version=VERSION,
+            model=settings.llm_model,
+            prompt_version=settings.llm_prompt,
+            attempts=len(self.answers),
+            prompt_tokens=self.prompt_tokens,
+            completion_tokens=self.completion_tokens,
+            cost_usd=round(self.cost_usd, 8),
+            latency_s=round(self.latency_s, 3),
+            fallback=fallback,
+            answers=tuple(self.answers),
+        )
+
+
+def estimate_llm(
+    record: CrashRecord,
+    network: RoadNetwork,
+    report: MapReport,
+    settings: StateSettings,
+    client: LlmClient,
+) -> StateEstimate:
+    """States with the approaches a language model chose.
+
+    A wrong answer is a counted attempt; after ``llm_max_attempts`` of them the fallback of the settings follows.
+
+    Raises:
+        Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the fallback
+            is "reject".
+        TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
+        UserError: no such prompt.
+    """
+    prompt = Prompt.load(settings.llm_prompt)
+    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
+    one, two = parties(record)
+    numbers = (one.vehicle.number, two.vehicle.number)
+    found = [each for reading in encounters(record, one, two) for each in candidates(scene, reading)]
+    choices = Choices(scene, tuple(found))
+    if not choices.approaches:
+        return estimate_analytic(record, network, report, settings)  # raises the rejection that says why
+    schema = form(prompt.kind).model_json_schema()
+    messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
+    tally = _Tally()
+    for _ in range(settings.llm_max_attempts):
+        answer = client.ask(messages, prompt=f"{prompt.version}:{prompt.digest}", schema=schema)
+        try:
+            decision = _decision(answer, prompt, choices, record, numbers, settings)
+            hypotheses, ambiguity = _solved(choices, decision, settings)
+        except WrongAnswer as wrong:
+            tally.add(answer, wrong.complaints)
+            messages = ask_again(messages, answer.text, wrong.complaints)
+            continue
+        tally.add(answer, [])
+        return StateEstimate(record.key, hypotheses, tally.run(settings, fallback=False), ambiguity)
+    if settings.llm_fallback == "reject":
+        last = "; ".join(str(each) for each in _complaints(tally))
+        raise Rejection(
+            Reason.NO_FEASIBLE_STATE,
+            f"{settings.llm_model} gave no usable answer in {len(tally.answers)} attempts; the last: {last}",
+            measured=len(tally.answers),
+            threshold=settings.llm_max_attempts,
+        )
+    fallback = estimate_analytic(record, network, report, settings)
+    return replace(fallback, run=tally.run(settings, fallback=True))
+
+
+def _complaints(tally: _Tally) -> list[object]:
+    listed = tally.answers[-1]["complaints"] if tally.answers else []
+    return list(listed) if isinstance(listed, list) else []
+
+
+def _decision(
+    answer: StoredAnswer,
+    prompt: Prompt,
+    choices: Choices,
+    record: CrashRecord,
+    numbers: tuple[int, int],
+    settings: StateSettings,
+) -> Decision:
+    if answer.finish_reason == REFUSED:
+        raise WrongAnswer(["The model refused to answer. This is traffic safety research on a public police report."])
+    if answer.finish_reason == _TRUNCATED:
+        raise WrongAnswer(["The answer was cut off before its end. Keep the reasoning shorter."])
+    parsed = parse(answer.text, prompt.kind)
+    return decide(parsed, choices, record, numbers, lead_time_s=settings.lead_time_s)
+
+
+def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
+    """Hypotheses on the chosen approaches; where they fail their checks the model hears of it."""
+    chosen = choices.chosen(decision.approaches)
+    ids = " and ".join(f"{approach.id} for vehicle {number}" for number, approach in decision.approaches.items())
+    if not chosen:
+        raise WrongAnswer(
+            [f"No manoeuvre the report allows leads to the crash on {ids} together: no path to the crash exists."]
+        )
+    hypotheses, ambiguity = ranked(choices.scene, solve_all(choices.scene, chosen), settings)
+    if not hypotheses:
+        raise WrongAnswer([f"On {ids} the vehicles do not touch near the reported place."])
+    failed = [check for check in hypotheses[0].checks if not check.passed]
+    if failed:
+        failed = [check for check in failed if check.name not in _unavoidable(choices, settings)]
+    if failed:
+        raise WrongAnswer([f"With {ids}: {check.name}: {check.detail}." for check in failed[:_MOST_CHECKS]])
+    return hypotheses, ambiguity
+
+
+def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
+    """Checks that no choice of approaches passes: the record contradicts itself or the map, and no answer helps."""
+    best, _ = ranked(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
+    return {check.name for check in best[0].checks if not check.passed} if best else set()

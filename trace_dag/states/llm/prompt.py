@@ -1,0 +1,133 @@
+"""From a prompt file and a crash to messages.
+
+What comes from reports and maps goes into the prompt as JSON whose angle brackets are escaped, inside a fence the
+system message declares to be data: no text of a report can close the fence or stand as a message of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from string import Template
+
+from trace_dag.crash.record import CrashRecord, ImpactArea, VehicleRecord
+from trace_dag.errors import UserError
+from trace_dag.states.llm.answer import Kind, form
+from trace_dag.states.llm.choices import Choices
+
+_KINDS: dict[str, Kind] = {"segments": "segments", "coordinates": "coordinates"}
+_LONGEST_TEXT = 2000
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+
+Message = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """One version of the prompt: its name, kind, the two templates, and a digest of its text."""
+
+    version: str
+    kind: Kind
+    system: Template
+    user: Template
+    digest: str
+
+    @classmethod
+    def load(cls, version: str) -> Prompt:
+        """The prompt of that name. Raises :class:`UserError` where there is none, listing those there are."""
+        folder = files("trace_dag.states") / "prompts"
+        known = sorted(entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md"))
+        known = [name for name in known if name.rpartition("-v")[0] in _KINDS]
+        if version not in known:
+            raise UserError(f"no prompt is called {version!r}; set states.llm_prompt to one of {', '.join(known)}")
+        text = (folder / f"{version}.md").read_text(encoding="utf-8")
+        system, user = text.removeprefix("# system\n").split("\n# user\n")
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        return cls(version, _KINDS[version.rpartition("-v")[0]], Template(system), Template(user), digest)
+
+    def messages(self, record: CrashRecord, choices: Choices, *, lead_time_s: float) -> list[Message]:
+        """The first question about a crash."""
+        schema = json.dumps(form(self.kind).model_json_schema(), indent=1, sort_keys=True)
+        data = fenced(_data(record, choices))
+        values = {"lead_time_s": f"{lead_time_s:g}", "schema": schema, "data": data}
+        return [
+            {"role": "system", "content": self.system.substitute(values).strip()},
+            {"role": "user", "content": self.user.substitute(values).strip()},
+        ]
+
+
+def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
+    """The question with what was wrong with the last answer; the conversation before it stays."""
+    listed = "\n".join(f"- {fenced(complaint)}" for complaint in complaints)
+    return [
+        *messages,
+        {"role": "assistant", "content": answer or "(no answer)"},
+        {
+            "role": "user",
+            "content": f"That answer cannot be used. What is wrong with it, as data:\n{listed}\n\n"
+            "Answer again, with all of it put right, in the same form.",
+        },
+    ]
+
+
+def fenced(value: object) -> str:
+    """JSON of a value that cannot close a fence: angle brackets escaped, control characters out, texts cut."""
+    text = json.dumps(_clean(value), ensure_ascii=False, indent=None if isinstance(value, str) else 1)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _clean(value: object) -> object:
+    if isinstance(value, str):
+        return _CONTROL.sub(" ", value)[:_LONGEST_TEXT]
+    if isinstance(value, dict):
+        return {str(key): _clean(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_clean(each) for each in value]
+    return value
+
+
+def _data(record: CrashRecord, choices: Choices) -> dict[str, object]:
+    x_m, y_m = choices.scene.place_xy_m
+    return {
+        "report": {
+            "summary": record.summary,
+            "streets": [name for name in (record.trafficway_1, record.trafficway_2) if name],
+            "manner_of_collision": record.collision_type.value,
+            "road_topology": record.road_topology.value,
+            "vehicle_trajectory": record.vehicle_trajectory.value,
+            "place_of_crash_x_y_m": [round(x_m, 1), round(y_m, 1)],
+            "vehicles": [_vehicle(vehicle) for vehicle in record.vehicles],
+            "events": [
+                {"number": event.number, "code": event.code, "vehicle_1": event.vehicle_1, "vehicle_2": event.vehicle_2}
+                for event in record.events
+            ],
+        },
+        "candidates": [approach.described() for approach in choices.approaches],
+    }
+
+
+def _vehicle(vehicle: VehicleRecord) -> dict[str, object]:
+    speed, limit = vehicle.travel_speed_mps, vehicle.speed_limit_mps
+    return {
+        "number": vehicle.number,
+        "class": vehicle.vehicle_class.value,
+        "length_m": vehicle.length_m,
+        "width_m": vehicle.width_m,
+        "travel_speed_mps": None if speed is None else round(speed, 2),
+        "speed_limit_mps": None if limit is None else round(limit, 2),
+        "lanes": vehicle.lanes,
+        "movement": vehicle.movement.name.lower(),
+        "crash_type_ACC_TYPE": vehicle.crash_type_code,
+        "critical_event_P_CRASH2": vehicle.critical_event_code,
+        "avoidance_P_CRASH3": vehicle.avoidance_code,
+        "alignment_VALIGN": vehicle.alignment_code,
+        "trafficway_VTRAFWAY": vehicle.trafficway_code,
+        "impact_clock": _clock(vehicle.impact),
+    }
+
+
+def _clock(impact: ImpactArea | None) -> float | None:
+    return None if impact is None else impact.clock_h

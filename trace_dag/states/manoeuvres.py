@@ -1,0 +1,229 @@
+"""Manoeuvres: the paths one vehicle can have taken along one stream.
+
+An option is a stream, a manoeuvre and the path that results. Options that can take place anywhere along the road
+(keeping the lane, crossing the centre line) slide to where the crash was; turns at a junction slide only at a price.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.geometry import Pose
+from trace_dag.states.crash_types import Turn
+from trace_dag.states.paths import LateralShift, Path, TurnShape, shifted, turn_start_to_meet, turned
+from trace_dag.states.speeds import (
+    COMFORTABLE_LATERAL_MPS2,
+    HARDEST_LATERAL_MPS2,
+    least_turn_radius_m,
+)
+from trace_dag.states.streams import Stream
+from trace_dag.states.types import Manoeuvre
+from trace_dag.units import GRAVITY_MPS2
+
+_TURN_RADIUS_M = {Turn.LEFT: 13.0, Turn.RIGHT: 9.0, Turn.U_TURN: 6.5}  # as drivers take ordinary street corners
+_CREEPING_RADIUS_M, _RADIUS_TIME_S = 6.0, 1.2  # a vehicle that creeps turns the wheel further
+_TURN_ANGLE_RAD = {Turn.LEFT: math.pi / 2, Turn.RIGHT: -math.pi / 2, Turn.U_TURN: math.pi}
+_WIDE_TURN_M = 25.0  # radius beyond which a turn no longer fits a junction and is taken harder instead
+_STEERING_TIME_S = 0.7  # to turn the wheel into a corner
+_TAIL_M = 80.0
+
+_TURN_MANOEUVRE = {Turn.LEFT: Manoeuvre.TURN_LEFT, Turn.RIGHT: Manoeuvre.TURN_RIGHT, Turn.U_TURN: Manoeuvre.U_TURN}
+_OVERLAP_M = 1.2
+_LEAST_SHAPE_SPEED_MPS = 7.0
+# Moves sideways: lateral acceleration (g), how far beyond the other line (share), log-likelihood. Drifting over and
+# driving on there, steering over, going on across, swerving.
+_SHIFTS = ((0.05, 1.0, 0.0), (0.12, 1.0, 0.0), (0.1, 1.8, 0.0), (0.25, 1.0, -0.5))
+CURVE_RAD = math.radians(8)
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """One path of one vehicle. ``station_m`` is where it nominally is at the crash, along the stream's own path.
+
+    ``slides``: the manoeuvre happened wherever the crash was. ``costs`` are log-likelihoods of what is unusual in it.
+    """
+
+    stream: Stream
+    manoeuvre: Manoeuvre
+    station_m: float
+    slides: bool
+    speed_mps: float
+    constant_m: float = 0.0
+    shift: LateralShift | None = None
+    turn: TurnShape | None = None
+    turn_start_m: float = 0.0
+    earlier_m: float = 0.0  # than the lanes' own turn, already in turn_start_m
+    backing: bool = False
+    costs: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Says what distinguishes this option from the others of its vehicle."""
+        how = f" at {math.degrees(math.atan(self.shift.slope)):.1f} deg" if self.shift is not None else ""
+        if self.constant_m:
+            how += f" {abs(self.constant_m):.1f} m {'left' if self.constant_m > 0 else 'right'} of the lane's centre"
+        if self.earlier_m:
+            how += f" {abs(self.earlier_m):g} m {'early' if self.earlier_m > 0 else 'late'}"
+        return f"{self.manoeuvre}{how} on {self.stream.name}"
+
+    def path(self, slide_m: float = 0.0) -> Path:
+        """The path, its manoeuvre moved ``slide_m`` along the stream."""
+        base = self.stream.path
+        if self.turn is not None:
+            return turned(base, self.turn, start_s_m=self.turn_start_m + slide_m, tail_m=_TAIL_M)
+        if self.shift is None and self.constant_m == 0.0:
+            return base
+        return shifted(base, self.shift, anchor_s_m=self.station_m + slide_m, constant_m=self.constant_m)
+
+    def nominal_pose(self, slide_m: float) -> Pose:
+        """Where along the stream the crash nominally is."""
+        return self.stream.path.pose(self.station_m + slide_m)
+
+
+def keep_lane(
+    stream: Stream, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
+) -> Option:
+    """Along the lane, ``offset_m`` left of its centre; which manoeuvre that is depends on the record and the road.
+
+    ``turn``: the one the lane itself makes, where the record calls it a turn.
+    """
+    stream = stream.fitted(speed_mps)
+    if turn is not None and follows_turn(stream, turn):
+        manoeuvre = _TURN_MANOEUVRE[turn]
+    elif stream.wrong_way:
+        manoeuvre = Manoeuvre.WRONG_WAY
+    elif stream.off_map and not stream.lanes:
+        manoeuvre = Manoeuvre.ENTER_FROM_DRIVEWAY
+    elif speed_mps == 0.0 and vehicle.movement not in (Movement.STARTING, Movement.ACCELERATING):
+        manoeuvre = Manoeuvre.STOPPED
+    elif vehicle.movement is Movement.STARTING:
+        manoeuvre = Manoeuvre.STARTING
+    elif vehicle.movement is Movement.PASSING:
+        manoeuvre = Manoeuvre.PASS
+    elif vehicle.movement is Movement.MERGING:
+        manoeuvre = Manoeuvre.MERGE
+    elif vehicle.movement is Movement.NEGOTIATING_CURVE and abs(stream.curve_rad) > CURVE_RAD:
+        manoeuvre = Manoeuvre.CURVE
+    else:
+        manoeuvre = Manoeuvre.STRAIGHT
+    return Option(stream, manoeuvre, stream.station_m, True, speed_mps, constant_m=offset_m)
+
+
+def back_up(stream: Stream, speed_mps: float) -> Option:
+    """Backward along the stream: the path is the lane reversed, the body faces along the lane."""
+    stream = stream.fitted(speed_mps)
+    return Option(stream, Manoeuvre.BACKING, stream.station_m, True, speed_mps, backing=True)
+
+
+def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> float:
+    """Steepest slope of a shift by ``total_m`` that keeps the lateral acceleration, at most 40 degrees.
+
+    The ramp is as long as the slope and the acceleration demand, and both ramps fit into the shift.
+    """
+    limit = math.tan(math.radians(40))
+    return min(limit, math.sqrt(abs(total_m) * lateral_mps2 / (1.5 * speed_mps**2)))
+
+
+def lateral_shift(
+    total_m: float, speed_mps: float, slope: float, lateral_mps2: float, *, beyond_m: float = 0.0
+) -> LateralShift:
+    """A shift by ``total_m`` and ``beyond_m`` more whose ramps keep the lateral acceleration.
+
+    Anchored where bodies on both lines have come to overlap.
+    """
+    ramp_m = max(1.5 * slope * speed_mps**2 / lateral_mps2, 4.0)
+    ramp_m = min(ramp_m, abs(total_m + beyond_m) / slope)
+    short_of_m = min(_OVERLAP_M, abs(total_m) / 3)
+    return LateralShift(total_m + beyond_m, math.copysign(abs(total_m) - short_of_m, total_m), slope, ramp_m)
+
+
+def move_sideways(
+    stream: Stream, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
+) -> list[Option]:
+    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
+    options: list[Option] = []
+    stream = stream.fitted(speed_mps)
+    shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # one that stands there came at some speed
+    for lateral_g, share, cost in _SHIFTS:
+        lateral = lateral_g * GRAVITY_MPS2
+        slope = steepest_slope(share * total_m, shape_speed_mps, lateral)
+        shift = lateral_shift(total_m, shape_speed_mps, slope, lateral, beyond_m=(share - 1.0) * total_m)
+        if any(shift == option.shift for option in options):
+            continue
+        costs = {"abruptness": cost} if cost else {}
+        options.append(
+            Option(
+                stream,
+                manoeuvre,
+                stream.station_m,
+                True,
+                speed_mps,
+                constant_m=from_offset_m,
+                shift=shift,
+                costs=costs,
+            )
+        )
+    return options
+
+
+def follows_turn(stream: Stream, turn: Turn | None) -> bool:
+    """Whether the stream's own lanes make the turn: the corner of an L, a bend a driver turned at."""
+    if turn is None or stream.turn is not None:
+        return False
+    wanted = _TURN_ANGLE_RAD[turn]
+    return stream.curve_rad * wanted > 0 and abs(stream.curve_rad) >= abs(wanted) / 2
+
+
+def turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
+    """The turn a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
+    radius = max(
+        min(_TURN_RADIUS_M[turn], _CREEPING_RADIUS_M + _RADIUS_TIME_S * speed_mps),
+        least_turn_radius_m(vehicle.vehicle_class, vehicle.length_m),
+        speed_mps**2 / COMFORTABLE_LATERAL_MPS2,
+    )
+    if radius > _WIDE_TURN_M:
+        radius = max(_WIDE_TURN_M, speed_mps**2 / HARDEST_LATERAL_MPS2)
+    ramp = min(max(_STEERING_TIME_S * speed_mps, 2.0), 0.8 * radius * abs(angle_rad))
+    return TurnShape(angle_rad, radius, ramp)
+
+
+def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool) -> list[Option]:
+    """Turning off the stream: into where its lanes lead, else at a right angle where the crash was.
+
+    Turns begun earlier or later than the lanes' own come as further options at a cost.
+    """
+    stream = stream.fitted(speed_mps)
+    if stream.exit_pose is not None and stream.turn is turn:
+        near = stream.turn_from_m
+        angle = math.remainder(stream.exit_pose.heading_rad - stream.path.pose(near).heading_rad, math.tau)
+        if turn is Turn.U_TURN:
+            angle = math.pi
+    else:
+        near, angle = stream.station_m, _TURN_ANGLE_RAD[turn]
+    shape = turn_shape(turn, angle, vehicle, speed_mps)
+    start = None
+    if stream.exit_pose is not None and stream.turn is turn:
+        start = turn_start_to_meet(stream.path, shape, stream.exit_pose, near_s_m=near)
+    costs = {}
+    if start is None:
+        start = stream.station_m - shape.displacement_m()[0]
+        costs["no lanes for the turn"] = -1.0
+    options = []
+    for earlier in (0.0,) if slides else (0.0, 4.0, -4.0, 8.0):
+        extra = {"turn begins early or late": -0.5 * (earlier / 4.0) ** 2} if earlier else {}
+        options.append(
+            Option(
+                stream,
+                _TURN_MANOEUVRE[turn],
+                stream.station_m,
+                slides,
+                speed_mps,
+                turn=shape,
+                turn_start_m=start - earlier,
+                earlier_m=earlier,
+                costs={**costs, **extra},
+            )
+        )
+    return options

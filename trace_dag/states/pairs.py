@@ -1,0 +1,94 @@
+"""Pairs of paths: what the makers of :mod:`pairs_along` and :mod:`pairs_crossing` yield, and the pieces they share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from trace_dag.states.crash_types import Side, Turn
+from trace_dag.states.encounters import Party
+from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane, make_turn
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, travel_speed
+from trace_dag.states.streams import Stream
+from trace_dag.units import wrap_angle
+
+SAME_HEADING_RAD = math.radians(25)
+OPPOSITE_HEADING_RAD = math.radians(140)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two options, the mover's first, and what judges them as a pair. ``parallel``: see :class:`Candidate`."""
+
+    mover: Option
+    other: Option
+    mover_speed: TravelSpeed
+    other_speed: TravelSpeed
+    parallel: bool
+    terms: dict[str, float] = field(default_factory=dict)
+    other_profile: SpeedProfile | None = None  # where it is not the one the record alone gives
+
+
+def ways(party: Party, stream: Stream, speed: TravelSpeed) -> list[Option]:
+    """What a vehicle that keeps to its path can do: go along, turn, back up."""
+    if party.backing:
+        return [back_up(stream, speed.speed_mps)]
+    if follows_turn(stream, party.turn):
+        return [keep_lane(stream, party.vehicle, speed.speed_mps, turn=party.turn)]
+    if party.turn is not None:
+        return make_turn(stream, party.vehicle, speed.speed_mps, party.turn, slides=False)
+    return [along(party, stream, speed)]
+
+
+def along(party: Party, stream: Stream, speed: TravelSpeed) -> Option:
+    """Keeping to the lane."""
+    return keep_lane(stream, party.vehicle, speed.speed_mps)
+
+
+def speed_of(party: Party, stream: Stream, *, crossing: bool = False) -> TravelSpeed:
+    """The vehicle's travel speed on this stream, reported or inferred."""
+    return travel_speed(party.vehicle, party.crash_type, party.turn, stream.road, crossing=crossing)
+
+
+def apart(one: Stream, two: Stream) -> float:
+    """Angle between two directions of travel along one road: at the crash, before a turn."""
+    headings = [stream.course_rad if stream.turn is None else stream.heading_rad for stream in (one, two)]
+    return abs(wrap_angle(headings[0] - headings[1]))
+
+
+def gap_between(one: Stream, two: Stream) -> float:
+    """How far left of ``one`` the path of ``two`` is at the crash."""
+    pose = two.path.pose(two.station_m)
+    return one.path.project(pose.x_m, pose.y_m)[1]
+
+
+def left_of(one: Stream, two: Stream, side: Side) -> float:
+    """How far ``one`` is to the given side of ``two`` at the crash."""
+    gap = -gap_between(one, two)
+    return gap if side is Side.LEFT else -gap
+
+
+def turning_streams(streams: Iterable[Stream], turn: Turn) -> list[Stream]:
+    """Streams on which the turn can be made: where lanes lead there, and the shared lane in the middle beside them."""
+    streams = tuple(streams)
+    by_lanes = [stream for stream in streams if stream.turn is turn]
+    if turn is not Turn.LEFT:
+        return by_lanes
+    return by_lanes + [_turning_from_centre(stream, by_lanes) for stream in streams if stream.centre_lane]
+
+
+def _turning_from_centre(centre: Stream, by_lanes: list[Stream]) -> Stream:
+    """The shared lane with the exit of the turning lane beside it, if there is one."""
+    beside = [stream for stream in by_lanes if apart(centre, stream) <= SAME_HEADING_RAD]
+    if not beside:
+        return centre
+    lane = min(beside, key=lambda stream: (stream.lane_from_left, stream.name))
+    return replace(
+        centre,
+        name=f"{centre.name} as {lane.name}",
+        turn=lane.turn,
+        turn_from_m=centre.station_m,
+        exit_pose=lane.exit_pose,
+        exit_road=lane.exit_road,
+    )

@@ -1,0 +1,167 @@
+"""Pairs of paths along one road: from behind, side by side, oncoming."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from trace_dag.states.crash_types import Side
+from trace_dag.states.encounters import CROSS_MEDIAN, Encounter, Party
+from trace_dag.states.manoeuvres import Option, follows_turn, keep_lane, make_turn, move_sideways
+from trace_dag.states.pairs import (
+    OPPOSITE_HEADING_RAD,
+    SAME_HEADING_RAD,
+    Pair,
+    along,
+    apart,
+    gap_between,
+    left_of,
+    speed_of,
+    turning_streams,
+    ways,
+)
+from trace_dag.states.scene import Scene
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.streams import Stream
+from trace_dag.states.types import Manoeuvre, SpeedSource
+
+MEDIAN_M = 12.0  # lanes farther apart than this have a median between them
+FARTHEST_CARRIAGEWAY_M = 60.0
+LEAST_GAP_M = 1.0
+PASSING_OFFSET_M = 3.3  # beside the lane where no other lane is
+LEAST_CLOSING_MPS = 1.0
+SLOWING_MPS2 = 2.0
+CLOSING_MPS = 6.0  # least difference of speeds where one of two unreported ones must have been faster
+
+
+def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
+    """Rear-end: the mover runs into the other from behind."""
+    mover, other = encounter.mover, encounter.other
+    offsets = [0.0]
+    if _off_centre(mover) or _off_centre(other):
+        width = (mover.vehicle.width_m + other.vehicle.width_m) / 2
+        offsets += [share * width for share in (0.4, -0.4, 0.85, -0.85)]
+    for stream in scene.on_road(scene.through):
+        ahead = speed_of(other, stream)
+        behind = _faster(speed_of(mover, stream), ahead)
+        slowed, terms = _slowed(mover, behind, other, ahead)
+        for offset in offsets:
+            follower = keep_lane(stream, mover.vehicle, behind.speed_mps, offset_m=offset)
+            for leader in ways(other, stream, ahead):
+                yield Pair(follower, leader, behind, ahead, True, terms, slowed)
+
+
+def _slowed(
+    mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
+) -> tuple[SpeedProfile | None, dict[str, float]]:
+    """A leader reported as no slower than its follower must have slowed down; no more than needed."""
+    follower, leader = (
+        speed_profile(party.vehicle, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead))
+    )
+    if leader.impact_mps <= follower.impact_mps - LEAST_CLOSING_MPS:
+        return None, {}
+    impact = max(follower.impact_mps - LEAST_CLOSING_MPS, 0.0)
+    change_s = max((leader.initial_mps - impact) / SLOWING_MPS2, 1.0)
+    return SpeedProfile(leader.initial_mps, impact, change_s), {"slowing not reported": -1.0}
+
+
+def same_direction(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
+    """Adjacent paths: the mover comes over to the other's, or turns across it."""
+    mover, other = encounter.mover, encounter.other
+    through = scene.on_road(scene.through)
+    for target in through:
+        for side in (Side.LEFT, Side.RIGHT):
+            if encounter.mover_from not in (side, None):
+                continue
+            beside = [
+                stream
+                for stream in scene.through
+                if apart(stream, target) <= SAME_HEADING_RAD and 2.0 <= left_of(stream, target, side) <= 5.5
+            ]
+            sources = [(stream, 0.0, left_of(stream, target, side)) for stream in beside]
+            if not sources:
+                away = PASSING_OFFSET_M if side is Side.LEFT else -PASSING_OFFSET_M
+                sources = [(target, away, PASSING_OFFSET_M)]
+            for stream, from_offset, gap in sources:
+                yield from _coming_over(mover, other, stream, target, side, from_offset, gap)
+
+
+def _coming_over(
+    mover: Party, other: Party, stream: Stream, target: Stream, side: Side, from_offset: float, gap: float
+) -> Iterator[Pair]:
+    mover_speed, other_speed = speed_of(mover, stream), speed_of(other, target)
+    steady = along(other, target, other_speed)
+    terms = {"no lane beside": -0.5} if from_offset else {}
+    if mover.turn is not None:
+        for option in make_turn(stream, mover.vehicle, mover_speed.speed_mps, mover.turn, slides=True):
+            yield Pair(option, steady, mover_speed, other_speed, True, terms)
+        return
+    towards = -gap if side is Side.LEFT else gap
+    manoeuvre = Manoeuvre.LANE_CHANGE_RIGHT if side is Side.LEFT else Manoeuvre.LANE_CHANGE_LEFT
+    for option in move_sideways(stream, mover_speed.speed_mps, towards, manoeuvre, from_offset_m=from_offset):
+        yield Pair(option, steady, mover_speed, other_speed, True, terms)
+
+
+def opposite(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
+    """Oncoming: the mover crosses the centre line or the median, drives the wrong way, or turns across."""
+    mover, other = encounter.mover, encounter.other
+    for target in scene.on_road(scene.through):
+        other_speed = speed_of(other, target)
+        facing = [stream for stream in scene.streams if apart(stream, target) >= OPPOSITE_HEADING_RAD]
+        for steady in ways(other, target, other_speed):
+            crossing_over = facing
+            if mover.turn is not None:
+                crossing_over = [stream for stream in facing if follows_turn(stream, mover.turn)]
+                yield from _turning_across(scene, mover, steady, other_speed, facing)
+            for stream in crossing_over:
+                speed = speed_of(mover, stream)
+                gap = gap_between(stream.fitted(speed.speed_mps), target.fitted(other_speed.speed_mps))
+                if stream.turn is not None or not -PASSING_OFFSET_M <= gap <= FARTHEST_CARRIAGEWAY_M:
+                    continue
+                if gap < LEAST_GAP_M:  # a corner cut at this speed, with no line left to cross
+                    cutting = keep_lane(stream, mover.vehicle, speed.speed_mps, turn=mover.turn)
+                    yield Pair(cutting, steady, speed, other_speed, True)
+                    continue
+                terms = _median_terms(mover, gap)
+                for option in move_sideways(stream, speed.speed_mps, gap, Manoeuvre.CROSS_CENTRELINE):
+                    yield Pair(option, steady, speed, other_speed, True, terms)
+            if target.one_way and mover.turn is None:
+                against = scene.finder.against(target)
+                speed = speed_of(mover, against)
+                terms = {"left its lane": -1.5} if mover.events else {}
+                yield Pair(along(mover, against, speed), steady, speed, other_speed, True, terms)
+
+
+def _turning_across(
+    scene: Scene, mover: Party, steady: Option, other_speed: TravelSpeed, facing: list[Stream]
+) -> Iterator[Pair]:
+    assert mover.turn is not None
+    # Where lanes lead, and off the road anywhere else: into a driveway, a street the map does not have.
+    for stream in (*turning_streams(facing, mover.turn), *(each for each in facing if each.turn is None)):
+        if not -2.0 <= gap_between(stream, steady.stream) <= FARTHEST_CARRIAGEWAY_M:
+            continue
+        speed = speed_of(mover, stream)
+        for option in make_turn(stream, mover.vehicle, speed.speed_mps, mover.turn, slides=True):
+            yield Pair(option, steady, speed, other_speed, True)
+
+
+def _median_terms(mover: Party, gap_m: float) -> dict[str, float]:
+    if gap_m <= MEDIAN_M:
+        return {}
+    if CROSS_MEDIAN in mover.events:
+        return {}
+    return {"across the median": -2.5}
+
+
+def _faster(behind: TravelSpeed, ahead: TravelSpeed) -> TravelSpeed:
+    """An unreported speed of a vehicle that ran into one ahead exceeds that one's."""
+    if behind.source is SpeedSource.REPORTED or behind.speed_mps >= ahead.speed_mps + CLOSING_MPS:
+        return behind
+    return replace(behind, speed_mps=ahead.speed_mps + CLOSING_MPS)
+
+
+def _off_centre(party: Party) -> bool:
+    """Whether it was struck anywhere but in the middle of its front or rear."""
+    impact = party.vehicle.impact
+    return impact is not None and abs(math.sin(impact.centre_rad)) > 0.2

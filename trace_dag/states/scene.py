@@ -1,0 +1,42 @@
+"""The crash on its map: record, network, place and the streams past it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.report import CrashPlacement
+from trace_dag.states.stream_finder import StreamFinder
+from trace_dag.states.streams import Stream
+
+BESIDE_ROAD_M = 5.0  # a reported point this near its carriageway is met as it is
+ON_ROAD_M = 8.0  # a lane whose centre is farther from the crash did not carry it
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The crash on its map: what every candidate is made from."""
+
+    record: CrashRecord
+    network: RoadNetwork
+    placement: CrashPlacement
+    finder: StreamFinder
+    streams: tuple[Stream, ...]
+
+    @property
+    def place_xy_m(self) -> tuple[float, float]:
+        """Where the impact is to be: at the reported point, unless that had to be moved to another road."""
+        if self.placement.moved_m <= BESIDE_ROAD_M:
+            return 0.0, 0.0
+        return self.placement.x_m, self.placement.y_m
+
+    @property
+    def through(self) -> list[Stream]:
+        """Streams that pass the crash without turning."""
+        return [stream for stream in self.streams if stream.turn is None]
+
+    def on_road(self, wanted: list[Stream]) -> list[Stream]:
+        """Those that pass within a lane or two of the crash, else the nearest ones."""
+        near = [stream for stream in wanted if abs(stream.offset_m) <= ON_ROAD_M]
+        return near or wanted[:2]

@@ -1,0 +1,151 @@
+"""Speeds before the impact: what the report says is kept, what it does not say is inferred and marked.
+
+A reported travel speed is the speed at the initial state, exactly. It stays constant up to the impact unless the
+record itself says that the vehicle braked or started. Speeds in m/s, accelerations in m/s2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.network import Road
+from trace_dag.states.crash_types import CrashType, Turn
+from trace_dag.states.types import SpeedSource
+from trace_dag.units import GRAVITY_MPS2, mph_to_mps
+
+TIME_STEP_S = 0.02
+COMFORTABLE_LATERAL_MPS2 = 0.3 * GRAVITY_MPS2  # AASHTO Green Book side friction of low-speed streets, about 0.3
+HARDEST_LATERAL_MPS2 = 0.55 * GRAVITY_MPS2  # below the 0.7 to 0.8 a car can hold on dry asphalt
+
+# P_CRASH3 (avoidance) codes that include braking: 2-4, 8, 9 by year, 15 and 16 since 2013.
+BRAKING_AVOIDANCE = frozenset({2, 3, 4, 8, 9, 15, 16})
+_BRAKING_TIME_S = 1.0  # an emergency: perception and reaction leave about this much
+_BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
+_SLOWING_TIME_S = 2.5
+_SLOWING_MPS2 = 1.5
+_LEAST_SHARE_AFTER_BRAKING = 0.4
+_STARTING_MPS2 = 1.5  # ordinary acceleration from rest
+_STARTING_TIME_S = 3.0
+
+# Speeds while turning where none is reported: NCHRP 659 and AASHTO give 10 to 15 mph for passenger cars.
+_TURN_SPEED_MPS = {Turn.LEFT: mph_to_mps(15), Turn.RIGHT: mph_to_mps(12), Turn.U_TURN: mph_to_mps(8)}
+_BACKING_SPEED_MPS = mph_to_mps(5)
+_PARKING_SPEED_MPS = mph_to_mps(7)
+_FROM_STOP_SIGN_MPS = mph_to_mps(15)
+_SPEEDING_MPS = mph_to_mps(10)
+_CLASS_SPEED_MPS = {
+    "motorway": mph_to_mps(65),
+    "trunk": mph_to_mps(55),
+    "primary": mph_to_mps(45),
+    "secondary": mph_to_mps(45),
+    "tertiary": mph_to_mps(35),
+    "motorway_link": mph_to_mps(40),
+    "residential": mph_to_mps(25),
+    "living_street": mph_to_mps(15),
+    "service": mph_to_mps(10),
+}
+_ANY_ROAD_MPS = mph_to_mps(35)
+_STOP_CONTROLS = frozenset({20})
+
+_STOPPED = frozenset({Movement.STOPPED, Movement.PARKED_IN_LANE})
+_STARTING = frozenset({Movement.STARTING, Movement.ACCELERATING, Movement.LEAVING_PARKING})
+
+
+@dataclass(frozen=True)
+class TravelSpeed:
+    """Speed at the initial state and where it comes from."""
+
+    speed_mps: float
+    source: SpeedSource
+
+
+def travel_speed(
+    vehicle: VehicleRecord, crash_type: CrashType, turn: Turn | None, road: Road | None, *, crossing: bool
+) -> TravelSpeed:
+    """The reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order."""
+    if vehicle.travel_speed_mps is not None:
+        return TravelSpeed(vehicle.travel_speed_mps, SpeedSource.REPORTED)
+    if vehicle.movement in _STOPPED or crash_type.stopped:
+        return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
+    if vehicle.movement is Movement.STARTING:
+        return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
+    if vehicle.movement is Movement.BACKING or crash_type.backing:
+        return TravelSpeed(_BACKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
+    if vehicle.movement in (Movement.LEAVING_PARKING, Movement.ENTERING_PARKING):
+        return TravelSpeed(_PARKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
+    if turn is not None:
+        return TravelSpeed(_TURN_SPEED_MPS[turn], SpeedSource.INFERRED_MANOEUVRE)
+    if crossing and vehicle.traffic_control_code in _STOP_CONTROLS:
+        return TravelSpeed(_FROM_STOP_SIGN_MPS, SpeedSource.INFERRED_MANOEUVRE)
+    extra = _SPEEDING_MPS if vehicle.speeding else 0.0
+    limit = vehicle.speed_limit_mps or (road.speed_mps if road is not None else None)
+    if limit:
+        return TravelSpeed(limit + extra, SpeedSource.INFERRED_LIMIT)
+    speed = _CLASS_SPEED_MPS.get(road.highway, _ANY_ROAD_MPS) if road is not None else _ANY_ROAD_MPS
+    return TravelSpeed(speed + extra, SpeedSource.INFERRED_CLASS)
+
+
+def brakes(vehicle: VehicleRecord) -> bool:
+    """Whether the record says that the vehicle braked before the impact."""
+    return vehicle.movement is Movement.DECELERATING or vehicle.avoidance_code in BRAKING_AVOIDANCE
+
+
+def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
+    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
+    return speed_mps == 0.0 and vehicle.movement in _STARTING
+
+
+@dataclass(frozen=True)
+class SpeedProfile:
+    """Constant speed up to ``change_time_s`` before the impact, then a constant rate to the speed at impact.
+
+    A ``change_time_s`` of 0 belongs to equal speeds; one beyond the lead time starts in the middle of the change.
+    """
+
+    initial_mps: float
+    impact_mps: float
+    change_time_s: float = 0.0
+
+    def sample(self, lead_time_s: float, after_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Times from 0, distances from the impact (negative before it) and speeds; the impact is one of the samples.
+
+        After the impact the speed stays what it was, as if nothing had happened.
+        """
+        n = math.ceil(lead_time_s / TIME_STEP_S - 1e-9)
+        step = lead_time_s / n
+        time = np.arange(n + math.ceil(after_s / step) + 1) * step
+        until = lead_time_s - time
+        change = self.change_time_s
+        if change <= 0:
+            return np.asarray(time), np.asarray(-self.impact_mps * until), np.full_like(time, self.impact_mps)
+        lost = self.initial_mps - self.impact_mps
+        within = np.clip(until, 0.0, change)
+        speed = self.impact_mps + lost * within / change
+        distance = self.impact_mps * until + lost * (0.5 * within**2 / change + np.maximum(until - change, 0.0))
+        return np.asarray(time), np.asarray(-distance), np.asarray(speed)
+
+
+def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
+    """The profile the record asks for; constant unless it says braking, slowing or starting."""
+    if starts(vehicle, initial_mps):
+        return SpeedProfile(0.0, _STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
+    if brakes(vehicle) and initial_mps > 0:
+        emergency = vehicle.avoidance_code in BRAKING_AVOIDANCE
+        rate, time = (_BRAKING_MPS2, _BRAKING_TIME_S) if emergency else (_SLOWING_MPS2, _SLOWING_TIME_S)
+        impact = max(initial_mps - rate * time, _LEAST_SHARE_AFTER_BRAKING * initial_mps)
+        return SpeedProfile(initial_mps, impact, (initial_mps - impact) / rate)
+    return SpeedProfile(initial_mps, initial_mps)
+
+
+def least_turn_radius_m(vehicle_class: VehicleClass, length_m: float) -> float:
+    """Radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii)."""
+    if vehicle_class is VehicleClass.MOTORCYCLE:
+        return 4.0
+    if vehicle_class in (VehicleClass.TRUCK, VehicleClass.BUS, VehicleClass.TRACTOR_TRAILER) or length_m > 8:
+        return 11.0
+    return 6.0

@@ -1,0 +1,356 @@
+"""Finding the streams past the crash in the road network.
+
+They are the candidates every hypothesis chooses from: through traffic of each lane, the approaches of a junction with
+where one can turn, the ways into and around a roundabout, the shared lane in the middle in both directions, and, where
+the map has no road for a vehicle that must have come from the side, a driveway made for it. Frame: the local frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, Pose, arc_lengths
+from trace_dag.roads.network import LaneRef, LaneType, Road, RoadNetwork
+from trace_dag.states.crash_types import Side, Turn
+from trace_dag.states.paths import STEP_M, extended, straight, through_points
+from trace_dag.states.rings import ring_through
+from trace_dag.states.streams import Stream
+from trace_dag.units import wrap_angle
+
+SMOOTHING_M = 3.0  # standard deviation; moves an arc of 20 m radius by 0.2 m
+RING_SMOOTHING_M = 1.5
+NEAR_M = 15.0  # lanes this near the crash are part of it
+AROUND_M = 60.0  # other carriageways and approaches are looked for within this
+JUNCTION_REACH_M = 45.0  # how far from the crash a junction's connecting lanes count
+OFF_JUNCTION_M = 20.0
+TURN_RAD = math.radians(30)
+SLIGHT_TURN_RAD = math.radians(12)
+U_TURN_RAD = math.radians(160)
+BENEATH_M = 3.0  # lanes this much higher or lower are another level
+EXTENSION_M = 120.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    lanes: tuple[LaneRef, ...]
+    points: FloatArray  # (n, 3)
+    starts_m: tuple[float, ...]  # where each lane begins along the points
+
+
+@dataclass(eq=False)
+class StreamFinder:
+    """Finds the streams past one place of one network; remembers lane centres between calls."""
+
+    network: RoadNetwork
+    x_m: float
+    y_m: float
+    z_m: float
+    back_m: float
+    ahead_m: float
+    _centres: dict[LaneRef, FloatArray] = field(default_factory=dict)
+    _turns: dict[LaneRef, Turn | None] = field(default_factory=dict)
+    _angles: dict[LaneRef, float] = field(default_factory=dict)
+    _rings: dict[LaneRef, tuple[LaneRef, ...]] = field(default_factory=dict)
+
+    def streams(self, junction_id: str | None) -> tuple[Stream, ...]:
+        """Every stream within reach, nearest first, in an order that depends on the map alone."""
+        found: dict[str, Stream] = {}
+        covered: set[LaneRef] = set()  # by a stream that goes straight along them, or around in a ring
+        for seed in self._seeds(junction_id):
+            if seed in covered:
+                continue
+            covered.update(self._ring(seed))
+            for stream in self._streams_of(seed):
+                found.setdefault(stream.name, stream)
+                if stream.turn is None and not stream.extended and not stream.centre_lane:
+                    covered.update(ref for ref in stream.lanes if self._road(ref).junction_id is None)
+        return tuple(sorted(found.values(), key=lambda stream: (round(abs(stream.offset_m), 3), stream.name)))
+
+    def driveways(self, main: Stream) -> tuple[Stream, ...]:
+        """Streams at right angles to ``main`` at the crash, from its right and its left, where the map has no road."""
+        across = main.path.pose(main.station_m).heading_rad
+        result = []
+        for side, turn in ((Side.RIGHT, math.pi / 2), (Side.LEFT, -math.pi / 2)):
+            pose = Pose(self.x_m, self.y_m, wrap_angle(across + turn), self.z_m)
+            path = straight(pose, back_m=self.back_m, ahead_m=EXTENSION_M)
+            result.append(
+                Stream(
+                    name=f"driveway from the {side} of {main.name}",
+                    lanes=(),
+                    path=path,
+                    station_m=self.back_m,
+                    offset_m=0.0,
+                    road=None,
+                    off_map=True,
+                    extended=True,
+                )
+            )
+        return tuple(result)
+
+    def against(self, stream: Stream) -> Stream:
+        """The same line driven the wrong way, with enough road behind."""
+        chain = self._chain(stream.lanes[0], upstream_m=self.ahead_m, downstream_m=self.back_m, keep=stream.lanes)
+        path = through_points(chain.points, sigma_m=SMOOTHING_M).reversed()
+        path = extended(path, back_m=EXTENSION_M, ahead_m=EXTENSION_M)
+        station, offset = path.project(self.x_m, self.y_m)
+        return replace(
+            stream,
+            name=f"{stream.name} the wrong way",
+            path=path,
+            station_m=station,
+            offset_m=offset,
+            turn=None,
+            exit_pose=None,
+            wrong_way=True,
+            mapped_from_m=EXTENSION_M,
+        )
+
+    # --- finding lanes -----------------------------------------------------------------------------------------
+    def _seeds(self, junction_id: str | None) -> list[LaneRef]:
+        seeds: dict[LaneRef, None] = {}
+        for match in self.network.nearest_lanes(self.x_m, self.y_m, AROUND_M, z_m=self.z_m):
+            road = self.network.road_by_id[match.lane.road_id]
+            near = match.outside_m <= NEAR_M
+            if near or road.junction_id is None or road.junction_id == junction_id:
+                seeds[match.lane] = None
+        if junction_id is not None:
+            junction = self.network.junction_by_id.get(junction_id)
+            for connection in junction.connections if junction else ():
+                road = self.network.road_by_id[connection.connecting_road]
+                for index, section in enumerate(road.lane_sections):
+                    for lane in section.lanes:
+                        if lane.id != 0 and lane.type.drivable:
+                            seeds[LaneRef(road.id, index, lane.id)] = None
+        return [ref for ref in seeds if self._level(ref) and self._distance(ref) <= AROUND_M]
+
+    def _level(self, ref: LaneRef) -> bool:
+        centre = self._centre(ref)
+        nearest = int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))
+        return abs(float(centre[nearest, 2]) - self.z_m) <= BENEATH_M
+
+    def _distance(self, ref: LaneRef) -> float:
+        centre = self._centre(ref)
+        return float(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m).min())
+
+    def _streams_of(self, seed: LaneRef) -> list[Stream]:
+        ring = self._ring(seed)
+        if ring:
+            return self._around(ring)
+        if self._road(seed).junction_id is not None:
+            return self._through_junction(seed) if self._distance(seed) <= JUNCTION_REACH_M else []
+        if self.network.lane(seed).type is LaneType.BIDIRECTIONAL:
+            return self._centre_lane(seed)
+        straight_on = self._ends_near(seed) and not self._goes_straight(seed)
+        stream = self._straight_on(seed) if straight_on else self._through(seed)
+        return [stream] if stream is not None else []
+
+    def _through_junction(self, seed: LaneRef) -> list[Stream]:
+        """The movement of a connecting lane: through, a turn, or both readings where it turns little."""
+        turn = self._turn(seed)
+        slight = self._slight_turn(seed)
+        found = [self._through(seed)] if turn is None else [self._turning(seed, turn)]
+        if slight is not None:
+            found.append(self._turning(seed, slight))
+        return [stream for stream in found if stream is not None]
+
+    def _through(self, seed: LaneRef) -> Stream | None:
+        """Straight past the crash along the seed; None where its lanes turn there."""
+        chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
+        for ref in chain.lanes:
+            in_junction = self._road(ref).junction_id is not None
+            if in_junction and self._distance(ref) <= JUNCTION_REACH_M and self._turn(ref) is not None:
+                return None
+        return self._stream(chain)
+
+    def _centre_lane(self, seed: LaneRef) -> list[Stream]:
+        """The shared lane in the middle, used in either direction."""
+        chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
+        along = replace(self._stream(chain), centre_lane=True)
+        back = self.against(along)
+        return [along, replace(back, name=f"{along.name} against", wrong_way=False)]
+
+    def _ring(self, seed: LaneRef) -> tuple[LaneRef, ...]:
+        """The roundabout a lane belongs to, empty if none."""
+        if seed not in self._rings:
+            ring = ring_through(self.network, seed, self._centre) if self._distance(seed) <= AROUND_M else ()
+            for ref in (seed, *ring):
+                self._rings[ref] = ring
+        return self._rings[seed]
+
+    def _around(self, ring: tuple[LaneRef, ...]) -> list[Stream]:
+        """One stream for each way into a roundabout: the approach, then once around."""
+        streams = []
+        for position, ref in enumerate(ring):
+            for entry in self.network.predecessors(ref):
+                if entry in ring or not (before := self.network.predecessors(entry)):
+                    continue
+                approach = self._chain(before[0], upstream_m=self.back_m, downstream_m=0.0)
+                around = (*ring[position:], *ring[:position])[:-1]
+                chain = self._joined((*approach.lanes, entry, *around))
+                stream = self._stream(chain, sigma_m=RING_SMOOTHING_M, approach=before[0])
+                entered_m = stream.mapped_from_m + chain.starts_m[len(approach.lanes) + 1]
+                share = (stream.station_m - entered_m) / (stream.path.length_m - EXTENSION_M - entered_m)
+                streams.append(replace(stream, share_of_ring=min(max(share, 0.0), 1.0)))
+        return streams
+
+    def _straight_on(self, approach: LaneRef) -> Stream:
+        """The approach carried on straight where no lane goes straight: the stem of a T, a road that ends."""
+        chain = self._chain(approach, upstream_m=self.back_m, downstream_m=0.0)
+        stream = self._stream(chain)
+        return replace(stream, name=f"{stream.name} straight on", extended=True)
+
+    def _turning(self, seed: LaneRef, turn: Turn) -> Stream | None:
+        before, after = self.network.predecessors(seed), self.network.successors(seed)
+        if not before or not after:
+            return None
+        chain = self._chain(before[0], upstream_m=self.back_m, downstream_m=0.0)
+        stream = self._stream(chain)
+        x, y, z, heading = (float(value) for value in self._centre(after[0])[0])
+        return replace(
+            stream,
+            name=f"{stream.name} turning {turn} into {after[0].road_id}:{after[0].lane_id}",
+            lanes=(*chain.lanes, seed, after[0]),
+            turn=turn,
+            turn_from_m=stream.path.length_m - EXTENSION_M,
+            exit_pose=Pose(x, y, heading, z),
+            exit_road=self._road(after[0]),
+        )
+
+    def _stream(self, chain: _Chain, *, sigma_m: float = SMOOTHING_M, approach: LaneRef | None = None) -> Stream:
+        path = through_points(chain.points, sigma_m=sigma_m)
+        back_m = math.ceil(max(self.back_m - path.length_m, 0.0) / STEP_M) * STEP_M
+        path = extended(path, back_m=back_m, ahead_m=EXTENSION_M)
+        station, offset = path.project(self.x_m, self.y_m)
+        index = int(np.searchsorted(np.array(chain.starts_m), station - back_m, side="right")) - 1
+        index = min(max(index, 0), len(chain.lanes) - 1)
+        outside = [i for i, ref in enumerate(chain.lanes) if self._road(ref).junction_id is None]
+        if approach is not None:
+            index = chain.lanes.index(approach)
+        at = max((i for i in outside if i <= index), default=min(outside, default=index))
+        following = [chain.lanes[i] for i in outside if i > index][:1] or [chain.lanes[at]]
+        here = chain.lanes[at]
+        drivable = [
+            lane for lane in self._road(here).lane_sections[here.section].lanes if lane.id != 0 and lane.type.drivable
+        ]
+        direction = self.network.direction(here)
+        along = [lane.id for lane in drivable if self.network.direction(here._replace(lane_id=lane.id)) == direction]
+        return Stream(
+            name=f"{here.road_id}:{here.lane_id}>{following[0].road_id}:{following[0].lane_id}",
+            lanes=chain.lanes,
+            path=path,
+            station_m=station,
+            offset_m=offset,
+            road=self._road(here),
+            mapped_from_m=back_m,
+            lane_from_left=sorted(along, key=abs).index(here.lane_id),  # ids grow in size away from the centre
+            lanes_along=len(along),
+            lanes_total=len(drivable),
+            centre_lane_beside=any(lane.type is LaneType.BIDIRECTIONAL for lane in drivable),
+            lane_turns=self.network.lane(here).turns,
+            width_m=self.network.width_m(here, sum(self.network.lane_span(here)) / 2),
+        )
+
+    # --- following lanes ---------------------------------------------------------------------------------------
+    def _chain(
+        self, seed: LaneRef, *, upstream_m: float, downstream_m: float, keep: tuple[LaneRef, ...] = ()
+    ) -> _Chain:
+        """The seed with lanes added at both ends, the straightest, until both distances from the crash are covered."""
+        centre = self._centre(seed)
+        s = arc_lengths(centre)
+        here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
+        lanes = [seed]
+        for ahead, wanted in ((False, upstream_m - here), (True, downstream_m - (float(s[-1]) - here))):
+            ref = seed
+            while wanted > 0:
+                options = self.network.successors(ref) if ahead else self.network.predecessors(ref)
+                options = tuple(option for option in options if option not in lanes)
+                if not options:
+                    break
+                name = self._road(seed).name
+                ref = min(options, key=lambda option: self._detour(option, name, keep))
+                if ahead:
+                    lanes.append(ref)
+                else:
+                    lanes.insert(0, ref)
+                wanted -= float(arc_lengths(self._centre(ref))[-1])
+        return self._joined(tuple(lanes))
+
+    def _joined(self, lanes: tuple[LaneRef, ...]) -> _Chain:
+        pieces: list[FloatArray] = []
+        starts: list[float] = []
+        length = 0.0
+        for ref in lanes:
+            piece = self._centre(ref)[:, :3]
+            starts.append(length)
+            length += float(arc_lengths(piece)[-1])
+            pieces.append(piece if not pieces else piece[1:])
+        return _Chain(lanes, np.concatenate(pieces), tuple(starts))
+
+    def _detour(self, ref: LaneRef, name: str, keep: tuple[LaneRef, ...]) -> tuple[float, LaneRef]:
+        bend = float(np.abs(np.diff(np.unwrap(self._centre(ref)[:, 3]))).sum())
+        road = self._road(ref)
+        other_name = 0.3 if road.junction_id is None and name and road.name != name else 0.0
+        return (round(bend + other_name - (10.0 if ref in keep else 0.0), 3), ref)
+
+    def _ends_near(self, ref: LaneRef) -> bool:
+        end = self._centre(ref)[-1]
+        return math.hypot(float(end[0]) - self.x_m, float(end[1]) - self.y_m) <= JUNCTION_REACH_M
+
+    def _goes_straight(self, ref: LaneRef) -> bool:
+        return any(
+            self._road(option).junction_id is None or self._turn(option) is None
+            for option in self.network.successors(ref)
+        )
+
+    def _turn(self, connecting: LaneRef) -> Turn | None:
+        """The turn a connecting lane makes: by its own ends or by the roads some way off, whichever turns less.
+
+        Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
+        """
+        if connecting not in self._turns:
+            heading = np.unwrap(self._centre(connecting)[:, 3])
+            inside = float(heading[-1] - heading[0])
+            before, after = self.network.predecessors(connecting), self.network.successors(connecting)
+            outside = inside
+            if before and after:
+                coming = self._heading_off(before[0], at_end=True)
+                outside = wrap_angle(self._heading_off(after[0], at_end=False) - coming)
+            angle = min(inside, outside, key=abs)
+            back = before and after and before[0].road_id == after[0].road_id
+            self._turns[connecting] = Turn.U_TURN if back else _named_turn(angle)
+            self._angles[connecting] = angle
+        return self._turns[connecting]
+
+    def _slight_turn(self, connecting: LaneRef) -> Turn | None:
+        """The turn a driver would call it where a road of another name branches off at an acute angle."""
+        if self._turn(connecting) is not None or abs(self._angles[connecting]) < SLIGHT_TURN_RAD:
+            return None
+        before, after = self.network.predecessors(connecting), self.network.successors(connecting)
+        if not before or not after or self._road(before[0]).name == self._road(after[0]).name:
+            return None
+        return Turn.LEFT if self._angles[connecting] > 0 else Turn.RIGHT
+
+    def _heading_off(self, ref: LaneRef, *, at_end: bool) -> float:
+        centre = self._centre(ref)
+        s = arc_lengths(centre)
+        wanted = max(float(s[-1]) - OFF_JUNCTION_M, 0.0) if at_end else min(OFF_JUNCTION_M, float(s[-1]))
+        return float(centre[int(np.argmin(np.abs(s - wanted))), 3])
+
+    def _road(self, ref: LaneRef) -> Road:
+        return self.network.road_by_id[ref.road_id]
+
+    def _centre(self, ref: LaneRef) -> FloatArray:
+        if ref not in self._centres:
+            self._centres[ref] = self.network.centreline(ref, 1.0)
+        return self._centres[ref]
+
+
+def _named_turn(angle_rad: float) -> Turn | None:
+    if abs(angle_rad) >= U_TURN_RAD:
+        return Turn.U_TURN
+    if abs(angle_rad) < TURN_RAD:
+        return None
+    return Turn.LEFT if angle_rad > 0 else Turn.RIGHT

@@ -1,0 +1,104 @@
+"""A stream: one way traffic can pass the crash.
+
+A chain of lanes followed upstream and downstream of the crash, with the smooth path along it. Streams are found by
+:mod:`trace_dag.states.stream_finder`. Frame: the local frame; distances in metres along the stream's own path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from trace_dag.geometry import Pose
+from trace_dag.roads.network import LaneRef, Road
+from trace_dag.states.crash_types import Turn
+from trace_dag.states.paths import Path, through_points
+from trace_dag.units import GRAVITY_MPS2
+
+WIDER_SMOOTHING_M = (4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0)
+BEYOND_CRASH_M = 10.0  # nobody drives on past it
+FITTED_LATERAL_MPS2 = 0.6 * GRAVITY_MPS2  # leaves room for the manoeuvre itself
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """One way past the crash.
+
+    ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the
+    crash lies there. ``turn`` is the turn the lanes themselves make; then ``path`` runs straight on from
+    ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
+    lane's traffic. ``off_map``: no lane there (a driveway, or straight on where the road ends).
+    ``share_of_ring``: how far around a roundabout it has come at the crash.
+    ``centre_lane``: the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight.
+    ``lane_from_left`` and ``lanes_along`` place the lane among those of its direction; ``lanes_total`` counts both.
+    """
+
+    name: str
+    lanes: tuple[LaneRef, ...]
+    path: Path
+    station_m: float
+    offset_m: float
+    road: Road | None
+    exit_road: Road | None = None
+    turn: Turn | None = None
+    turn_from_m: float = 0.0
+    exit_pose: Pose | None = None
+    wrong_way: bool = False
+    off_map: bool = False
+    centre_lane: bool = False
+    centre_lane_beside: bool = False
+    share_of_ring: float = 0.0
+    extended: bool = False
+    mapped_from_m: float = 0.0
+    lane_from_left: int = 0
+    lanes_along: int = 1
+    lanes_total: int = 2
+    lane_turns: tuple[str, ...] = ()
+    width_m: float = 3.5
+    _fitted: dict[float, Stream] = field(default_factory=dict, init=False, repr=False)
+
+    def fitted(self, speed_mps: float) -> Stream:
+        """The stream as driven at this speed: bends a map draws as kinks rounded until one can take them."""
+        reach_m = max(speed_mps, 1.0) * 7.0
+        for sigma_m in (0.0, *WIDER_SMOOTHING_M):
+            if sigma_m not in self._fitted:
+                self._fitted[sigma_m] = self._smoothed(sigma_m) if sigma_m else self
+            stream = self._fitted[sigma_m]
+            path = stream.path
+            driven = (path.s_m > stream.station_m - reach_m) & (path.s_m < stream.station_m + BEYOND_CRASH_M)
+            if float(np.abs(path.curvature_1pm[driven]).max(initial=0.0)) * speed_mps**2 <= FITTED_LATERAL_MPS2:
+                break
+        return stream
+
+    def _smoothed(self, sigma_m: float) -> Stream:
+        xyz_m = np.column_stack([self.path.x_m, self.path.y_m, self.path.z_m])
+        path = through_points(xyz_m, sigma_m=sigma_m)
+        here = self.path.pose(self.station_m)
+        station, _ = path.project(here.x_m, here.y_m, near_s_m=self.station_m)
+        turns = self.path.pose(self.turn_from_m)
+        turn_from, _ = path.project(turns.x_m, turns.y_m, near_s_m=self.turn_from_m)
+        return replace(self, path=path, station_m=station, turn_from_m=turn_from)
+
+    @property
+    def heading_rad(self) -> float:
+        """Direction of travel before the crash (before the turn, if the lanes turn)."""
+        at = self.turn_from_m if self.turn is not None else self.station_m
+        return self.path.pose(max(at - 10.0, 0.0)).heading_rad
+
+    @property
+    def course_rad(self) -> float:
+        """Direction of travel where the path passes the crash."""
+        return self.path.pose(self.station_m).heading_rad
+
+    @property
+    def one_way(self) -> bool:
+        """Whether the roadway carries only this direction: a one-way street or half of a divided one."""
+        return self.lanes_total == self.lanes_along
+
+    @property
+    def curve_rad(self) -> float:
+        """Heading change from 60 m before the crash to 20 m beyond, positive to the left."""
+        s = np.array([self.station_m - 60.0, self.station_m + 20.0])
+        heading = self.path.at(s)[3]
+        return float(heading[1] - heading[0])

@@ -1,0 +1,152 @@
+"""What an estimate is: participants with poses, speeds and a timed trajectory, for one hypothesis or several.
+
+Frame: the local frame of the crash; positions are of the body's centre. Time 0 is the start of the reconstruction,
+``impact_time_s`` the planned first contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated
+
+import numpy as np
+from pydantic import PlainSerializer, PlainValidator
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.roads.network import LaneMatch
+
+
+class Manoeuvre(StrEnum):
+    """How a vehicle got from its initial lane to the crash."""
+
+    STRAIGHT = "straight"
+    CURVE = "curve"
+    TURN_LEFT = "turn_left"
+    TURN_RIGHT = "turn_right"
+    U_TURN = "u_turn"
+    LANE_CHANGE_LEFT = "lane_change_left"
+    LANE_CHANGE_RIGHT = "lane_change_right"
+    MERGE = "merge"
+    PASS = "pass"  # noqa: S105 - the manoeuvre
+    CROSS_CENTRELINE = "cross_centreline"
+    WRONG_WAY = "wrong_way"
+    STOPPED = "stopped"
+    STARTING = "starting"
+    BACKING = "backing"
+    ENTER_FROM_DRIVEWAY = "enter_from_driveway"
+    LEAVE_ROAD = "leave_road"
+
+
+class SpeedSource(StrEnum):
+    """Where an initial speed comes from. A reported speed is never changed."""
+
+    REPORTED = "reported"
+    INFERRED_LIMIT = "inferred_limit"
+    INFERRED_MANOEUVRE = "inferred_manoeuvre"
+    INFERRED_CLASS = "inferred_class"
+
+
+def _as_array(values: object) -> FloatArray:
+    return np.asarray(values, dtype=float)
+
+
+Series = Annotated[
+    FloatArray,
+    PlainValidator(_as_array, json_schema_input_type=list[float]),
+    PlainSerializer(lambda values: values.tolist(), return_type=list[float]),
+]
+"""Numbers over time: an array in memory, a list in JSON."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A planned motion, arrays of equal length n: it goes on past the impact as if nothing had happened.
+
+    ``heading_rad`` is the body's heading; backing vehicles have negative ``speed_mps``.
+    """
+
+    time_s: Series
+    x_m: Series
+    y_m: Series
+    z_m: Series
+    heading_rad: Series
+    speed_mps: Series
+
+
+@dataclass(frozen=True, eq=False)
+class ParticipantState:
+    """One vehicle of a hypothesis: its body, impact and initial state, and the motion between them."""
+
+    vehicle_number: int
+    vehicle_class: VehicleClass
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    manoeuvre: Manoeuvre
+    initial_pose: Pose
+    initial_speed_mps: float
+    impact_pose: Pose
+    impact_speed_mps: float
+    speed_source: SpeedSource
+    trajectory: Trajectory
+    initial_lane: LaneMatch | None = None
+    impact_lane: LaneMatch | None = None
+    impact_clock_h: float | None = None  # planned contact on this body
+    braking: bool = False  # the record says it braked before the impact
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One way it can have happened. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
+
+    name: str
+    score: float
+    evidence: dict[str, float]
+    participants: tuple[ParticipantState, ...]
+    impact_time_s: float
+    impact_point_xy_m: tuple[float, float]
+    checks: tuple[EstimateCheck, ...] = ()
+
+
+@dataclass(frozen=True)
+class EstimateCheck:
+    """One check of a hypothesis (inside road, heading as reported, speed plausible, path exists, ...)."""
+
+    name: str
+    passed: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class EstimatorRun:
+    """Provenance of an estimate: who made it, and for LLMs model, prompt version, attempts, tokens, cost, answers."""
+
+    estimator: str
+    version: str
+    model: str | None = None
+    prompt_version: str | None = None
+    attempts: int = 1
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float = 0.0
+    latency_s: float = 0.0
+    fallback: bool = False
+    answers: tuple[dict[str, object], ...] = field(default=())
+
+
+@dataclass(frozen=True, eq=False)
+class StateEstimate:
+    """All hypotheses of one crash, best first, at least one; the ones after the first are runners-up."""
+
+    key: str
+    hypotheses: tuple[Hypothesis, ...]
+    run: EstimatorRun
+    ambiguity: float = 0.0  # posterior share of everything but the best hypothesis, 0 to 1
+
+    @property
+    def best(self) -> Hypothesis:
+        """The hypothesis with the highest score."""
+        return self.hypotheses[0]

@@ -1,0 +1,294 @@
+"""The storage root: one folder, local or on an object store, that holds everything the project makes.
+
+Belongs here: reading, writing and listing named files below one root, on any fsspec location. Does not belong here:
+what the files mean (:mod:`trace_dag.provenance`, :mod:`trace_dag.pipeline`).
+
+Every write is atomic: locally into a temporary file of the same folder that is then renamed, on an object store as
+one put. A process killed at any moment leaves at most an orphaned temporary file, never half an artefact. Nothing
+here asks for one file at a time where a whole cohort is wanted: :meth:`Storage.list`, :meth:`Storage.sizes` and
+:meth:`Storage.read_many` cost one listing, or requests that run concurrently.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import tempfile
+import time
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+from trace_dag.errors import Failure, TransientFailure, UserError
+
+T = TypeVar("T")
+
+_SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
+_TEMPORARY_PREFIX = ".writing-"
+_ORPHAN_AGE_S = 3600.0
+_REMOTE_ATTEMPTS = 4
+_REMOTE_FIRST_WAIT_S = 0.25
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """A file as it was written: its name below the root, size in bytes and SHA-256 (hexadecimal)."""
+
+    name: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file as listed: size in bytes, and a token that changes whenever the file is replaced."""
+
+    size: int
+    version: str
+
+
+def check_name(name: str) -> str:
+    """``name`` itself if it is a plain relative path of letters, digits, ``._-`` and ``/``; else ``ValueError``.
+
+    No part may begin with a dot or a dash, so no name leads out of the root, hides, or reads as an option.
+    """
+    if not _SAFE_NAME.fullmatch(name):
+        raise ValueError(f"unsafe name in storage: {name!r} (letters, digits, '.', '_', '-' and '/' only)")
+    return name
+
+
+class Storage:
+    """Files below one root. ``root`` is a path or any fsspec URL (``s3://bucket/folder``, ``memory://x``, ...).
+
+    Picklable: a worker opens its own connection. Errors: ``FileNotFoundError`` for what is not there,
+    :class:`TransientFailure` where an object store did not answer after several attempts, :class:`Failure` for a full
+    or broken disk.
+    """
+
+    def __init__(self, root: str | os.PathLike[str], options: Mapping[str, Any] | None = None) -> None:
+        text = os.fspath(root)
+        self._options = dict(options or {})
+        self.local_root: Path | None = None
+        if "://" not in text or text.startswith("file://"):
+            self.local_root = Path(text.removeprefix("file://")).expanduser().absolute()
+            text = str(self.local_root)
+        self.root = text.rstrip("/") or "/"
+
+    @classmethod
+    def open(cls, root: str | os.PathLike[str]) -> Storage:
+        """The storage at ``root``, made if need be, after a look at whether one can read and write there.
+
+        Raises :class:`UserError` where one cannot.
+        """
+        storage = cls(root)
+        probe = "probe/writable"
+        try:
+            if storage.local_root is not None:
+                storage.local_root.mkdir(parents=True, exist_ok=True)
+                with tempfile.TemporaryFile(dir=storage.local_root):
+                    pass
+                os.scandir(storage.local_root).close()
+            else:
+                storage.write(probe, b"")
+                storage.delete(probe)
+        except (OSError, Failure, ImportError, ValueError) as error:
+            raise UserError(
+                f"storage root {storage.root}: cannot read and write there ({error}); "
+                "choose another with --root or TRACE_DAG_ROOT"
+            ) from error
+        return storage
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_filesystem"}
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Storage) and (self.root, self._options) == (other.root, other._options)
+
+    def __hash__(self) -> int:
+        return hash(self.root)
+
+    def __repr__(self) -> str:
+        return f"Storage({self.root!r})"
+
+    @cached_property
+    def _filesystem(self) -> Any:
+        import fsspec
+
+        return fsspec.core.url_to_fs(self.root, use_listings_cache=False, **self._options)[0]
+
+    def path(self, name: str) -> str:
+        """Where a file lies, as a path or URL."""
+        return f"{self.root}/{check_name(name)}"
+
+    # --- one file --------------------------------------------------------------------------------------------
+    def read(self, name: str) -> bytes:
+        """The whole file."""
+        path = self.path(name)
+        if self.local_root is not None:
+            return _on_disk(lambda: Path(path).read_bytes(), path)
+        return bytes(_remotely(lambda: self._filesystem.cat_file(path), path))
+
+    def write(self, name: str, data: bytes) -> StoredFile:
+        """Put ``data`` there in one step, replacing what was there."""
+        path = self.path(name)
+        if self.local_root is not None:
+            _on_disk(lambda: _write_beside_and_rename(Path(path), data), path)
+        else:
+            _remotely(lambda: self._filesystem.pipe_file(path, data), path)
+        return StoredFile(name, len(data), hashlib.sha256(data).hexdigest())
+
+    def delete(self, name: str) -> None:
+        """Remove the file; nothing happens if there is none."""
+        path = self.path(name)
+        if self.local_root is not None:
+            _on_disk(lambda: Path(path).unlink(missing_ok=True), path)
+            return
+        try:
+            _remotely(lambda: self._filesystem.rm_file(path), path)
+        except FileNotFoundError:
+            return
+
+    def exists(self, name: str) -> bool:
+        """Whether there is such a file."""
+        return name in self.sizes([name])
+
+    # --- many files ------------------------------------------------------------------------------------------
+    def list(self, folder: str) -> dict[str, Entry]:
+        """The files of one folder ("" is the root itself) by their names below the root, in one listing."""
+        path, prefix = (self.path(folder), f"{folder}/") if folder else (self.root, "")
+        if self.local_root is not None:
+            return _on_disk(lambda: _list_folder(Path(path), prefix), path)
+        try:
+            rows = _remotely(lambda: self._filesystem.ls(path, detail=True, refresh=True), path)
+        except FileNotFoundError:
+            return {}
+        return {
+            f"{prefix}{row['name'].rsplit('/', 1)[-1]}": Entry(int(row["size"]), _remote_version(row))
+            for row in rows
+            if row["type"] == "file" and not row["name"].rsplit("/", 1)[-1].startswith(".")
+        }
+
+    def sizes(self, names: Collection[str]) -> dict[str, int]:
+        """Sizes in bytes of those of ``names`` that exist: one stat each locally, one listing per folder elsewhere."""
+        if self.local_root is not None:
+            found = {}
+            for name in names:
+                try:
+                    found[name] = Path(self.path(name)).stat().st_size
+                except (FileNotFoundError, NotADirectoryError):
+                    continue
+            return found
+        listings: dict[str, int] = {}
+        for folder in {name.rpartition("/")[0] for name in names}:
+            listings.update({name: entry.size for name, entry in self.list(folder).items()})
+        return {name: listings[name] for name in names if name in listings}
+
+    def read_many(self, names: Iterable[str]) -> dict[str, bytes]:
+        """Contents of those of ``names`` that exist, fetched concurrently from an object store."""
+        wanted = [check_name(name) for name in names]
+        if self.local_root is not None:
+            contents = {}
+            for name in wanted:
+                try:
+                    contents[name] = self.read(name)
+                except FileNotFoundError:
+                    continue
+            return contents
+        if not wanted:
+            return {}
+        by_path = {self._filesystem._strip_protocol(self.path(name)): name for name in wanted}
+        answers = self._filesystem.cat(list(by_path), on_error="return")
+        contents = {}
+        for path, answer in answers.items():
+            name = by_path[self._filesystem._strip_protocol(path)]
+            if isinstance(answer, FileNotFoundError):
+                continue
+            # What failed in the crowd is asked for once more by itself, with the usual patience.
+            contents[name] = self.read(name) if isinstance(answer, Exception) else bytes(answer)
+        return contents
+
+    def remove_orphans(self, folder: str) -> int:
+        """Delete temporary files that killed processes left behind (older than an hour); how many there were."""
+        if self.local_root is None:
+            return 0
+        path, removed = self.local_root / check_name(folder), 0
+        for orphan in path.glob(f"{_TEMPORARY_PREFIX}*") if path.is_dir() else ():
+            try:
+                if time.time() - orphan.stat().st_mtime > _ORPHAN_AGE_S:
+                    orphan.unlink()
+                    removed += 1
+            except FileNotFoundError:
+                continue
+        return removed
+
+
+def _write_beside_and_rename(path: Path, data: bytes) -> None:
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, dir=path.parent)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _list_folder(path: Path, prefix: str) -> dict[str, Entry]:
+    found = {}
+    try:
+        with os.scandir(path) as entries:
+            for entry in entries:
+                if entry.name.startswith(".") or not entry.is_file():
+                    continue
+                try:
+                    status = entry.stat()
+                except FileNotFoundError:  # replaced or deleted since it was listed
+                    continue
+                found[f"{prefix}{entry.name}"] = Entry(status.st_size, f"{status.st_mtime_ns}-{status.st_ino}")
+    except FileNotFoundError:
+        return {}
+    return found
+
+
+def _remote_version(row: Mapping[str, Any]) -> str:
+    for field in ("ETag", "etag", "generation", "LastModified", "mtime", "created"):
+        if row.get(field):
+            return str(row[field])
+    return str(row["size"])
+
+
+def _on_disk(action: Callable[[], T], path: str) -> T:
+    try:
+        return action()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise FileNotFoundError(errno.ENOENT, "not in storage", path) from error
+    except OSError as error:
+        remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the disk and permissions"
+        raise Failure(f"{path}: {error.strerror or error}; {remedy} and run again") from error
+
+
+def _remotely(action: Callable[[], T], path: str) -> T:
+    """Try several times with growing pauses: object stores answer slowly or with errors now and then."""
+    wait_s = _REMOTE_FIRST_WAIT_S
+    for attempt in range(1, _REMOTE_ATTEMPTS + 1):
+        try:
+            return action()
+        except FileNotFoundError:
+            raise
+        except PermissionError as error:
+            raise Failure(f"{path}: access denied ({error}); check the credentials in the environment") from error
+        except (OSError, TimeoutError) as error:
+            if attempt == _REMOTE_ATTEMPTS:
+                raise TransientFailure(f"{path}: no answer after {attempt} attempts ({error}); run again") from error
+        time.sleep(wait_s)
+        wait_s *= 2
+    raise AssertionError("unreachable")

@@ -1,0 +1,215 @@
+"""Negative controls: what a verdict accepts that it should not.
+
+Two clock positions either way let a random impact pass with 42 % per vehicle, so that a verdict has to show what its
+acceptance is worth. Two ways of being wrong, both over a whole cohort, judged by the same rules as the true pairing:
+
+* *another report*: a simulation against another crash's report. The location is left its own (another crash's is
+  miles away and would prove nothing): impacts and directions must give it away. In a cohort with many head-on crashes
+  many reports say the same; each row says whether the two reports differ at all.
+* *shifted in time*: the same crash with one vehicle late, so that the two should miss or meet elsewhere. Where one of
+  them
+  stands at the place of the crash no delay makes them miss: not a control, and said so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord, EventRecord
+from trace_dag.errors import Reason
+from trace_dag.geometry import Pose
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.settings import VerdictSettings
+from trace_dag.sim.types import SimulationLog
+from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate, Trajectory
+from trace_dag.verdict.directions import reported_relations_deg, reported_turns_deg
+from trace_dag.verdict.judge import judge_hypothesis, judge_observation
+from trace_dag.verdict.metrics import clock_error_h, observe
+from trace_dag.verdict.types import Verdict
+
+STANDING_MPS = 1.0
+"""A vehicle slower than this at the planned contact stands there for what a delay can do."""
+LEAST_SHIFT_S = 2.0
+_MISS_BY_M = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedCrash:
+    """A crash with the one hypothesis its verdict is about."""
+
+    record: CrashRecord
+    network: RoadNetwork
+    hypothesis: Hypothesis
+    log: SimulationLog
+
+
+@dataclass(frozen=True)
+class ControlRow:
+    """One judgement of a control. ``kind``: "true", "other_report" or "shifted"; ``accepted`` is None where the
+    control does not apply. Residuals as in the verdict: the worst of both vehicles, None where not evaluated."""
+
+    kind: str
+    key: str
+    other_key: str | None
+    shifted_vehicle: int | None
+    shift_s: float | None
+    accepted: bool | None
+    reason: Reason | None
+    contact_distance_m: float | None
+    clock_error_max_h: float | None
+    direction_error_max_deg: float | None
+    detail: str = ""
+    reports_differ: bool | None = None  # other_report: the two reports contradict each other
+
+
+def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
+    """The crash against its own report, for the rate beside the controls'."""
+    verdict = judge_hypothesis(crash.record, crash.network, crash.hypothesis, crash.log, settings)
+    return _row("true", crash.record.key, verdict)
+
+
+def against_other_reports(crashes: Sequence[JudgedCrash], settings: VerdictSettings) -> Iterator[ControlRow]:
+    """Every simulation against every other crash's report, vehicles matched in the order of their numbers."""
+    for crash in crashes:
+        observation = observe(crash.network, crash.hypothesis, crash.log)
+        for other in crashes:
+            if other.record.key == crash.record.key:
+                continue
+            foreign = _renumbered(other.record, crash.record)
+            if foreign is None:
+                continue
+            verdict = judge_observation(foreign, observation, crash.log, settings)
+            row = _row("other_report", crash.record.key, verdict, other_key=other.record.key)
+            yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
+
+
+def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
+    """Whether two reports, same vehicle numbers, contradict each other in an impact or a direction by more than the
+    thresholds. Where they do not, no simulation of the one can be told from one of the other by them."""
+    theirs = {vehicle.number: vehicle for vehicle in two.vehicles}
+    pair = [(vehicle, theirs[vehicle.number]) for vehicle in one.vehicles if vehicle.number in theirs]
+    for mine, other in pair:
+        apart_h = clock_error_h(mine.impact.clock_h, other.impact) if mine.impact else None
+        if apart_h is not None and apart_h > settings.max_clock_error_h:
+            return True
+        if _disjoint(reported_turns_deg(mine), reported_turns_deg(other)):
+            return True
+    if len(pair) < 2:
+        return False
+    (mine_1, other_1), (mine_2, other_2) = pair[:2]
+    return _disjoint(reported_relations_deg(mine_1, mine_2), reported_relations_deg(other_1, other_2))
+
+
+def _disjoint(one: frozenset[float], two: frozenset[float]) -> bool:
+    return bool(one and two and not one & two)
+
+
+def _renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
+    """The other record with its colliding pair numbered as the own one's, so that it can be judged against."""
+    theirs, ours = other.colliding_pair, own.colliding_pair
+    if theirs is None or ours is None:
+        return None
+    theirs_in_order = sorted(theirs, key=lambda vehicle: vehicle.number)
+    numbers = sorted(vehicle.number for vehicle in ours)
+    renamed = {vehicle.number: number for vehicle, number in zip(theirs_in_order, numbers, strict=True)}
+
+    def rename(event: EventRecord) -> EventRecord:
+        one = renamed.get(event.vehicle_1) if event.vehicle_1 is not None else None
+        two = renamed.get(event.vehicle_2) if event.vehicle_2 is not None else None
+        return replace(event, vehicle_1=one, vehicle_2=two)
+
+    vehicles = tuple(replace(vehicle, number=renamed[vehicle.number]) for vehicle in theirs_in_order)
+    return replace(other, vehicles=vehicles, events=tuple(rename(event) for event in other.events))
+
+
+@dataclass(frozen=True, eq=False)
+class Shift:
+    """A hypothesis with one vehicle late by ``shift_s``."""
+
+    hypothesis: Hypothesis
+    vehicle_number: int
+    shift_s: float
+
+
+def shifted_in_time(hypothesis: Hypothesis) -> Shift | None:
+    """The hypothesis with its first vehicle late enough that the two should miss or meet ten metres away or more.
+
+    Delays by the time the slower one takes for that and for the two bodies, :data:`LEAST_SHIFT_S` at least. None if
+    one of the two stands where they meet.
+    """
+    one, two = hypothesis.participants[:2]
+    slower_mps = min(abs(one.impact_speed_mps), abs(two.impact_speed_mps))
+    if slower_mps < STANDING_MPS:
+        return None
+    shift_s = max(LEAST_SHIFT_S, (_MISS_BY_M + (one.length_m + two.length_m) / 2) / slower_mps)
+    late = delayed(one, shift_s)
+    return Shift(replace(hypothesis, participants=(late, *hypothesis.participants[1:])), one.vehicle_number, shift_s)
+
+
+def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
+    """The same motion, later: the vehicle comes from further back, straight on and at its initial speed."""
+    t = state.trajectory
+    pose, speed = state.initial_pose, state.initial_speed_mps
+    back_m = speed * delay_s
+    x, y = pose.x_m - back_m * math.cos(pose.heading_rad), pose.y_m - back_m * math.sin(pose.heading_rad)
+    return replace(
+        state,
+        initial_pose=Pose(x, y, pose.heading_rad, pose.z_m),
+        trajectory=Trajectory(
+            time_s=np.concatenate([[0.0], t.time_s + delay_s]),
+            x_m=np.concatenate([[x], t.x_m]),
+            y_m=np.concatenate([[y], t.y_m]),
+            z_m=np.concatenate([[pose.z_m], t.z_m]),
+            heading_rad=np.concatenate([[pose.heading_rad], t.heading_rad]),
+            speed_mps=np.concatenate([[speed], t.speed_mps]),
+        ),
+    )
+
+
+def shifted_estimate(crash: JudgedCrash, shift: Shift) -> StateEstimate:
+    """What :func:`trace_dag.sim.run.simulate` takes to run a shifted hypothesis."""
+    return StateEstimate(crash.record.key, (shift.hypothesis,), EstimatorRun("shifted in time", "1"))
+
+
+def shifted_row(
+    crash: JudgedCrash, shift: Shift | None, log: SimulationLog | None, settings: VerdictSettings
+) -> ControlRow:
+    """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none."""
+    if shift is None or log is None:
+        detail = "one of the vehicles stands where they meet: no delay makes them miss"
+        return ControlRow("shifted", crash.record.key, None, None, None, None, None, None, None, None, detail)
+    verdict = judge_hypothesis(crash.record, crash.network, shift.hypothesis, log, settings)
+    return replace(
+        _row("shifted", crash.record.key, verdict), shifted_vehicle=shift.vehicle_number, shift_s=shift.shift_s
+    )
+
+
+def _row(kind: str, key: str, verdict: Verdict, other_key: str | None = None) -> ControlRow:
+    return ControlRow(
+        kind=kind,
+        key=key,
+        other_key=other_key,
+        shifted_vehicle=None,
+        shift_s=None,
+        accepted=verdict.accepted,
+        reason=verdict.reason,
+        contact_distance_m=_worst(verdict, "contact_distance"),
+        clock_error_max_h=_worst(verdict, "clock_error"),
+        direction_error_max_deg=_worst(verdict, "direction_error", "relation_error"),
+        detail=verdict.detail,
+    )
+
+
+def _worst(verdict: Verdict, *names: str) -> float | None:
+    values = [criterion.value for criterion in verdict.criteria if criterion.name in names]
+    return max((value for value in values if value is not None), default=None)
+
+
+def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:
+    """Share accepted of the rows to which the control applies; None if there are none."""
+    judged = [row.accepted for row in rows if row.accepted is not None]
+    return sum(judged) / len(judged) if judged else None

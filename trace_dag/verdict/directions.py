@@ -1,0 +1,278 @@
+"""Which way each vehicle went and how the two approached each other: in the simulation, and as the report has it.
+
+A direction is measured against the road: the heading the vehicle would have at the place of the crash had it followed
+its lane, straight on through every junction. So a bend is no turn, and a turn off a bend is one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.roads.network import LaneRef, RoadNetwork
+from trace_dag.sim.types import VehicleLog
+from trace_dag.states.types import Trajectory
+from trace_dag.units import wrap_angle
+
+_ROUTE_AFTER_CONTACT_M = 20.0  # a turn begun before the contact is complete this far beyond it
+_LANE_REACH_M = 4.0
+_ALONG_LANE_RAD = math.radians(50)
+_STRAIGHT_ON_RAD = math.radians(50)
+_FORK_RAD = math.radians(30)
+_CHAIN_MARGIN_M = 60.0
+_MAX_LANES = 60
+_PLACES_STEP_M = 3.0
+_MOUTH_M = 15.0
+_LEAST_TURN_DEG = 15.0  # what a junction offers at less than this is the way straight on
+_STANDSTILL_MPS = 0.1
+
+
+# --- as reported -------------------------------------------------------------------------------------------------
+_STRAIGHT_MOVEMENTS = frozenset(
+    {
+        Movement.GOING_STRAIGHT,
+        Movement.DECELERATING,
+        Movement.ACCELERATING,
+        Movement.STARTING,
+        Movement.STOPPED,
+        Movement.PASSING,
+        Movement.NEGOTIATING_CURVE,
+        Movement.CHANGING_LANES,
+        Movement.MERGING,
+    }
+)
+_TURNS_BY_MOVEMENT = {Movement.TURNING_LEFT: 90.0, Movement.TURNING_RIGHT: -90.0, Movement.U_TURN: 180.0}
+_LEFT_CRASH_TYPES = frozenset({68, 72, 76, 82})  # ACC_TYPE: turned left across or into the other's path
+_RIGHT_CRASH_TYPES = frozenset({70, 78, 80})
+_STRAIGHT_CRASH_TYPES = frozenset({*range(20, 68), 69, 71, 73, 77, 79, 81, 83, *range(86, 92)})
+_RELATION_BY_CRASH_TYPE: tuple[tuple[range, float], ...] = (
+    (range(20, 50), 0.0),  # same trafficway, same direction
+    (range(50, 70), 180.0),  # opposite direction; 68, 69: turn across the path of oncoming traffic
+    (range(70, 74), 0.0),  # turn across the path of traffic in the same direction
+    (range(76, 86), 90.0),  # turn into path
+    (range(86, 92), 90.0),  # intersecting paths
+)
+
+
+def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
+    """Turns (degrees to the left) the report allows: of ``P_CRASH1`` and ``ACC_TYPE``, which may disagree.
+
+    Empty where neither says.
+    """
+    turns = set()
+    if vehicle.movement in _TURNS_BY_MOVEMENT:
+        turns.add(_TURNS_BY_MOVEMENT[vehicle.movement])
+    elif vehicle.movement in _STRAIGHT_MOVEMENTS:
+        turns.add(0.0)
+    code = vehicle.crash_type_code
+    if code in _LEFT_CRASH_TYPES:
+        turns.add(90.0)
+    elif code in _RIGHT_CRASH_TYPES:
+        turns.add(-90.0)
+    elif code in _STRAIGHT_CRASH_TYPES and not turns:
+        turns.add(0.0)
+    return frozenset(turns)
+
+
+def reported_relations_deg(one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
+    """Angles between the two directions of approach that the crash types (``ACC_TYPE``) of the pair allow."""
+    return frozenset(
+        angle for vehicle in (one, two) for codes, angle in _RELATION_BY_CRASH_TYPE if vehicle.crash_type_code in codes
+    )
+
+
+def turn_error_deg(
+    measured_deg: float, allowed_deg: frozenset[float], offered_deg: frozenset[float] = frozenset()
+) -> float | None:
+    """Least angle between the measured turn and an allowed one, 0 to 180; None if the report allows anything.
+
+    A turn to the left or right is as wide as the junction makes it: at a Y, a skewed or a five-leg crossing the turns
+    to that side which the map offers there (``offered_deg``) are allowed as well as the right angle.
+    """
+    allowed = set(allowed_deg)
+    for side in allowed_deg & {90.0, -90.0}:
+        allowed |= {
+            turn for turn in offered_deg if turn * side > 0 and _LEAST_TURN_DEG < abs(turn) < 180 - _LEAST_TURN_DEG
+        }
+    return min((abs(math.remainder(measured_deg - turn, 360.0)) for turn in allowed), default=None)
+
+
+def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> float | None:
+    """Least difference between an angle of approach (0 to 180) and an allowed one; None if nothing is reported."""
+    return min((abs(measured_deg - allowed) for allowed in allowed_deg), default=None)
+
+
+# --- as simulated ------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Direction:
+    """``approach_rad``: direction of the road the vehicle came on, where the crash happened; ``turn_deg``: how far
+    its route departs from it, positive to the left; ``offered_turns_deg``: the turns its lane offered on the way."""
+
+    approach_rad: float
+    turn_deg: float
+    offered_turns_deg: frozenset[float] = frozenset()
+
+
+def direction(
+    network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float, trajectory: Trajectory
+) -> Direction:
+    """Direction of a vehicle from what it drove up to the contact and the rest of its planned route.
+
+    A vehicle is hit in the middle of its turn: what it was about to do is the plan's heading some metres beyond the
+    contact, relative to the plan's heading at it.
+    """
+    approach, offered = _approach(network, driven, contact, contact_s)
+    remaining = _heading_beyond(trajectory, contact_s) - float(
+        np.interp(contact_s, trajectory.time_s, np.unwrap(trajectory.heading_rad))
+    )
+    turn = wrap_angle(contact.heading_rad - approach) + remaining
+    return Direction(approach, math.degrees(wrap_angle(turn)), offered)
+
+
+def _heading_beyond(trajectory: Trajectory, contact_s: float) -> float:
+    heading = np.unwrap(trajectory.heading_rad)
+    after = trajectory.time_s >= contact_s
+    if not after.any():
+        return float(heading[-1])
+    x, y = trajectory.x_m[after], trajectory.y_m[after]
+    travelled = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    return float(heading[after][min(int(np.searchsorted(travelled, _ROUTE_AFTER_CONTACT_M)), len(travelled) - 1)])
+
+
+def approach_heading_rad(network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float) -> float:
+    """Heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction.
+
+    That lane is the first one it drove in, with or against its traffic; if that lies in a junction, the one before the
+    junction. A vehicle that drove in none (it came from beside the road) keeps the heading it started with. One that
+    backs up is headed against its motion.
+    """
+    return _approach(network, driven, contact, contact_s)[0]
+
+
+def _approach(
+    network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float
+) -> tuple[float, frozenset[float]]:
+    """:func:`approach_heading_rad`, and the turns (degrees to the left) the junctions on the way offer."""
+    start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
+    before = int(np.searchsorted(driven.time_s, contact_s))
+    backing = bool(driven.speed_mps[max(before - 1, 0)] < -_STANDSTILL_MPS)
+    reach_m = math.hypot(contact.x_m - start.x_m, contact.y_m - start.y_m) + _CHAIN_MARGIN_M
+    for i in _places(driven, before):
+        at = Pose(float(driven.x_m[i]), float(driven.y_m[i]), float(driven.heading_rad[i]), float(driven.z_m[i]))
+        course = wrap_angle(at.heading_rad + (math.pi if backing else 0.0))
+        found = _lane_at(network, at, course)
+        if found is not None:
+            path = np.stack([driven.x_m[:before], driven.y_m[:before]], axis=-1)
+            line, offered = _route(network, *_before_junction(network, *found), path, reach_m)
+            nearest = int(np.hypot(line[:, 0] - contact.x_m, line[:, 1] - contact.y_m).argmin())
+            return wrap_angle(float(line[nearest, 3]) + (math.pi if backing else 0.0)), offered
+    return start.heading_rad, frozenset()
+
+
+def _places(driven: VehicleLog, before: int) -> list[int]:
+    """Indices of the log up to the contact, some metres apart: where to look for the lane a vehicle came on."""
+    if before <= 1:
+        return [0]
+    travelled = np.cumsum(np.hypot(np.diff(driven.x_m[:before]), np.diff(driven.y_m[:before])))
+    steps = np.searchsorted(travelled, np.arange(0.0, travelled[-1], _PLACES_STEP_M))
+    return [int(i) for i in steps]
+
+
+def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef, bool] | None:
+    """The lane a vehicle at ``at`` drives in, and whether with its traffic; against it only if nothing else fits."""
+    best: tuple[float, LaneRef, bool] | None = None
+    for match in network.nearest_lanes(at.x_m, at.y_m, _LANE_REACH_M, z_m=at.z_m):
+        turned = abs(wrap_angle(network.pose(match.lane, match.s_m).heading_rad - course_rad))
+        along = turned <= math.pi / 2
+        off = min(turned, math.pi - turned)
+        cost = off + match.outside_m * 0.1 + (0.0 if along else 0.2)
+        if off <= _ALONG_LANE_RAD and (best is None or cost < best[0]):
+            best = cost, match.lane, along
+    return None if best is None else best[1:]
+
+
+def _before_junction(network: RoadNetwork, lane: LaneRef, along: bool) -> tuple[LaneRef, bool]:
+    """The lane itself, or the one from which a vehicle in the middle of a junction entered it."""
+    for _ in range(_MAX_LANES):
+        if network.road_by_id[lane.road_id].junction_id is None:
+            break
+        heading = float(_driven(network, lane, along)[0, 3])
+        behind = network.predecessors(lane) if along else network.successors(lane)
+        if not behind:
+            break
+        lane = min(behind, key=lambda ref: abs(wrap_angle(float(_driven(network, ref, along)[-1, 3]) - heading)))
+    return lane, along
+
+
+def _route(
+    network: RoadNetwork, lane: LaneRef, along: bool, path: FloatArray, length_m: float
+) -> tuple[FloatArray, frozenset[float]]:
+    """Centre line of the lane and of what follows it straight on, shape (n, 4) as of the network's centre lines, and
+    the turns (degrees to the left) offered beside it.
+
+    Where a road forks, the branch is that of ``path``, what the vehicle drove, shape (m, 2). In a junction and
+    its mouth the direction is that of the road that leads to it: lanes flare, paths across swerve.
+    """
+    line = _driven(network, lane, along)
+    ahead_m = _length(line[int(np.hypot(line[:, 0] - path[0, 0], line[:, 1] - path[0, 1]).argmin()) :])
+    pieces = [line]
+    offered: set[float] = set()
+    for _ in range(_MAX_LANES):
+        heading = float(pieces[-1][-1, 3])
+        onward = network.successors(lane) if along else network.predecessors(lane)
+        options = [(ref, _driven(network, ref, along)) for ref in onward]
+        if not options or ahead_m >= length_m:
+            break
+        offered |= {math.degrees(wrap_angle(float(option[-1, 3]) - heading)) for _, option in options}
+        lane, line = _straight_on(options, heading, path)
+        if network.road_by_id[lane.road_id].junction_id is not None:
+            pieces[-1] = _without_mouth(pieces[-1])
+            if abs(wrap_angle(float(line[-1, 3]) - heading)) > _STRAIGHT_ON_RAD:
+                break  # the road ends at this junction
+            line = line.copy()
+            line[:, 3] = pieces[-1][-1, 3]
+        pieces.append(line)
+        ahead_m += _length(line)
+    return np.concatenate(pieces), frozenset(offered)
+
+
+def _straight_on(
+    options: list[tuple[LaneRef, FloatArray]], heading_rad: float, path: FloatArray
+) -> tuple[LaneRef, FloatArray]:
+    """Of several ways on, the straightest one; of several nearly straight ones (a fork), the one driven."""
+
+    def turned(option: tuple[LaneRef, FloatArray]) -> float:
+        return abs(wrap_angle(float(option[1][-1, 3]) - heading_rad))
+
+    def beside_path(option: tuple[LaneRef, FloatArray]) -> float:
+        x, y, _, _ = option[1][-1]
+        return float(np.hypot(path[:, 0] - x, path[:, 1] - y).min())
+
+    nearly_straight = [option for option in options if turned(option) < _FORK_RAD]
+    return min(nearly_straight, key=beside_path) if len(nearly_straight) > 1 else min(options, key=turned)
+
+
+def _without_mouth(line: FloatArray) -> FloatArray:
+    """The line with its last metres headed as it is before them."""
+    travelled = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(line[:, 0]), np.diff(line[:, 1])))])
+    mouth = travelled > travelled[-1] - _MOUTH_M
+    straight = line.copy()
+    straight[mouth, 3] = line[int(mouth.argmax()), 3]
+    return straight
+
+
+def _driven(network: RoadNetwork, lane: LaneRef, along: bool) -> FloatArray:
+    line = network.centreline(lane)
+    if along:
+        return line
+    line = line[::-1].copy()
+    line[:, 3] += math.pi
+    return line
+
+
+def _length(line: FloatArray) -> float:
+    return float(np.hypot(np.diff(line[:, 0]), np.diff(line[:, 1])).sum())

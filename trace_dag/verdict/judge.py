@@ -1,0 +1,87 @@
+"""The verdict of a crash over all its hypotheses: the first one that satisfies the rules, in the estimate's order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Failure
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import VerdictSettings
+from trace_dag.sim.types import SimulationLog
+from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.verdict.metrics import Observation, compare, observe
+from trace_dag.verdict.rules import criteria, judgement
+from trace_dag.verdict.types import Criterion, Verdict
+
+
+def judge(
+    record: CrashRecord,
+    network: RoadNetwork,
+    report: MapReport,
+    estimate: StateEstimate,
+    logs: Sequence[SimulationLog],
+    settings: VerdictSettings,
+) -> Verdict:
+    """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
+
+    With ``report``, how far the contact is from where the crash was placed on the map is shown too.
+    """
+    if len(logs) != len(estimate.hypotheses):
+        raise Failure(
+            f"{record.key}: {len(logs)} simulation logs for {len(estimate.hypotheses)} hypotheses; simulate again"
+        )
+    judged = [
+        judge_hypothesis(record, network, hypothesis, log, settings, report=report, index=i, of=len(logs))
+        for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
+    ]
+    return next((verdict for verdict in judged if verdict.accepted), judged[0])
+
+
+def judge_hypothesis(
+    record: CrashRecord,
+    network: RoadNetwork,
+    hypothesis: Hypothesis,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge one simulated hypothesis against a record."""
+    return judge_observation(
+        record, observe(network, hypothesis, log), log, settings, report=report, index=index, of=of
+    )
+
+
+def judge_observation(
+    record: CrashRecord,
+    observation: Observation | None,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge a contact that was observed already, as when one simulation is set beside many reports."""
+    measures = compare(observation, record) if observation else None
+    found = criteria(measures, log, settings)
+    result = judgement(found)
+    if measures is not None and report is not None:
+        placed = report.placement
+        distance_m = math.hypot(measures.contact_x_m - placed.x_m, measures.contact_y_m - placed.y_m)
+        found += (Criterion("placed_distance", distance_m, None, "m", None),)
+    return Verdict(
+        key=record.key,
+        rule_set=settings.rule_set,
+        accepted=result.accepted,
+        hypothesis=index,
+        hypotheses_judged=of,
+        criteria=found,
+        reason=result.reason,
+        detail=result.detail,
+    )

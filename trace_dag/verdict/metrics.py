@@ -1,0 +1,289 @@
+"""What a simulation amounts to beside its report, measured. Nothing here passes or fails: :mod:`rules` judges.
+
+Everything is taken from the log; of the plan only what a vehicle hit in the middle of its manoeuvre did not get to do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.record import CrashRecord, ImpactArea, Movement, VehicleRecord
+from trace_dag.geometry import Pose, contact_clock_h
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.sim.plan import tracking_errors
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.states.types import Hypothesis, ParticipantState
+from trace_dag.units import bearing_to_clock_h, clock_difference_h, wrap_angle
+from trace_dag.verdict.directions import (
+    direction,
+    relation_error_deg,
+    reported_relations_deg,
+    reported_turns_deg,
+    turn_error_deg,
+)
+
+_SKEWED = frozenset({RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_POINT_OR_MORE})
+_LEAST_SPEED_MPS = 1.0  # relative errors of slower reported speeds are taken as if of this one
+
+
+@dataclass(frozen=True)
+class VehicleMeasures:
+    """One vehicle of the first contact. ``None`` where the report gives nothing to compare with.
+
+    Clock positions in hours: ``clock_h`` of the contact point on the body, ``bearing_clock_h`` of the direction to
+    the other body's centre (the published procedure's). Relative speed errors are signed, simulated minus reported
+    over reported. ``pdof_deg``: principal direction of force, where it came from, degrees clockwise from the front.
+    """
+
+    number: int
+    clock_h: float
+    bearing_clock_h: float
+    reported_clock_h: float | None
+    clock_error_h: float | None
+    bearing_clock_error_h: float | None
+    turn_deg: float
+    turn_error_deg: float | None
+    initial_speed_mps: float
+    impact_speed_mps: float
+    reported_speed_mps: float | None
+    initial_speed_error_rel: float | None
+    impact_speed_error_rel: float | None
+    delta_v_mps: float
+    pdof_deg: float
+    arrival_error_m: float  # body at the contact from where the estimate has it
+    path_error_p99_m: float  # from the planned path, in 99 % of steps up to the contact
+    tracked_speed_error_p99_rel: float  # from the planned speed, likewise
+
+
+@dataclass(frozen=True)
+class LaterEvent:
+    """An event after the first collision of the two; ``occurred`` is None where a simulation cannot tell."""
+
+    number: int
+    code: int
+    occurred: bool | None
+
+
+@dataclass(frozen=True)
+class CrashMeasures:
+    """The first contact of a simulation beside the report. Distances in metres, in the local frame."""
+
+    contact_x_m: float
+    contact_y_m: float
+    contact_distance_m: float  # to the reported location
+    right_pair: bool  # the first contact is between the two vehicles that collided first
+    closing_speed_mps: float
+    approach_angle_deg: float  # between the two headings at the contact, 0 to 180
+    relation_error_deg: float | None
+    vehicles: tuple[VehicleMeasures, VehicleMeasures]
+    later_events: tuple[LaterEvent, ...]
+
+
+@dataclass(frozen=True)
+class ObservedVehicle:
+    """What one body of the first contact did, before it is set beside any report. As in :class:`VehicleMeasures`."""
+
+    number: int
+    clock_h: float
+    bearing_clock_h: float
+    approach_rad: float
+    turn_deg: float
+    offered_turns_deg: frozenset[float]
+    initial_speed_mps: float
+    impact_speed_mps: float
+    delta_v_mps: float
+    pdof_deg: float
+    arrival_error_m: float
+    path_error_p99_m: float
+    tracked_speed_error_p99_rel: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A simulation's first contact: what happened, before it is set beside any report."""
+
+    contact: Contact
+    later_contacts: tuple[Contact, ...]
+    vehicles: tuple[ObservedVehicle, ObservedVehicle]
+
+
+def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> Observation | None:
+    """The first contact of a simulated hypothesis; None if there was none."""
+    contact = log.first_contact
+    if contact is None:
+        return None
+    states = {state.vehicle_number: state for state in hypothesis.participants}
+    logs = {vehicle.number: vehicle for vehicle in log.vehicles}
+    one, two = (
+        _observed(network, side, states[side.number], logs[side.number], log.bodies[side.number], contact)
+        for side in _sides(contact)
+    )
+    later = sorted((other for other in log.contacts if other is not contact), key=lambda other: other.time_s)
+    return Observation(contact, tuple(later), (one, two))
+
+
+def compare(observation: Observation, record: CrashRecord) -> CrashMeasures:
+    """Set a contact beside a report, whose location is the origin of the local frame."""
+    contact, (one, two) = observation.contact, observation.vehicles
+    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    pair = record.colliding_pair
+    first, second = reported.get(one.number), reported.get(two.number)
+    relation = abs(math.degrees(wrap_angle(one.approach_rad - two.approach_rad)))
+    return CrashMeasures(
+        contact_x_m=contact.x_m,
+        contact_y_m=contact.y_m,
+        contact_distance_m=math.hypot(contact.x_m, contact.y_m),
+        right_pair=pair is None or {pair[0].number, pair[1].number} == {one.number, two.number},
+        closing_speed_mps=contact.closing_speed_mps,
+        approach_angle_deg=abs(math.degrees(wrap_angle(contact.pose_1.heading_rad - contact.pose_2.heading_rad))),
+        relation_error_deg=_relation_error_deg(relation, first, second, record) if first and second else None,
+        vehicles=(_compared(one, first, record), _compared(two, second, record)),
+        later_events=_later_events(record, observation.later_contacts),
+    )
+
+
+def _compared(seen: ObservedVehicle, reported: VehicleRecord | None, record: CrashRecord) -> VehicleMeasures:
+    area = reported.impact if reported else None
+    return VehicleMeasures(
+        number=seen.number,
+        clock_h=seen.clock_h,
+        bearing_clock_h=seen.bearing_clock_h,
+        reported_clock_h=area.clock_h if area else None,
+        clock_error_h=clock_error_h(seen.clock_h, area),
+        bearing_clock_error_h=clock_error_h(seen.bearing_clock_h, area),
+        turn_deg=seen.turn_deg,
+        turn_error_deg=_turn_error_deg(seen, reported, record.road_topology) if reported else None,
+        initial_speed_mps=seen.initial_speed_mps,
+        impact_speed_mps=seen.impact_speed_mps,
+        reported_speed_mps=reported.travel_speed_mps if reported else None,
+        initial_speed_error_rel=_speed_error(seen.initial_speed_mps, reported),
+        impact_speed_error_rel=_speed_error(seen.impact_speed_mps, reported),
+        delta_v_mps=seen.delta_v_mps,
+        pdof_deg=seen.pdof_deg,
+        arrival_error_m=seen.arrival_error_m,
+        path_error_p99_m=seen.path_error_p99_m,
+        tracked_speed_error_p99_rel=seen.tracked_speed_error_p99_rel,
+    )
+
+
+def _relation_error_deg(
+    measured_deg: float, first: VehicleRecord, second: VehicleRecord, record: CrashRecord
+) -> float | None:
+    """How far the angle between the approaches is from what the crash types say.
+
+    Crossing or joining streets mean a right angle, but not where legs meet at other angles by the report's own words.
+    Within the corner of an L those who meet head-on or follow each other may have any angle between them.
+    """
+    if record.road_topology is RoadTopology.L:
+        return None
+    allowed = reported_relations_deg(first, second)
+    if record.road_topology in _SKEWED:
+        allowed -= {90.0}
+    return relation_error_deg(measured_deg, allowed)
+
+
+def _turn_error_deg(seen: ObservedVehicle, reported: VehicleRecord, topology: RoadTopology) -> float | None:
+    """How far a vehicle's turn is from what the report says, where its words mean what they say elsewhere.
+
+    Who backs goes backward, whichever way. Round a roundabout only entering and leaving are turns. At an L a report
+    calls a turn what on the map is the road's own bend.
+    """
+    allowed = reported_turns_deg(reported)
+    if reported.movement is Movement.BACKING:
+        return 0.0 if seen.impact_speed_mps < 0 else 180.0
+    if topology is RoadTopology.ROUNDABOUT and reported.movement is Movement.NEGOTIATING_CURVE:
+        return None
+    if topology is RoadTopology.L:
+        allowed |= {0.0}
+    return turn_error_deg(seen.turn_deg, allowed, seen.offered_turns_deg)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What one body of a contact had and got."""
+
+    number: int
+    pose: Pose
+    other: Pose
+    velocity_mps: tuple[float, float]
+    delta_v_mps: tuple[float, float]
+
+
+def _sides(contact: Contact) -> tuple[_Side, _Side]:
+    c = contact
+    return (
+        _Side(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
+        _Side(c.number_2, c.pose_2, c.pose_1, c.velocity_2_mps, c.delta_v_2_mps),
+    )
+
+
+def _observed(
+    network: RoadNetwork, side: _Side, state: ParticipantState, log: VehicleLog, body: Body, contact: Contact
+) -> ObservedVehicle:
+    ahead, left = side.pose.to_body(side.other.xy_m)
+    forward = side.pose.forward
+    dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))
+    distance, speed_error = tracking_errors(state.trajectory, log, contact.time_s)
+    planned = np.abs(np.interp(log.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
+    went = direction(network, log, side.pose, contact.time_s, state.trajectory)
+    return ObservedVehicle(
+        number=side.number,
+        clock_h=contact_clock_h(side.pose, body.length_m, body.width_m, np.array([contact.x_m, contact.y_m])),
+        bearing_clock_h=bearing_to_clock_h(math.atan2(left, ahead)),
+        approach_rad=went.approach_rad,
+        turn_deg=went.turn_deg,
+        offered_turns_deg=went.offered_turns_deg,
+        initial_speed_mps=float(log.speed_mps[0]),
+        impact_speed_mps=float(side.velocity_mps[0] * forward[0] + side.velocity_mps[1] * forward[1]),
+        delta_v_mps=math.hypot(*side.delta_v_mps),
+        pdof_deg=math.degrees(math.atan2(dv_left, -dv_ahead)) % 360.0,
+        arrival_error_m=math.hypot(side.pose.x_m - state.impact_pose.x_m, side.pose.y_m - state.impact_pose.y_m),
+        path_error_p99_m=float(np.percentile(distance, 99)),
+        tracked_speed_error_p99_rel=float(np.percentile(speed_error / np.maximum(planned, _LEAST_SPEED_MPS), 99)),
+    )
+
+
+def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:
+    """Hours of the clock between a place on the body and the area reported; 0 inside it, None if none is.
+
+    A clock position is an area too, half an hour either side of its hour, so that "within two clock positions" lets
+    five of the twelve pass, as counting positions does.
+    """
+    if area is None:
+        return None
+    return max(0.0, clock_difference_h(clock_h, area.clock_h) - area.half_width_rad * 6 / math.pi)
+
+
+def _speed_error(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
+    if reported is None or reported.travel_speed_mps is None:
+        return None
+    error = (abs(simulated_mps) - reported.travel_speed_mps) / max(reported.travel_speed_mps, _LEAST_SPEED_MPS)
+    return min(error, 0.0) if reported.travel_speed_is_lower_bound else error
+
+
+def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> tuple[LaterEvent, ...]:
+    """Events after the first collision of two vehicles. Another collision of vehicles is looked for among the
+    contacts; what happened beside the road, or to a vehicle's balance, is not simulated."""
+    numbers = {vehicle.number for vehicle in record.vehicles}
+    collisions = [event for event in record.events if {event.vehicle_1, event.vehicle_2} <= numbers]
+    if not collisions:
+        return ()
+    first = collisions[0]
+    contacts = list(later_contacts)
+    later = []
+    for event in record.events:
+        if event.number <= first.number:
+            continue
+        occurred = None
+        if event in collisions:
+            pair = {event.vehicle_1, event.vehicle_2}
+            found = next((c for c in contacts if {c.number_1, c.number_2} == pair), None)
+            occurred = found is not None
+            if found is not None:
+                contacts.remove(found)
+        later.append(LaterEvent(event.number, event.code, occurred))
+    return tuple(later)

@@ -1,0 +1,145 @@
+"""Judging what was measured: criteria with thresholds, and what they add up to.
+
+Two rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
+two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds
+from settings. "published": the published pipeline's procedure as it is, contact within 10 m and the impact as the
+direction to the other body's centre, for comparison.
+
+A crash is accepted if no criterion that can reject it fails and each of the three kinds was evaluated at least once:
+what the report leaves open is "not evaluated", and a crash about which nothing was evaluated has not been shown to be
+right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trace_dag.errors import Reason
+from trace_dag.settings import VerdictSettings
+from trace_dag.sim.types import SimulationLog
+from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
+from trace_dag.verdict.types import Criterion
+
+_REJECTING = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
+_PUBLISHED = VerdictSettings(rule_set="published", max_contact_distance_m=10.0)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What criteria add up to: ``reason`` and ``detail`` say why a crash is not accepted."""
+
+    accepted: bool
+    reason: Reason | None
+    detail: str
+
+
+def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: VerdictSettings) -> tuple[Criterion, ...]:
+    """Every criterion of the rule set, those that reject first, then those that are only reported."""
+    if measures is None:
+        detail = f"{log.termination}: {log.reason}"
+        return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail),)
+    limits = _PUBLISHED if settings.rule_set == "published" else settings
+    rejecting = [
+        Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
+        _at_most(
+            "contact_distance", measures.contact_distance_m, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION
+        ),
+    ]
+    if not measures.right_pair:
+        numbers = " and ".join(str(vehicle.number) for vehicle in measures.vehicles)
+        detail = f"the first contact is between vehicles {numbers}, not the reported pair"
+        rejecting.append(Criterion("right_pair", 0.0, 1.0, "", False, Reason.WRONG_IMPACT, detail))
+    for vehicle in measures.vehicles:
+        error = vehicle.bearing_clock_error_h if settings.rule_set == "published" else vehicle.clock_error_h
+        rejecting.append(
+            _at_most("clock_error", error, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, vehicle.number)
+        )
+    for vehicle in measures.vehicles:
+        rejecting.append(
+            _at_most(
+                "direction_error",
+                vehicle.turn_error_deg,
+                limits.max_direction_error_deg,
+                "deg",
+                Reason.WRONG_DIRECTION,
+                vehicle.number,
+            )
+        )
+    relation = measures.relation_error_deg
+    rejecting.append(
+        _at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION)
+    )
+    return (*rejecting, *_reported(measures, limits))
+
+
+def _at_most(
+    name: str, value: float | None, threshold: float, unit: str, reason: Reason | None, number: int | None = None
+) -> Criterion:
+    if value is None:
+        return Criterion(name, None, threshold, unit, None, reason, "not reported", number)
+    return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number)
+
+
+def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterion]:
+    shown = [
+        _shown("approach_angle", measures.approach_angle_deg, "deg"),
+        _shown("closing_speed", measures.closing_speed_mps, "mps"),
+    ]
+    for vehicle in measures.vehicles:
+        shown += _reported_of(vehicle, limits)
+    for event in measures.later_events:
+        value = None if event.occurred is None else float(event.occurred)
+        detail = f"event {event.number}, SOE {event.code}" + ("" if value is not None else ": not simulated")
+        shown.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail))
+    return shown
+
+
+def _reported_of(vehicle: VehicleMeasures, limits: VerdictSettings) -> list[Criterion]:
+    number = vehicle.number
+    return [
+        _at_most(
+            "initial_speed_error", vehicle.initial_speed_error_rel, limits.max_speed_error_rel, "rel", None, number
+        ),
+        _at_most("impact_speed_error", vehicle.impact_speed_error_rel, limits.max_speed_error_rel, "rel", None, number),
+        _shown("clock", vehicle.clock_h, "h", number),
+        _shown("reported_clock", vehicle.reported_clock_h, "h", number),
+        _shown("bearing_clock", vehicle.bearing_clock_h, "h", number),
+        _shown("turn", vehicle.turn_deg, "deg", number),
+        _shown("initial_speed", vehicle.initial_speed_mps, "mps", number),
+        _shown("impact_speed", vehicle.impact_speed_mps, "mps", number),
+        _shown("delta_v", vehicle.delta_v_mps, "mps", number),
+        _shown("pdof", vehicle.pdof_deg, "deg", number),
+        _shown("arrival_error", vehicle.arrival_error_m, "m", number),
+        _shown("path_error_p99", vehicle.path_error_p99_m, "m", number),
+        _shown("tracked_speed_error_p99", vehicle.tracked_speed_error_p99_rel, "rel", number),
+    ]
+
+
+def _shown(name: str, value: float | None, unit: str, number: int | None = None) -> Criterion:
+    return Criterion(name, value, None, unit, None, None, "", number)
+
+
+def judgement(judged: tuple[Criterion, ...]) -> Judgement:
+    """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it."""
+    for reason in _REJECTING:
+        of_kind = [criterion for criterion in judged if criterion.reason is reason]
+        failed = next((criterion for criterion in of_kind if criterion.passed is False), None)
+        if failed is not None:
+            return Judgement(False, reason, _sentence(failed))
+        if not any(criterion.passed for criterion in of_kind):
+            names = ", ".join(sorted({criterion.name for criterion in of_kind}))
+            return Judgement(False, reason, f"the report gives nothing to judge it by: {names} not evaluated")
+    skipped = [criterion for criterion in judged if criterion.reason is not None and criterion.passed is None]
+    named = ", ".join(_name(criterion) for criterion in skipped)
+    return Judgement(True, None, f"not evaluated, since not reported: {named}" if skipped else "")
+
+
+def _name(criterion: Criterion) -> str:
+    name = criterion.name.replace("_", " ")
+    return name if criterion.vehicle_number is None else f"{name} of vehicle {criterion.vehicle_number}"
+
+
+def _sentence(criterion: Criterion) -> str:
+    if criterion.detail:
+        return criterion.detail
+    return f"{_name(criterion)} {criterion.value:.1f} {criterion.unit}, at most {criterion.threshold:g} allowed"

@@ -1,0 +1,30 @@
+-- What to run next: pending and failed crashes that would fill a class without a verified crash, those that would fill
+-- several first. Crashes whose record has not been made yet have no class and are not listed.
+CREATE VIEW cohort_gaps AS
+WITH open_crashes AS (
+    UNPIVOT (
+        SELECT key, cohort, final_state, collision_type, road_topology, vehicle_trajectory
+        FROM crashes
+        WHERE final_state IN ('pending', 'failed')
+    )
+    ON collision_type, road_topology, vehicle_trajectory
+    INTO NAME dimension VALUE class
+)
+SELECT
+    open_crashes.key,
+    open_crashes.cohort,
+    open_crashes.final_state,
+    count(*) AS classes_filled,
+    string_agg(coverage.dimension || ' ' || coverage.class, ', ' ORDER BY coverage.dimension) AS would_fill
+FROM open_crashes
+JOIN coverage ON coverage.dimension = open_crashes.dimension AND coverage.class = open_crashes.class
+WHERE coverage.verified = 0
+GROUP BY ALL
+ORDER BY classes_filled DESC, open_crashes.key;
+
+COMMENT ON VIEW cohort_gaps IS 'Crashes yet to be finished that would fill a class without a verified crash';
+COMMENT ON COLUMN cohort_gaps.key IS 'Key of the crash';
+COMMENT ON COLUMN cohort_gaps.cohort IS 'Its cohort';
+COMMENT ON COLUMN cohort_gaps.final_state IS 'pending or failed';
+COMMENT ON COLUMN cohort_gaps.classes_filled IS 'Uncovered classes it would fill';
+COMMENT ON COLUMN cohort_gaps.would_fill IS 'Which ones';

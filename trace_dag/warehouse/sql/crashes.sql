@@ -1,0 +1,62 @@
+-- Every registered crash, in exactly one final state. What the report says is null where it could not be read.
+CREATE TABLE crashes AS
+SELECT
+    standing.key,
+    CAST(split_part(standing.key, '-', 1) AS INTEGER) AS case_year,
+    CAST(split_part(standing.key, '-', 2) AS INTEGER) AS state_case,
+    standing.cohort,
+    record.latitude_deg,
+    record.longitude_deg,
+    standing.final_state,
+    standing.stage_reached,
+    standing.reason,
+    record.collision_type,
+    record.road_topology,
+    record.vehicle_trajectory,
+    standing.detail,
+    coalesce(record.state_code, CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000) AS state_code,
+    record.state_name,
+    concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')) AS place,
+    record.year,
+    record.month,
+    record.day,
+    record.hour,
+    record.trafficway_1,
+    record.trafficway_2,
+    len(record.vehicles) AS vehicles,
+    record.fatalities,
+    record.repaired,
+    len(record.contradictions) AS contradictions,
+    record.summary
+FROM standing
+LEFT JOIN read_parquet(getvariable('record_files')) AS record USING (key)
+ORDER BY case_year, state_case;
+
+COMMENT ON TABLE crashes IS 'Every registered crash, once, with where it stands';
+COMMENT ON COLUMN crashes.key IS 'Key of the crash, <caseYear>-<stateCase>';
+COMMENT ON COLUMN crashes.case_year IS 'Year of the case file';
+COMMENT ON COLUMN crashes.state_case IS 'Case number, unique in its year (ST_CASE)';
+COMMENT ON COLUMN crashes.cohort IS 'Cohort that registered it';
+COMMENT ON COLUMN crashes.latitude_deg IS 'Reported latitude, WGS84, degrees';
+COMMENT ON COLUMN crashes.longitude_deg IS 'Reported longitude, WGS84, degrees';
+COMMENT ON COLUMN crashes.final_state IS 'verified, rejected, failed or pending';
+COMMENT ON COLUMN crashes.stage_reached IS 'Stage that rejected or failed it, else the last one that accepted it; null before the first';
+COMMENT ON COLUMN crashes.reason IS 'Reason code of a rejection';
+COMMENT ON COLUMN crashes.collision_type IS 'Coverage class of the manner of collision (MAN_COLL)';
+COMMENT ON COLUMN crashes.road_topology IS 'Coverage class of the intersection (TYP_INT)';
+COMMENT ON COLUMN crashes.vehicle_trajectory IS 'Coverage class of the crash type of the vehicle pair (ACC_TYPE)';
+COMMENT ON COLUMN crashes.detail IS 'The sentence behind a rejection or failure, with what was measured';
+COMMENT ON COLUMN crashes.state_code IS 'State (STATE), from the case number where the report was not read';
+COMMENT ON COLUMN crashes.state_name IS 'Name of the state';
+COMMENT ON COLUMN crashes.place IS 'City, county and state as labelled';
+COMMENT ON COLUMN crashes.year IS 'Year of the crash';
+COMMENT ON COLUMN crashes.month IS 'Month of the crash';
+COMMENT ON COLUMN crashes.day IS 'Day of the crash';
+COMMENT ON COLUMN crashes.hour IS 'Hour of the crash, local time';
+COMMENT ON COLUMN crashes.trafficway_1 IS 'Road of the crash (TWAY_ID)';
+COMMENT ON COLUMN crashes.trafficway_2 IS 'Crossing road (TWAY_ID2)';
+COMMENT ON COLUMN crashes.vehicles IS 'Motor vehicles in the report';
+COMMENT ON COLUMN crashes.fatalities IS 'Persons killed (FATALS)';
+COMMENT ON COLUMN crashes.repaired IS 'The report was not well-formed and was repaired to be read';
+COMMENT ON COLUMN crashes.contradictions IS 'Number of contradictions found in the report';
+COMMENT ON COLUMN crashes.summary IS 'The crash in words';

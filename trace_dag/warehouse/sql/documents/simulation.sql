@@ -1,0 +1,17 @@
+-- Every simulated hypothesis without its steps.
+SELECT key, unnest(run)
+FROM (
+    SELECT
+        regexp_extract(filename, '([^/]+)\.json$', 1) AS key,
+        unnest(from_json(content, '[{
+            "hypothesis": "INTEGER", "backend": "VARCHAR", "backend_version": "VARCHAR", "step_s": "DOUBLE",
+            "duration_s": "DOUBLE", "termination": "VARCHAR", "reason": "VARCHAR",
+            "contacts": [{
+                "time_s": "DOUBLE", "duration_s": "DOUBLE", "x_m": "DOUBLE", "y_m": "DOUBLE", "number_1": "INTEGER",
+                "number_2": "INTEGER", "closing_speed_mps": "DOUBLE", "impulse_ns": "DOUBLE",
+                "delta_v_1_mps": ["DOUBLE"], "delta_v_2_mps": ["DOUBLE"]
+            }]
+        }]')) AS run
+    FROM read_text(getvariable('files'))
+    WHERE size > 2
+)

@@ -1,0 +1,21 @@
+-- The sequence of events of every crash whose report was read.
+CREATE TABLE events AS
+SELECT
+    record.key,
+    event.number AS event_number,
+    event.code AS event_code,
+    event.vehicle_1,
+    event.area_1.clock_h AS clock_1_h,
+    event.vehicle_2,
+    event.area_2.clock_h AS clock_2_h
+FROM (SELECT key, unnest(events) AS event FROM read_parquet(getvariable('record_files'))) AS record
+ORDER BY key, event_number;
+
+COMMENT ON TABLE events IS 'The sequence of events of every crash whose report was read';
+COMMENT ON COLUMN events.key IS 'Key of the crash';
+COMMENT ON COLUMN events.event_number IS 'Number in the sequence (EVENTNUM)';
+COMMENT ON COLUMN events.event_code IS 'What happened (SOE)';
+COMMENT ON COLUMN events.vehicle_1 IS 'First party (VNUMBER1)';
+COMMENT ON COLUMN events.clock_1_h IS 'Clock position struck on the first party, hours (AOI1)';
+COMMENT ON COLUMN events.vehicle_2 IS 'Second party, if a motor vehicle (VNUMBER2)';
+COMMENT ON COLUMN events.clock_2_h IS 'Clock position struck on the second party, hours (AOI2)';

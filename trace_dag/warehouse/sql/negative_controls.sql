@@ -1,0 +1,37 @@
+-- What verdicts accept that they should not: judgements against other reports and of vehicles that come late.
+CREATE TABLE negative_controls AS
+SELECT *
+FROM read_json(
+    getvariable('control_files'),
+    columns = {
+        'cohort': 'VARCHAR',
+        'kind': 'VARCHAR',
+        'key': 'VARCHAR',
+        'other_key': 'VARCHAR',
+        'reports_differ': 'BOOLEAN',
+        'shifted_vehicle': 'INTEGER',
+        'shift_s': 'DOUBLE',
+        'accepted': 'BOOLEAN',
+        'reason': 'VARCHAR',
+        'detail': 'VARCHAR',
+        'contact_distance_m': 'DOUBLE',
+        'clock_error_max_h': 'DOUBLE',
+        'direction_error_max_deg': 'DOUBLE'
+    }
+)
+ORDER BY cohort, kind, key, other_key;
+
+COMMENT ON TABLE negative_controls IS 'Verdicts of simulations set beside what they are not, and of the true pairings';
+COMMENT ON COLUMN negative_controls.cohort IS 'Cohort compared within';
+COMMENT ON COLUMN negative_controls.kind IS 'true (its own report), other_report, or shifted (one vehicle late)';
+COMMENT ON COLUMN negative_controls.key IS 'Key of the crash that was simulated';
+COMMENT ON COLUMN negative_controls.other_key IS 'Key of the crash whose report it was judged against';
+COMMENT ON COLUMN negative_controls.reports_differ IS 'Whether the two reports contradict each other in an impact or a direction';
+COMMENT ON COLUMN negative_controls.shifted_vehicle IS 'Vehicle that came late';
+COMMENT ON COLUMN negative_controls.shift_s IS 'How late, s';
+COMMENT ON COLUMN negative_controls.accepted IS 'Whether the verdict accepts it; null where the control does not apply';
+COMMENT ON COLUMN negative_controls.reason IS 'Why not';
+COMMENT ON COLUMN negative_controls.detail IS 'The same as a sentence';
+COMMENT ON COLUMN negative_controls.contact_distance_m IS 'First contact to the reported location, m';
+COMMENT ON COLUMN negative_controls.clock_error_max_h IS 'Impact to the reported area, the worse vehicle, hours';
+COMMENT ON COLUMN negative_controls.direction_error_max_deg IS 'Turn or angle of approach against the report, the worst, degrees';

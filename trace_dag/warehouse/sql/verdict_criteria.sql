@@ -1,0 +1,31 @@
+-- Every criterion of every verdict, those that are only reported too.
+CREATE TABLE verdict_criteria AS
+SELECT
+    key,
+    accepted,
+    hypothesis,
+    rule_set,
+    measured.name AS criterion,
+    measured.vehicle_number AS vehicle_number,
+    measured.value,
+    measured.threshold,
+    measured.unit,
+    measured.passed,
+    measured.reason,
+    measured.detail
+FROM (SELECT key, accepted, hypothesis, rule_set, unnest(criteria) AS measured FROM verdict)
+ORDER BY ALL;
+
+COMMENT ON TABLE verdict_criteria IS 'Every criterion of every verdict, one row each';
+COMMENT ON COLUMN verdict_criteria.key IS 'Key of the crash';
+COMMENT ON COLUMN verdict_criteria.accepted IS 'Whether the crash is accepted';
+COMMENT ON COLUMN verdict_criteria.hypothesis IS 'Index of the hypothesis that was judged';
+COMMENT ON COLUMN verdict_criteria.rule_set IS 'Set of rules it was judged by';
+COMMENT ON COLUMN verdict_criteria.criterion IS 'Name of the criterion';
+COMMENT ON COLUMN verdict_criteria.vehicle_number IS 'Vehicle it is about, if one';
+COMMENT ON COLUMN verdict_criteria.value IS 'What was measured, in the unit given; null if not evaluated';
+COMMENT ON COLUMN verdict_criteria.threshold IS 'What it was compared with; null if it is only reported';
+COMMENT ON COLUMN verdict_criteria.unit IS 'Unit of value and threshold';
+COMMENT ON COLUMN verdict_criteria.passed IS 'Whether it holds; null if not evaluated';
+COMMENT ON COLUMN verdict_criteria.reason IS 'What a crash is rejected for if it fails; null if it is only reported';
+COMMENT ON COLUMN verdict_criteria.detail IS 'What was found in words';

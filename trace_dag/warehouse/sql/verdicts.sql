@@ -1,0 +1,34 @@
+-- Every verdict in one row: the figures of its criteria, the worse vehicle where there is one per vehicle.
+CREATE VIEW verdicts AS
+SELECT
+    key,
+    any_value(accepted) AS accepted,
+    any_value(value) FILTER (criterion = 'contact_distance') AS contact_distance_m,
+    max(value) FILTER (criterion = 'clock_error') AS clock_error_max_h,
+    bool_and(passed) FILTER (reason = 'wrong_direction') AS direction_ok,
+    max(abs(value)) FILTER (criterion = 'initial_speed_error') AS speed_error_initial_max_rel,
+    max(abs(value)) FILTER (criterion = 'impact_speed_error') AS speed_error_impact_max_rel,
+    any_value(hypothesis) AS hypothesis,
+    any_value(rule_set) AS rule_set,
+    any_value(value) FILTER (criterion = 'closing_speed') AS closing_speed_mps,
+    any_value(value) FILTER (criterion = 'approach_angle') AS approach_angle_deg,
+    max(value) FILTER (criterion = 'delta_v') AS delta_v_max_mps,
+    count(*) FILTER (reason IS NOT NULL AND passed IS NULL) AS criteria_not_evaluated
+FROM verdict_criteria
+GROUP BY key
+ORDER BY key;
+
+COMMENT ON VIEW verdicts IS 'Every verdict in one row';
+COMMENT ON COLUMN verdicts.key IS 'Key of the crash';
+COMMENT ON COLUMN verdicts.accepted IS 'Whether the simulated crash is the reported one';
+COMMENT ON COLUMN verdicts.contact_distance_m IS 'First contact from the reported point, m';
+COMMENT ON COLUMN verdicts.clock_error_max_h IS 'Impact against the reported clock position, the worse vehicle, hours';
+COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
+COMMENT ON COLUMN verdicts.speed_error_initial_max_rel IS 'Initial speed against the reported one, the worse vehicle, relative; null if none is reported';
+COMMENT ON COLUMN verdicts.speed_error_impact_max_rel IS 'Speed at impact against the reported one, the worse vehicle, relative; null if none is reported';
+COMMENT ON COLUMN verdicts.hypothesis IS 'Index of the hypothesis that was judged';
+COMMENT ON COLUMN verdicts.rule_set IS 'Set of rules it was judged by';
+COMMENT ON COLUMN verdicts.closing_speed_mps IS 'Speed at which the vehicles closed, m/s';
+COMMENT ON COLUMN verdicts.approach_angle_deg IS 'Angle between their headings at contact, degrees';
+COMMENT ON COLUMN verdicts.delta_v_max_mps IS 'Change of velocity, the larger of the vehicles, m/s';
+COMMENT ON COLUMN verdicts.criteria_not_evaluated IS 'Criteria the report gives nothing to judge by';
