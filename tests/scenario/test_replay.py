@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from PIL import Image
 
 from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
+from trace_dag.errors import UserError
 from trace_dag.scenario.animation import write_animation
 from trace_dag.scenario.pictures import VEHICLE_COLOURS
 from trace_dag.scenario.replay import replay_windows, write_html_player
@@ -85,7 +87,27 @@ def test_frames_show_the_bodies_where_the_log_has_them(crash, image_format: str)
     assert picture.format == image_format.upper()
     assert picture.n_frames > 50
     picture.seek(picture.n_frames - 1)
-    panel = np.asarray(picture.convert("RGB"), float)[-200:, -200:]
+    assert_bodies_shown_at_the_end(np.asarray(picture.convert("RGB"), float), log)
+
+
+def test_a_video_shows_the_same(crash) -> None:
+    av = pytest.importorskip("av", reason="the mp4 extra is not installed")
+    log, verdict = crash
+    made = write_animation(RECORD, STREET, log, verdict, image_format="mp4", panel_px=200)
+    with av.open(io.BytesIO(made)) as container:
+        video = container.streams.video[0]
+        assert (video.codec.name, video.pix_fmt) == ("h264", "yuv420p")  # what every browser and phone plays
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video)]
+        # three seconds before the impact, four after it of which (and of those before) 1.2 s at a quarter of the speed,
+        # and the last frame for 1.2 s more; all of the motion if it is shorter
+        began, ended = max(0.0, log.first_contact.time_s - 3.0), min(log.duration_s, log.first_contact.time_s + 4.0)
+        assert len(frames) / float(video.average_rate) == pytest.approx(ended - began + 3 * 1.2 + 1.2, abs=0.2)
+    assert_bodies_shown_at_the_end(frames[-1].astype(float), log)
+
+
+def assert_bodies_shown_at_the_end(picture: np.ndarray, log: SimulationLog) -> None:
+    """In the close-up, the last 200 pixels of a picture, shape (rows, columns, 3)."""
+    panel = picture[-200:, -200:]
     west, _, east, north = replay_windows(log).impact
     for index, logged in enumerate(log.vehicles):
         colour = [int(VEHICLE_COLOURS[index][i : i + 2], 16) for i in (1, 3, 5)]
@@ -93,3 +115,9 @@ def test_frames_show_the_bodies_where_the_log_has_them(crash, image_format: str)
         x = west + columns.mean() * (east - west) / 200
         y = north - rows.mean() * (east - west) / 200
         assert math.hypot(x - logged.x_m[-1], y - logged.y_m[-1]) < 2.0
+
+
+def test_without_the_extra_a_video_says_what_to_install(crash, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(UserError, match=r"trace-dag\[mp4\]"):
+        write_animation(RECORD, STREET, *crash, image_format="mp4", panel_px=80)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
@@ -143,19 +143,19 @@ def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
 @click.argument("key")
 @click.option(
     "--format",
-    "image_format",
-    type=click.Choice(["html", "webp", "gif"]),
+    "replay_format",
+    type=click.Choice(["html", "webp", "gif", "mp4"]),
     default="html",
     show_default=True,
-    help="A page with a time slider, or an animated picture.",
+    help="A page with a time slider, an animated picture, or a video (the extra mp4).",
 )
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
 @click.pass_obj
-def replay(root: str, key: str, image_format: str, output: Path | None) -> None:
+def replay(root: str, key: str, replay_format: Literal["html", "gif", "webp", "mp4"], output: Path | None) -> None:
     """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
     from trace_dag.pipeline.comparisons import replay as made_of
 
-    content = made_of(_home(root).pipeline(), key, image_format)
-    target = output or Path(f"replay-{key}.{image_format}")
+    content = made_of(_home(root).pipeline(), key, replay_format)
+    target = output or Path(f"replay-{key}.{replay_format}")
     target.write_bytes(content)
     click.echo(f"{target}  {len(content) // 1024} kB")

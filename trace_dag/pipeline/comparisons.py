@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.pipeline import stages
@@ -155,10 +155,10 @@ def _store(storage: Storage, kind: str, cohort: str, rows: Sequence[ControlRow |
         raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
 
 
-def replay(pipeline: Pipeline, key: str, image_format: str) -> bytes:
-    """The replay of one crash as stored: "html", "webp" or "gif".
+def replay(pipeline: Pipeline, key: str, replay_format: Literal["html", "gif", "webp", "mp4"]) -> bytes:
+    """The replay of one crash as stored: a page or a moving picture.
 
-    Raises :class:`UserError` for a crash that is not registered or was not simulated.
+    Raises :class:`UserError` for a crash that is not registered or was not simulated, or an MP4 without its extra.
     """
     from trace_dag.scenario.animation import write_animation
     from trace_dag.scenario.replay import write_html_player
@@ -170,6 +170,6 @@ def replay(pipeline: Pipeline, key: str, image_format: str) -> bytes:
     logs = stages.logs_of(files)
     log = logs[verdict.hypothesis if verdict else 0]
     record, network = stages.record_of(files), stages.network_of(files)
-    if image_format == "html":
+    if replay_format == "html":
         return write_html_player(record, network, log, verdict)
-    return write_animation(record, network, log, verdict, image_format="gif" if image_format == "gif" else "webp")
+    return write_animation(record, network, log, verdict, image_format=replay_format)
