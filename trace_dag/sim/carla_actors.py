@@ -19,6 +19,7 @@ from trace_dag.sim.carla_frame import (
     yaw_rate_from_carla,
     yaw_rate_to_carla,
 )
+from trace_dag.sim.driving import BodyState, Pedals
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
 from trace_dag.sim.plan import Plan, resample
 from trace_dag.sim.types import PULSE_S, Body, BodyKind, Contact, Participant, VehicleLog
@@ -171,6 +172,20 @@ class CarlaActor:
             )
         )
 
+    def obey(self, pedals: Pedals) -> None:
+        """Do what a driver wants, through CARLA's own steering, engine and brakes."""
+        self.steer = max(-self.max_steer_rad, min(self.max_steer_rad, pedals.steer_rad))
+        self.throttle = max(0.0, min(1.0, pedals.throttle))
+        self.brake = max(0.0, min(1.0, pedals.brake))
+        self.actor.apply_control(
+            self.carla.VehicleControl(
+                throttle=self.throttle,
+                steer=-self.steer / self.max_steer_rad,  # CARLA steers to the right
+                brake=self.brake,
+                reverse=pedals.reverse,
+            )
+        )
+
     def let_go(self, locked_wheels: float) -> None:
         """Nobody drives any more: brakes only, all of them if its plan just ended."""
         self.steer = self.throttle = 0.0
@@ -205,6 +220,11 @@ class CarlaActor:
                 self.brake,
             )
         )
+
+    def body_state(self) -> BodyState:
+        """The state as last seen."""
+        x, y, z, heading, vx, vy, yaw_rate = self.rows[-1][:7]
+        return BodyState(self.number, x, y, z, heading, vx, vy, yaw_rate)
 
     def log(self, step_s: float) -> VehicleLog:
         """The log of all ticks; acceleration is the mean over the step that ends at each."""

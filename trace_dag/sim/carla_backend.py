@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +27,7 @@ from trace_dag.roads.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.carla_actors import CarlaActor, CarlaContact
 from trace_dag.sim.carla_frame import location_to_carla
+from trace_dag.sim.driving import Driver, Pedals
 from trace_dag.sim.plan import check_trajectory
 from trace_dag.sim.types import Participant, Simulation, SimulationLog, Termination
 
@@ -128,7 +129,14 @@ class CarlaSimulation:
         self._version = version
         self._step_s = min(settings.log_step_s, _MAX_STEP_S)
 
-    def run(self, participants: tuple[Participant, ...], *, time_limit_s: float) -> SimulationLog:
+    def run(
+        self,
+        participants: tuple[Participant, ...],
+        *,
+        time_limit_s: float,
+        drivers: Mapping[int, Driver] | None = None,
+        after_contact_s: float | None = None,
+    ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
         Raises :class:`Failure` for a plan nobody can drive or a vehicle that cannot be spawned,
@@ -157,7 +165,7 @@ class CarlaSimulation:
                 self._watch(participants)
                 self._settle(actors)
                 self._listen(actors, collisions)
-                log = self._drive(actors, collisions, time_limit_s, began)
+                log = self._drive(actors, collisions, drivers or {}, time_limit_s, after_contact_s, began)
         except BaseException:
             self._leave(actors, original)
             raise
@@ -211,20 +219,31 @@ class CarlaSimulation:
 
     # --- during ----------------------------------------------------------------------------------------------
     def _drive(
-        self, actors: list[CarlaActor], collisions: deque[_Collision], time_limit_s: float, began: float
+        self,
+        actors: list[CarlaActor],
+        collisions: deque[_Collision],
+        drivers: Mapping[int, Driver],
+        time_limit_s: float,
+        after_contact_s: float | None,
+        began: float,
     ) -> SimulationLog:
         first_frame = self._world.get_snapshot().frame
         by_id = {actor.actor.id: actor for actor in actors}
         last_plan_tick = max(len(actor.plan.rows) for actor in actors)
         contacts: dict[tuple[int, int], CarlaContact] = {}
         termination, reason = Termination.TIME_LIMIT, f"still moving after {time_limit_s:g} s"
+        wanted: dict[int, Pedals | None] = {}
         tick = 0
         for tick in range(1, math.ceil(time_limit_s / self._step_s) + 1):
+            self._ask(drivers, actors, wanted, tick - 1)
             for actor in actors:
-                if actor.crashed or actor.plan_is_over(tick):
+                pedals = wanted.get(actor.number)
+                if actor.crashed or (pedals is None and actor.plan_is_over(tick)):
                     actor.let_go(self._settings.locked_wheels)
-                else:
+                elif pedals is None:
                     actor.carry(tick)
+                else:
+                    actor.obey(pedals)
             self._world.tick()
             for actor in actors:
                 actor.observe()
@@ -232,6 +251,11 @@ class CarlaSimulation:
             if not contacts and tick > last_plan_tick:
                 termination, reason = Termination.NO_CONTACT, "no contact: all plans ended without a collision"
                 break
+            first_tick = min((contact.first_tick for contact in contacts.values()), default=None)
+            if first_tick is not None and after_contact_s is not None:
+                if (tick - first_tick) * self._step_s >= after_contact_s:
+                    reason = f"ended {after_contact_s:g} s after the first contact, as asked"
+                    break
             if contacts and all(actor.at_rest(tick) for actor in actors):
                 termination, reason = Termination.AT_REST, f"all vehicles at rest after {tick * self._step_s:.2f} s"
                 break
@@ -250,6 +274,16 @@ class CarlaSimulation:
             duration_s=tick * self._step_s,
             wall_s=time.perf_counter() - began,
         )
+
+    def _ask(
+        self, drivers: Mapping[int, Driver], actors: list[CarlaActor], wanted: dict[int, Pedals | None], tick: int
+    ) -> None:
+        """What each driver whose turn it is wants from now on, from what was seen after a tick."""
+        for actor in actors:
+            driver = drivers.get(actor.number)
+            if driver is not None and not actor.crashed and tick % max(1, round(driver.period_s / self._step_s)) == 0:
+                states = {other.number: other.body_state() for other in actors}
+                wanted[actor.number] = driver.drive(tick * self._step_s, states)
 
     def _note_contacts(
         self,

@@ -20,6 +20,7 @@ import math
 import sys
 
 from trace_dag.crash.record import VehicleClass
+from trace_dag.sim.driving import BodyState
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.plan import Plan
 from trace_dag.sim.surface import Ground
@@ -132,6 +133,20 @@ class Vehicle:
             body.width_m / 2,
         )
 
+    def body_state(self) -> BodyState:
+        """The state of the body's centre now."""
+        ahead, c, s = self.model.cg_ahead_m, math.cos(self.heading), math.sin(self.heading)
+        return BodyState(
+            self.number,
+            self.x - ahead * c,
+            self.y - ahead * s,
+            self.z,
+            self.heading,
+            self.vx + ahead * self.yaw_rate * s,
+            self.vy - ahead * self.yaw_rate * c,
+            self.yaw_rate,
+        )
+
     @property
     def at_rest(self) -> bool:
         """Whether it no longer moves."""
@@ -139,17 +154,18 @@ class Vehicle:
 
     def road_force(self, step: int) -> tuple[float, float, float]:
         """Force x, y (N) and yaw moment (Nm) of the road for the step that begins now."""
-        rows = self._rows
-        if self.crashed:
-            fx, fy, moment = self._free(self._locked_wheels)
-        elif step < self._planned_steps:
-            fx, fy, moment = self._driven(rows[step] if step < len(rows) else rows[-1])
-        else:
-            fx, fy, moment = self._free(1.0)
+        fx, fy, moment = self._tyre_force(step)
         if self.ground.slope_x or self.ground.slope_y:
             weight = self._mass * GRAVITY_MPS2
             return fx - weight * self.ground.slope_x, fy - weight * self.ground.slope_y, moment
         return fx, fy, moment
+
+    def _tyre_force(self, step: int) -> tuple[float, float, float]:
+        if self.crashed:
+            return self._free(self._locked_wheels)
+        if step < self._planned_steps:
+            return self._driven(self._rows[step] if step < len(self._rows) else self._rows[-1])
+        return self._free(1.0)
 
     def _driven(self, row: tuple[float, ...]) -> tuple[float, float, float]:
         # The loop spends most of its time here: locals and comparisons instead of attributes, min and max.

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 
 import numpy as np
 
 from trace_dag.geometry import Pose
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.commanded import CommandedVehicle
+from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
 from trace_dag.sim.plan import check_trajectory, resample
@@ -60,13 +63,21 @@ class EmbeddedSimulation:
         self._surface = surface
         self._friction = friction
 
-    def run(self, participants: tuple[Participant, ...], *, time_limit_s: float) -> SimulationLog:
+    def run(
+        self,
+        participants: tuple[Participant, ...],
+        *,
+        time_limit_s: float,
+        drivers: Mapping[int, Driver] | None = None,
+        after_contact_s: float | None = None,
+    ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; :class:`trace_dag.errors.Failure` for a plan nobody can drive."""
         for participant in participants:
             check_trajectory(participant)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
-        return _Run(self._settings, surface, self._friction, participants, time_limit_s).log()
+        run = _Run(self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
+        return run.log()
 
 
 class _Run:
@@ -77,6 +88,8 @@ class _Run:
         friction: float,
         participants: tuple[Participant, ...],
         time_limit_s: float,
+        drivers: Mapping[int, Driver],
+        after_contact_s: float | None,
     ) -> None:
         self._began = time.perf_counter()
         self._step_s = settings.step_s
@@ -85,13 +98,20 @@ class _Run:
         self._steps = math.ceil(time_limit_s / settings.step_s)
         self._surface = surface
         self._participants = participants
-        self._vehicles = []
+        self._after_contact_s = after_contact_s
+        self._vehicles: list[Vehicle] = []
+        self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
         for participant in participants:
             model = vehicle_model(participant.body)
             plan = resample(participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m)
-            self._vehicles.append(
-                Vehicle(participant, model, plan, friction=friction, locked_wheels=settings.locked_wheels)
-            )
+            common = {"friction": friction, "locked_wheels": settings.locked_wheels}
+            driver = drivers.get(participant.number)
+            if driver is None:
+                self._vehicles.append(Vehicle(participant, model, plan, **common))
+                continue
+            vehicle = CommandedVehicle(participant, model, plan, **common, step_s=settings.step_s)
+            self._vehicles.append(vehicle)
+            self._driven.append((vehicle, driver, max(1, round(driver.period_s / settings.step_s))))
         self._bodies = RigidBodies([v.model for v in self._vehicles], settings.restitution, settings.contact_friction)
         self._recorder = StateRecorder(self._vehicles)
         self._open: dict[tuple[int, int], ContactEpisode] = {}
@@ -140,6 +160,9 @@ class _Run:
                 ended = self._ended(step, last_plan_step)
                 if ended is not None:
                     return *ended, step
+            for driven, driver, every in self._driven:
+                if step % every == 0 and not driven.crashed:
+                    driven.command(driver.drive(step * self._step_s, {v.number: v.body_state() for v in vehicles}))
             forces: list[float] = []
             for vehicle in vehicles:
                 forces += vehicle.road_force(step)
@@ -160,6 +183,10 @@ class _Run:
                 return Termination.DIVERGED, reason
         if not self._open and not self._closed:
             return (Termination.NO_CONTACT, self._no_contact_reason()) if step > last_plan_step else None
+        if self._after_contact_s is not None:
+            first_s = min(episode.start_s for episode in [*self._closed, *self._open.values()])
+            if step * self._step_s >= first_s + self._after_contact_s:
+                return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
         if all(v.at_rest and (v.crashed or step > last_plan_step) for v in self._vehicles):
             return Termination.AT_REST, f"all vehicles at rest after {step * self._step_s:.2f} s"
         return None

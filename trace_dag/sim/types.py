@@ -5,6 +5,7 @@ Frame: the crash's local frame; times in seconds from the start of the reconstru
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -12,6 +13,7 @@ from typing import Protocol
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.network import RoadNetwork
+from trace_dag.sim.driving import Driver
 from trace_dag.states.types import Trajectory
 
 PULSE_S = 0.25
@@ -133,8 +135,19 @@ class SimulationLog:
 class Simulation(Protocol):
     """One run in a connected back-end."""
 
-    def run(self, participants: tuple[Participant, ...], *, time_limit_s: float) -> SimulationLog:
-        """Simulate until rest or ``time_limit_s``; ends with a termination and a reason, never hangs."""
+    def run(
+        self,
+        participants: tuple[Participant, ...],
+        *,
+        time_limit_s: float,
+        drivers: Mapping[int, Driver] | None = None,
+        after_contact_s: float | None = None,
+    ) -> SimulationLog:
+        """Simulate until rest or ``time_limit_s``; ends with a termination and a reason, never hangs.
+
+        ``drivers`` take participants over from their plans, by number; what they raise is passed on. With
+        ``after_contact_s`` the simulation ends that long after the first contact, at rest or not.
+        """
 
 
 class Backend(Protocol):
