@@ -28,6 +28,10 @@ class CrashSettings(_Section):
 
     repair_malformed: bool = Field(False, description="Repair reports that are not well-formed, and mark them so.")
     vehicles: int | None = Field(2, description="Motor vehicles a crash must involve; null takes any number.")
+    filters: dict[str, tuple[int, ...]] = Field(
+        default_factory=dict,
+        description="Codes a FARS element must have: LGT_COND = [1]; those of vehicles hold for each in transport.",
+    )
 
 
 class OsmSettings(_Section):
@@ -56,16 +60,38 @@ class StateSettings(_Section):
     lead_time_s: float = Field(5.0, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
     llm_model: str = "gemini/gemini-3-flash-preview"
-    llm_max_attempts: int = Field(3, ge=1)
-    llm_fallback: Literal["analytic", "reject"] = "analytic"
-    llm_timeout_s: float = Field(120.0, json_schema_extra=_NOT_IN_PROVENANCE)
+    llm_prompt: str = Field("segments-v1", description="Name of the prompt file.")
+    llm_max_attempts: int = Field(3, ge=1, description="Answers to one crash before the fallback.")
+    llm_fallback: Literal["analytic", "reject"] = Field("analytic", description="What follows unusable answers.")
+    llm_max_output_tokens: int | None = Field(
+        None, ge=1, description="Longest answer, thinking included; null leaves it to the provider."
+    )
+    llm_timeout_s: float = Field(
+        120.0, gt=0, description="Longest wait for one answer.", json_schema_extra=_NOT_IN_PROVENANCE
+    )
+    llm_provider_attempts: int = Field(
+        3, ge=1, description="Requests for one answer, if the provider fails.", json_schema_extra=_NOT_IN_PROVENANCE
+    )
+    llm_question_time_s: float = Field(
+        300.0,
+        gt=0,
+        description="Longest time for one answer, all of those together.",
+        json_schema_extra=_NOT_IN_PROVENANCE,
+    )
     llm_budget_usd: float | None = Field(
         None,
+        ge=0,
         description="Cost at which a run stops asking; null has no limit.",
         json_schema_extra=_NOT_IN_PROVENANCE,
     )
-    llm_requests_per_minute: float = Field(60.0, json_schema_extra=_NOT_IN_PROVENANCE)
-    llm_prompt: str = Field("segments-v1", description="Name of the prompt file.")
+    llm_requests_per_minute: float = Field(
+        60.0, gt=0, description="Over all workers of a run.", json_schema_extra=_NOT_IN_PROVENANCE
+    )
+    llm_ledger: str | None = Field(
+        None,
+        description="Runs that name the same ledger share budget and rate; null gives each run its own.",
+        json_schema_extra=_NOT_IN_PROVENANCE,
+    )
 
 
 class SimSettings(_Section):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from crash_reports import report
 
-from trace_dag.crash.completeness import RULES, Rule, check, shortcomings
+from trace_dag.crash.completeness import RULES, Rule, check, filters_of, shortcomings
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Reason, Rejection
+from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.settings import CrashSettings
 
 SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98}
@@ -110,6 +110,34 @@ def test_further_rules_reject_with_their_own_reason(settings: CrashSettings) -> 
     with pytest.raises(Rejection, match="the cohort takes daylight"):
         check(record, settings, further=[daylight])
     assert [rule.name for rule, _ in shortcomings(record, [daylight, *RULES])] == ["daylight"]
+
+
+@pytest.mark.parametrize(
+    ("filters", "lacks"),
+    [
+        ({"LGT_COND": (2, 3)}, None),
+        ({"LGT_COND": (1,)}, "LGT_COND is 2; the cohort takes 1"),
+        ({"WEATHER": (1, 10)}, "WEATHER is not reported; the cohort takes 1 or 10"),
+        ({"VSURCOND": (1,)}, "VSURCOND of vehicle 2 is 2; the cohort takes 1"),
+        ({"VSURCOND": (1, 2)}, None),
+    ],
+)
+def test_filters_of_the_settings_take_only_codes_they_name(
+    filters: dict[str, tuple[int, ...]], lacks: str | None
+) -> None:
+    taking = CrashSettings(filters=filters)
+    record = read_report(
+        report({"LGT_COND": 2, "WEATHER": 99}, [{"VSURCOND": 1}, {"VEH_NO": 2, "VSURCOND": 2}]),
+        name="report.xml",
+        settings=taking,
+    )
+    found = [detail for _, detail in shortcomings(record, filters_of(taking)[1:])]
+    assert found == ([] if lacks is None else [lacks])
+
+
+def test_a_filter_on_no_element_is_one_line() -> None:
+    with pytest.raises(UserError, match=r"LIGHT_COND is no element of a record; filters can be on .*LGT_COND"):
+        filters_of(CrashSettings(filters={"LIGHT_COND": (1,)}))
 
 
 def test_rules_are_the_papers() -> None:

@@ -3,12 +3,12 @@
 The rules are the paper's (TRACE, FSE Companion '26): a report is usable if the place of the crash, the topology of
 the road there and the trajectories of the vehicles can be told from it. Any field that says so will do, and what other
 fields imply counts. A report without any position is rejected while it is read, since a record has a place.
-Further rules (filters of a cohort) are passed to :func:`check` beside these.
+Filters of a cohort come from the settings, or are passed to :func:`check` as rules of one's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +17,9 @@ from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
 from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
-from trace_dag.errors import Reason, Rejection
+from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
+from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.schemas import Column, ColumnType
 from trace_dag.settings import CrashSettings
 
 US_LATITUDE_DEG: Final = (17.5, 71.6)
@@ -60,8 +62,38 @@ def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule,
 
 
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
-    """The cohort filters that settings ask for."""
-    return () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
+    """The cohort filters that settings ask for. Raises :class:`UserError` for an element no record holds."""
+    vehicles = () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
+    return (*vehicles, *(element_among(element, codes) for element, codes in settings.filters.items()))
+
+
+def element_among(element: str, codes: Collection[int]) -> Rule:
+    """A FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in transport.
+
+    An element that is not reported is not among them. Raises :class:`UserError` for an element no record holds.
+    """
+    of_crash, of_vehicle = _coded_columns(CRASH_RECORD.columns), _coded_columns(VEHICLE_COLUMNS)
+    if element not in of_crash and element not in of_vehicle:
+        known = ", ".join(sorted({*of_crash, *of_vehicle}))
+        raise UserError(f"setting crash.filters: {element} is no element of a record; filters can be on {known}")
+    wanted = " or ".join(str(code) for code in codes)
+
+    def shortcoming(record: CrashRecord) -> str | None:
+        if element in of_crash:
+            found = [("", getattr(record, of_crash[element]))]
+        else:
+            moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
+            found = [(f" of vehicle {vehicle.number}", getattr(vehicle, of_vehicle[element])) for vehicle in moving]
+        others = [f"{element}{where} is {_said(code)}" for where, code in found if code not in codes]
+        return f"{'; '.join(others)}; the cohort takes {wanted}" if others else None
+
+    return Rule(f"element_{element.lower()}", Reason.OUTSIDE_COHORT, f"{element} is {wanted}", shortcoming)
+
+
+def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
+    """Names of the columns that hold a code or count as reported, by the FARS elements they come from."""
+    coded = [column for column in columns if column.type is ColumnType.INTEGER and not column.repeated]
+    return {element: column.name for column in coded for element in column.source.split(", ") if element}
 
 
 def number_of_vehicles(wanted: int) -> Rule:

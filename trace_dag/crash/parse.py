@@ -99,7 +99,7 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     fields = Fields(element, name)
     case_year, state_case, key = case_of(fields)
     fields.year = case_year
-    latitude_deg, longitude_deg = _location(fields)
+    latitude_deg, longitude_deg = reported_position(fields.decimal("LATITUDE"), fields.decimal("LONGITUD", "LONGITUDE"))
 
     vehicles = _vehicles(fields)
     events, events_implied = _events(fields, vehicles)
@@ -181,8 +181,8 @@ def case_of(crash: Fields) -> tuple[int, int, str]:
     return case_year, state_case, key
 
 
-def _location(fields: Fields) -> tuple[float, float]:
-    latitude, longitude = fields.decimal("LATITUDE"), fields.decimal("LONGITUD", "LONGITUDE")
+def reported_position(latitude: float | None, longitude: float | None) -> tuple[float, float]:
+    """Latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones."""
     if latitude is None or longitude is None:
         raise Rejection(Reason.INCOMPLETE_LOCATION, "the report gives no latitude and longitude")
     sentinel = any(int(latitude) == lat and int(abs(longitude)) == lon for lat, lon in _NOT_REPORTED_DEG)

@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from trace_dag.crash.completeness import filters_of
 from trace_dag.errors import Stage
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
@@ -63,7 +64,9 @@ class Pipeline:
             toml = storage.read(SETTINGS_FILE)
         except FileNotFoundError:
             toml = b""
-        return cls(storage, load_settings(toml, name=storage.path(SETTINGS_FILE), overrides=overrides), flow)
+        settings = load_settings(toml, name=storage.path(SETTINGS_FILE), overrides=overrides)
+        filters_of(settings.crash)  # a filter that names no element is said before anything runs
+        return cls(storage, settings, flow)
 
     @property
     def registry(self) -> Registry:
