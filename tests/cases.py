@@ -19,7 +19,7 @@ from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import Settings
 
-SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
+SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
 SETTINGS = Settings()
 
 

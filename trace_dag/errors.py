@@ -131,7 +131,14 @@ class Failure(Exception):  # noqa: N818 - Dagster's word for it
 
 
 class TransientFailure(Failure):
-    """A failure that may pass by itself (time-out, 429, 5xx, a lost worker): retried by policy."""
+    """A failure that may pass by itself (time-out, 429, 5xx, a lost worker): retried by policy.
+
+    ``tried_again``: whoever raised it has asked as often as its own settings say; once more at once would be too often.
+    """
+
+    def __init__(self, message: str, *, tried_again: bool = False) -> None:
+        super().__init__(message)
+        self.tried_again = tried_again
 
 
 class UserError(Exception):

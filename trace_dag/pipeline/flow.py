@@ -47,15 +47,18 @@ class DamagedArtefactError(Exception):
 class CrashFiles:
     """One crash as a stage function sees it: its key, source, settings, and the artefacts of earlier stages.
 
-    Artefacts are read from storage when first asked for, checked against their record, and kept, parsed too, for the
-    later stages of the same crash.
+    ``run_id`` is the run it is worked on in, "" where it is only looked at. Artefacts are read from storage when first
+    asked for, checked against their record, and kept, parsed too, for the later stages of the same crash.
     """
 
-    def __init__(self, key: str, source: CrashSource, settings: Settings, storage: Storage) -> None:
+    def __init__(
+        self, key: str, source: CrashSource, settings: Settings, storage: Storage, *, run_id: str = ""
+    ) -> None:
         self.key = key
         self.source = source
         self.settings = settings
         self.storage = storage
+        self.run_id = run_id
         self._records: dict[Stage, OutcomeRecord] = {}
         self._contents: dict[str, bytes] = {}
         self._parsed: dict[str, Any] = {}

@@ -274,11 +274,11 @@ def road_map(crash: CrashFiles) -> StageProduct:
 
 
 @lru_cache(maxsize=1)
-def _llm_client(settings: StateSettings, root: str) -> LlmClient:
-    """One client per process: its answers are kept below the storage root, its budget and rate hold for the process."""
+def _llm_client(settings: StateSettings, storage: Storage, run_id: str) -> LlmClient:
+    """One client per process and run; answers, budget and rate are kept in storage, where all workers find them."""
     from trace_dag.states.estimate import llm_client
 
-    return llm_client(settings, files=Storage(root))
+    return llm_client(settings, files=storage, ledger=run_id or "run")
 
 
 def state_estimate(crash: CrashFiles) -> StageProduct:
@@ -287,7 +287,7 @@ def state_estimate(crash: CrashFiles) -> StageProduct:
     from trace_dag.states.json_io import estimate_to_json
 
     settings = crash.settings.states
-    llm = _llm_client(settings, crash.storage.root) if settings.estimator == "llm" else None
+    llm = _llm_client(settings, crash.storage, crash.run_id) if settings.estimator == "llm" else None
     made = estimate(record_of(crash), network_of(crash), map_report_of(crash), settings, llm=llm)
     best, run = made.best, made.run
     figures: dict[str, Figure] = {

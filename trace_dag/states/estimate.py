@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.network import RoadNetwork
@@ -14,7 +13,11 @@ from trace_dag.states.types import StateEstimate
 
 if TYPE_CHECKING:
     from trace_dag.states.llm.client import LlmClient
+    from trace_dag.states.llm.ledger import SharedFiles
     from trace_dag.states.llm.store import Files
+
+    class LlmFiles(Files, SharedFiles, Protocol):
+        """Where the LLM estimator keeps answers and ledgers; :class:`trace_dag.storage.Storage` is one."""
 
 
 def estimate(
@@ -40,10 +43,10 @@ def estimate(
     return estimate_llm(record, network, report, settings, llm or llm_client(settings))
 
 
-def llm_client(settings: StateSettings, *, files: Files | None = None, ledger: Path | None = None) -> LlmClient:
-    """A client by the settings: answers kept in ``files`` (a storage root), budget and rate shared through ``ledger``.
+def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:
+    """A client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
 
-    One ``ledger`` file per run makes the budget the run's, over all its processes on one machine.
+    Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
     """
     from trace_dag.states.llm.client import LlmClient
     from trace_dag.states.llm.ledger import Ledger
@@ -52,6 +55,9 @@ def llm_client(settings: StateSettings, *, files: Files | None = None, ledger: P
     return LlmClient(
         model=settings.llm_model,
         timeout_s=settings.llm_timeout_s,
+        attempts=settings.llm_provider_attempts,
+        question_time_s=settings.llm_question_time_s,
+        max_output_tokens=settings.llm_max_output_tokens,
         store=AnswerStore(files),
-        ledger=Ledger(settings.llm_budget_usd, settings.llm_requests_per_minute, ledger),
+        ledger=Ledger(settings.llm_budget_usd, settings.llm_requests_per_minute, files, settings.llm_ledger or ledger),
     )

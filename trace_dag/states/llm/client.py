@@ -21,26 +21,34 @@ from trace_dag.states.llm.ledger import Ledger
 from trace_dag.states.llm.prompt import Message
 from trace_dag.states.llm.store import AnswerStore, StoredAnswer, question_key
 
-PROVIDER_ATTEMPTS = 3
-LONGEST_WAIT_S = 60.0
+REFUSED = "refused"
 _FIRST_WAIT_S = 2.0
+_PASSING_STATUS = frozenset({408, 425, 429})  # and every 5xx
 _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECASE)
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
 _SHORTEST_SECRET = 6
-REFUSED = "refused"
+_LONGEST_MESSAGE = 300
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
 class LlmClient:
-    """One model with its store of answers and its ledger. ``sleep`` (seconds) can be replaced in tests."""
+    """One model with its store of answers and its ledger.
+
+    A request may take ``timeout_s``; an answer takes at most ``attempts`` requests and, with the pauses between them,
+    ``question_time_s``. ``max_output_tokens`` counts a model's thinking too. ``sleep`` (seconds) is for tests.
+    """
 
     model: str
-    timeout_s: float
+    timeout_s: float = 120.0
+    attempts: int = 3
+    question_time_s: float = 300.0
+    max_output_tokens: int | None = None
     store: AnswerStore = field(default_factory=AnswerStore)
     ledger: Ledger = field(default_factory=Ledger)
     sleep: Callable[[float], None] = time.sleep
+    _warned_of_price: bool = field(default=False, init=False, repr=False)
 
     def ask(self, messages: list[Message], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
         """The answer to a question, from the store if it was asked before. ``prompt``: version and digest.
@@ -48,10 +56,11 @@ class LlmClient:
         A refusal comes back as an answer with the finish reason :data:`REFUSED`.
 
         Raises:
-            TransientFailure: the provider did not answer (429, 5xx, time-out) after several tries.
+            TransientFailure: the provider did not answer (429, 5xx, time-out, unreachable) after several tries.
             Failure: it never will (no such model, no key, malformed request), or the budget is spent.
         """
-        key = question_key(model=self.model, prompt=prompt, messages=messages, schema=schema)
+        limits = {} if self.max_output_tokens is None else {"max_output_tokens": self.max_output_tokens}
+        key = question_key(model=self.model, prompt=prompt, messages=messages, schema=schema, **limits)
         stored = self.store.get(key)
         if stored is None:
             stored = self._ask(messages, schema)
@@ -59,78 +68,97 @@ class LlmClient:
         return stored
 
     def _ask(self, messages: list[Message], schema: Mapping[str, Any]) -> StoredAnswer:
-        litellm = _litellm()
-        errors = litellm.exceptions
-        passing = (
-            errors.RateLimitError,
-            errors.Timeout,
-            errors.APIConnectionError,
-            errors.InternalServerError,
-            errors.ServiceUnavailableError,
-            errors.BadGatewayError,
-        )
-        for attempt in range(1, PROVIDER_ATTEMPTS + 1):
+        asked = 0
+        left_s = self.question_time_s
+        while True:
             self.ledger.reserve()
             started = time.monotonic()
+            asked += 1
             try:
-                response = litellm.completion(
-                    model=self.model,
-                    messages=messages,
-                    timeout=self.timeout_s,
-                    num_retries=0,
-                    max_retries=0,
-                    drop_params=True,
-                    response_format={
-                        "type": "json_schema",
-                        "json_schema": {"name": "answer", "schema": dict(schema)},
-                    },
-                )
-            except errors.ContentPolicyViolationError as error:
-                return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
-            except passing as error:
-                what = f"{self.model}: {type(error).__name__}: {without_secrets(str(error))[:300]}"
-                wait_s = _retry_after_s(error)
-                if wait_s is None:
-                    wait_s = _FIRST_WAIT_S * 2 ** (attempt - 1)
-                if attempt == PROVIDER_ATTEMPTS or wait_s > LONGEST_WAIT_S:
-                    raise TransientFailure(f"{what} (asked {attempt} times)") from None
-                log.warning("%s; asking again in %.0f s", what, wait_s)
+                answer = self._request(messages, schema, min(self.timeout_s, left_s))
+            except _NoAnswer as none:
+                wait_s = none.wait_s if none.wait_s is not None else _FIRST_WAIT_S * 2 ** (asked - 1)
+                left_s -= time.monotonic() - started + wait_s
+                if asked >= self.attempts or left_s <= 0:
+                    self.ledger.unanswered()
+                    times = "once" if asked == 1 else f"{asked} times"
+                    raise TransientFailure(f"{none} (asked {times})", tried_again=True) from None
+                log.warning("%s; asking again in %.0f s", none, wait_s)
                 self.sleep(wait_s)
-            except _every_error() as error:
-                text = without_secrets(str(error))[:300]
-                raise Failure(
-                    f"{self.model}: {type(error).__name__}: {text}; "
-                    "check states.llm_model and the provider's environment variables"
-                ) from None
             else:
-                answer = _stored(litellm, response, self.model, time.monotonic() - started)
                 self.ledger.charge(answer.cost_usd)
                 return answer
-        raise AssertionError("the loop returns or raises")
+
+    def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
+        """One request. Raises :class:`_NoAnswer` where another may be answered, :class:`Failure` where none will."""
+        litellm = _litellm()
+        started = time.monotonic()
+        limits = {} if self.max_output_tokens is None else {"max_tokens": self.max_output_tokens}
+        try:
+            response = litellm.completion(
+                model=self.model,
+                messages=messages,
+                timeout=timeout_s,
+                num_retries=0,
+                max_retries=0,
+                drop_params=True,
+                response_format={"type": "json_schema", "json_schema": {"name": "answer", "schema": dict(schema)}},
+                **limits,
+            )
+        except litellm.exceptions.ContentPolicyViolationError as error:
+            return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
+        except Exception as error:  # litellm's own, its HTTP clients', and what it lets through from either
+            said = " ".join(without_secrets(str(error)).split())[:_LONGEST_MESSAGE]
+            what = f"{self.model}: {type(error).__name__}: {said}"
+            if _may_pass(litellm, error):
+                raise _NoAnswer(what, _retry_after_s(error)) from None
+            raise Failure(f"{what}; check states.llm_model and the provider's environment variables") from None
+        return self._stored(litellm, response, time.monotonic() - started)
+
+    def _stored(self, litellm: Any, response: Any, latency_s: float) -> StoredAnswer:
+        choice = response.choices[0] if response.choices else None
+        text = (choice.message.content or "") if choice is not None else ""
+        finish = str(choice.finish_reason or "") if choice is not None else "nothing"
+        extra = getattr(choice.message, "provider_specific_fields", None) if choice is not None else None
+        refusal = (extra or {}).get("refusal")  # where litellm puts OpenAI's field
+        if refusal or finish == "content_filter":
+            text, finish = str(refusal or text), REFUSED
+        usage = getattr(response, "usage", None)
+        return StoredAnswer(
+            text=text,
+            finish_reason=finish,
+            model=str(getattr(response, "model", None) or self.model),
+            prompt_tokens=int(getattr(usage, "prompt_tokens", 0) or 0),
+            completion_tokens=int(getattr(usage, "completion_tokens", 0) or 0),
+            cost_usd=round(self._cost_usd(litellm, response), 8),
+            latency_s=round(latency_s, 3),
+        )
+
+    def _cost_usd(self, litellm: Any, response: Any) -> float:
+        try:
+            return float(litellm.completion_cost(completion_response=response))
+        except Exception:  # litellm raises a bare Exception for a model without a price
+            if self.ledger.budget_usd is not None and not self._warned_of_price:
+                log.warning(
+                    "%s: litellm knows no price of it; its answers count as 0 USD and no budget stops them", self.model
+                )
+                self._warned_of_price = True
+            return 0.0
 
 
-def _stored(litellm: Any, response: Any, model: str, latency_s: float) -> StoredAnswer:
-    choice = response.choices[0] if response.choices else None
-    text = (choice.message.content or "") if choice is not None else ""
-    finish = str(choice.finish_reason or "") if choice is not None else "nothing"
-    extra = getattr(choice.message, "provider_specific_fields", None) if choice is not None else None
-    refusal = (extra or {}).get("refusal")  # where litellm puts OpenAI's field
-    if refusal or finish == "content_filter":
-        text, finish = str(refusal or text), REFUSED
-    usage = getattr(response, "usage", None)
-    try:
-        cost = float(litellm.completion_cost(completion_response=response))
-    except Exception:
-        cost = 0.0
-    return StoredAnswer(
-        text=text,
-        finish_reason=finish,
-        model=str(getattr(response, "model", None) or model),
-        prompt_tokens=int(getattr(usage, "prompt_tokens", 0) or 0),
-        completion_tokens=int(getattr(usage, "completion_tokens", 0) or 0),
-        cost_usd=round(cost, 8),
-        latency_s=round(latency_s, 3),
-    )
+class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if it stays
+    """A request that was not answered although another may be; ``wait_s`` is the pause the provider asks for."""
+
+    def __init__(self, message: str, wait_s: float | None) -> None:
+        super().__init__(message)
+        self.wait_s = wait_s
+
+
+def _may_pass(litellm: Any, error: Exception) -> bool:
+    if isinstance(error, litellm.exceptions.Timeout | litellm.exceptions.APIConnectionError):
+        return True
+    status = getattr(error, "status_code", None)
+    return isinstance(status, int) and (status in _PASSING_STATUS or status >= 500)
 
 
 def _retry_after_s(error: Exception) -> float | None:
@@ -149,12 +177,6 @@ def without_secrets(text: str) -> str:
         if _SECRET_NAME.search(name) and len(value) >= _SHORTEST_SECRET:
             text = text.replace(value, "***")
     return _KEY_SHAPED.sub("***", text)
-
-
-def _every_error() -> type[Exception]:
-    import openai  # litellm's exceptions are subclasses of this package's
-
-    return openai.OpenAIError
 
 
 def _litellm() -> Any:

@@ -45,6 +45,10 @@ class _Tally:
                 "text": answer.text,
                 "finish_reason": answer.finish_reason,
                 "model": answer.model,
+                "prompt_tokens": answer.prompt_tokens,
+                "completion_tokens": answer.completion_tokens,
+                "cost_usd": answer.cost_usd,
+                "latency_s": answer.latency_s,
                 "complaints": complaints,
             }
         )

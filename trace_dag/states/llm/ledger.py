@@ -1,81 +1,167 @@
-"""What a run has spent and how fast it asks, over all processes that share the ledger's file.
+"""What a run has spent, how fast it asks and whether the provider answers, over all processes that ask for it.
 
-The file holds the sum and the time of the next free slot, under a lock. Without a file the ledger is this
-process's own.
+Each process keeps a page of its own in a folder of the storage root, which it alone writes and all read: no lock is
+needed, and the workers of a cluster share budget and rate through the same object store as everything else. Without
+files the ledger is this process's own.
+
+The budget is looked at before each request, so that what is spent beyond it is at most what was under way when it was
+reached. A request's turn comes after every turn given so far and after those who have waited longer; two processes
+that look at the same moment can at worst take the same turn. Clocks of machines are taken to agree to a second.
 """
 
 from __future__ import annotations
 
-import fcntl
-import json
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import uuid
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Protocol
 
-from trace_dag.errors import Failure
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.errors import Failure, TransientFailure
+
+FOLDER = "llm_ledgers"
+MOST_UNANSWERED = 3
+PAUSE_S = 60.0
+_LONGEST_RESERVING_S = 10.0  # who has been waiting for longer is dead
+
+
+class SharedFiles(Protocol):
+    """Named files that several processes see; :class:`trace_dag.storage.Storage` is one."""
+
+    def write(self, name: str, data: bytes) -> object:
+        """Put it there in one step."""
+
+    def list(self, folder: str) -> Mapping[str, object]:
+        """The files of a folder by name."""
+
+    def read_many(self, names: Iterable[str]) -> Mapping[str, bytes]:
+        """Contents of those that exist."""
+
+
+@dataclass
+class Page:
+    """One process's part. Times are epoch seconds, 0 for never."""
+
+    owner: str
+    spent_usd: float = 0.0
+    requests: int = 0
+    waiting_since_s: float = 0.0
+    last_turn_s: float = 0.0
+    unanswered: int = 0  # questions in a row
+    unanswered_s: float = 0.0
+
+
+_pages = TypeAdapter(Page)
 
 
 @dataclass
 class Ledger:
-    """Budget (US dollars, None has no limit) and rate of one run. ``sleep`` and ``clock`` (epoch seconds) for tests."""
+    """Budget (US dollars, None has no limit) and rate of one run. ``sleep`` and ``clock`` (epoch seconds) for tests.
+
+    Ledgers with the same ``files`` and ``name`` count together, in one process or many.
+    """
 
     budget_usd: float | None = None
     requests_per_minute: float = 60.0
-    path: Path | None = None
+    files: SharedFiles | None = None
+    name: str = "run"
     sleep: Callable[[float], None] = time.sleep
     clock: Callable[[], float] = time.time
-    _spent_usd: float = 0.0
-    _next_s: float = 0.0
+    _page: Page = field(default_factory=lambda: Page(uuid.uuid4().hex), repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def spent_usd(self) -> float:
-        """What has been spent so far."""
-        with self._held():
-            return self._spent_usd
+        """What has been spent so far, by all."""
+        return sum(page.spent_usd for page in self._all_pages())
 
     def reserve(self) -> None:
-        """Wait for this request's turn. Raises :class:`Failure` once the budget is spent."""
-        with self._held():
-            if self.budget_usd is not None and self._spent_usd >= self.budget_usd:
-                raise Failure(
-                    f"the budget of {self.budget_usd:g} USD for language models is spent "
-                    f"({self._spent_usd:.4f} USD); raise states.llm_budget_usd and run the failed crashes again"
-                )
+        """Wait for this request's turn.
+
+        Raises:
+            Failure: the budget is spent.
+            TransientFailure: the provider has left several questions in a row unanswered; after a pause one may ask.
+        """
+        with self._lock:
             now = self.clock()
-            slot = max(now, self._next_s)
-            self._next_s = slot + 60.0 / self.requests_per_minute
-        if slot > now:
-            self.sleep(slot - now)
+            self._page.waiting_since_s = now
+            self._put()
+            try:
+                turn_s = self._turn(now)
+                self._page.last_turn_s = turn_s
+                self._page.requests += 1
+            finally:
+                self._page.waiting_since_s = 0.0
+                self._put()
+        if turn_s > now:
+            self.sleep(turn_s - now)
 
     def charge(self, cost_usd: float) -> None:
-        """Book what a request cost."""
-        with self._held():
-            self._spent_usd += cost_usd
-
-    @contextmanager
-    def _held(self) -> Iterator[None]:
-        """The ledger's state, read, and written back if changed, under a lock over threads and processes."""
+        """Book what an answered request cost."""
         with self._lock:
-            if self.path is None:
-                yield
-                return
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a+", encoding="utf-8") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)
-                file.seek(0)
-                text = file.read()
-                if text:
-                    state = json.loads(text)
-                    self._spent_usd, self._next_s = float(state["spent_usd"]), float(state["next_s"])
-                before = (self._spent_usd, self._next_s)
+            self._page.spent_usd += cost_usd
+            self._page.unanswered = 0
+            self._put()
+
+    def unanswered(self) -> None:
+        """Book that the provider left a question unanswered, however often it was asked."""
+        with self._lock:
+            self._page.unanswered += 1
+            self._page.unanswered_s = self.clock()
+            self._put()
+
+    def _turn(self, now: float) -> float:
+        pages = self._all_pages()
+        self._look_at_budget(sum(page.spent_usd for page in pages))
+        self._look_at_provider(pages, now)
+        interval_s = 60.0 / self.requests_per_minute
+        mine = (now, self._page.owner)
+        before = sum(
+            now - _LONGEST_RESERVING_S < page.waiting_since_s and (page.waiting_since_s, page.owner) < mine
+            for page in pages
+        )
+        return max(now, max(page.last_turn_s for page in pages) + interval_s) + before * interval_s
+
+    def _look_at_budget(self, spent_usd: float) -> None:
+        if self.budget_usd is not None and spent_usd >= self.budget_usd:
+            raise Failure(
+                f"the budget of {self.budget_usd:g} USD for language models is spent ({spent_usd:.4f} USD); "
+                "raise states.llm_budget_usd and run the failed crashes again"
+            )
+
+    @staticmethod
+    def _look_at_provider(pages: Iterable[Page], now: float) -> None:
+        silent = [page for page in pages if page.unanswered]
+        in_a_row = sum(page.unanswered for page in silent)
+        if in_a_row < MOST_UNANSWERED:
+            return
+        since_s = now - max(page.unanswered_s for page in silent)
+        if since_s < PAUSE_S:
+            raise TransientFailure(
+                f"the model's provider left {in_a_row} questions in a row unanswered and is not asked for "
+                f"{PAUSE_S:.0f} s; run the failed crashes again later",
+                tried_again=True,
+            )
+
+    def _put(self) -> None:
+        if self.files is not None:
+            self.files.write(f"{self._folder}/{self._page.owner}.json", _pages.dump_json(self._page))
+
+    def _all_pages(self) -> list[Page]:
+        """Every process's page, this one's as it is here."""
+        pages = [self._page]
+        if self.files is not None:
+            for data in self.files.read_many(sorted(self.files.list(self._folder))).values():
                 try:
-                    yield
-                finally:
-                    if (self._spent_usd, self._next_s) != before:
-                        file.seek(0)
-                        file.truncate()
-                        json.dump({"spent_usd": self._spent_usd, "next_s": self._next_s}, file)
-                        file.flush()
+                    page = _pages.validate_json(data)
+                except ValidationError:
+                    continue  # not a page of ours
+                if page.owner != self._page.owner:
+                    pages.append(page)
+        return pages
+
+    @property
+    def _folder(self) -> str:
+        return f"{FOLDER}/{self.name}"

@@ -1,0 +1,143 @@
+"""What a provider does instead of answering, what is kept of its answers, and that its key is in none of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import socket
+
+import pytest
+from cases import Case, sample_case
+from llm_asking import HEAD_ON, asking
+from loopback import Answer
+from model_server import KEY, completion, failing, in_turn, llm_settings, right_answer
+
+from trace_dag.errors import Failure, TransientFailure
+from trace_dag.states.estimate import estimate, llm_client
+from trace_dag.states.json_io import estimate_to_json
+from trace_dag.storage import Storage
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return sample_case(HEAD_ON)
+
+
+@pytest.fixture(autouse=True)
+def _key(monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+
+
+def test_429_is_waited_out_as_long_as_asked(monkeypatch, case):
+    respond = in_turn(failing(429, **{"Retry-After": "7"}), completion(right_answer(case)))
+    asked = asking(monkeypatch, case, respond)
+    assert asked.slept == [7.0]
+    assert asked.estimate.run.attempts == 1
+
+
+NOT_A_COMPLETION = {"Content-Type": "application/json"}
+PASSING = {
+    "429": failing(429),
+    "500": failing(500),
+    "503": failing(503),
+    "overloaded": failing(529),
+    "a proxy's error page": Answer(b"<html>bad gateway</html>", status=520),
+    "a page instead of an answer": Answer(b"<html>hello</html>"),
+    "half an answer": Answer(b'{"id": ', headers=NOT_A_COMPLETION),
+    "a torn connection": Answer(b'{"id": ', headers=NOT_A_COMPLETION, declared_length=1000),
+}
+
+
+@pytest.mark.parametrize("failure", PASSING)
+def test_a_provider_that_keeps_failing_is_a_transient_failure(monkeypatch, case, failure):
+    with pytest.raises(TransientFailure, match=r"^openai/gpt-4o: .*\(asked 3 times\)$") as caught:
+        asking(monkeypatch, case, in_turn(PASSING[failure]))
+    assert KEY not in str(caught.value)
+    assert caught.value.tried_again
+
+
+def test_a_provider_that_cannot_be_reached_is_given_up_after_the_stated_attempts(monkeypatch, case):
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        monkeypatch.setenv("OPENAI_API_BASE", f"http://127.0.0.1:{unused.getsockname()[1]}/v1")
+    chosen = llm_settings(llm_provider_attempts=4)
+    client = llm_client(chosen)
+    slept: list[float] = []
+    client.sleep = slept.append
+    with pytest.raises(TransientFailure, match=r"Connection error.*\(asked 4 times\)"):
+        estimate(case.record, case.network, case.report, chosen, llm=client)
+    assert slept == [2.0, 4.0, 8.0]
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "times"),
+    # A pause of 100 s leaves room for another request, the next does not; an hour is never waited for.
+    [("100", "asked 2 times"), ("3600", "asked once")],
+)
+def test_a_question_takes_no_longer_than_it_may(monkeypatch, case, wait_s, times):
+    busy = failing(429, **{"Retry-After": wait_s})
+    with pytest.raises(TransientFailure, match=times):
+        asking(monkeypatch, case, in_turn(busy), llm_question_time_s=150.0, llm_provider_attempts=9)
+
+
+def test_a_time_out_is_a_transient_failure(monkeypatch, case):
+    slow = dataclasses.replace(completion(right_answer(case)), delay_s=5.0)
+    with pytest.raises(TransientFailure, match=r"Timeout.*asked 2 times"):
+        asking(monkeypatch, case, in_turn(slow), llm_timeout_s=0.2, llm_provider_attempts=2)
+
+
+@pytest.mark.parametrize("status", [400, 401, 402, 403, 404])
+def test_what_will_never_be_answered_is_a_failure_and_shows_no_key(monkeypatch, case, caplog, status):
+    caplog.set_level(logging.DEBUG)
+    with pytest.raises(Failure, match=r"llm_model") as caught:
+        asking(monkeypatch, case, in_turn(failing(status)))
+    assert not isinstance(caught.value, TransientFailure)
+    assert KEY not in str(caught.value)
+
+
+def test_a_model_nobody_serves_is_a_failure(monkeypatch, case):
+    with pytest.raises(Failure, match=r"nobody/nothing: .*check states\.llm_model"):
+        asking(monkeypatch, case, in_turn(completion("")), llm_model="nobody/nothing")
+
+
+def test_what_was_asked_once_costs_nothing_again(monkeypatch, case, tmp_path):
+    good = right_answer(case)
+    files = Storage(tmp_path)
+    respond = in_turn(completion("nonsense"), completion(good))
+    first = asking(monkeypatch, case, respond, files=files)
+    again = asking(monkeypatch, case, in_turn(failing(500)), files=files)
+    assert len(first.server.requests) == 2
+    assert again.server.requests == []
+    assert estimate_to_json(again.estimate) == estimate_to_json(first.estimate)
+    for change in ({"llm_model": "openai/gpt-4.1"}, {"llm_max_output_tokens": 4000}):
+        other = asking(monkeypatch, case, in_turn(completion(good)), files=files, **change)
+        assert len(other.server.requests) == 1, change
+    assert json.loads(other.server.requests[0].body)["max_tokens"] == 4000
+
+
+def test_a_failure_is_never_stored(monkeypatch, case, tmp_path):
+    with pytest.raises(TransientFailure):
+        asking(monkeypatch, case, in_turn(failing(500)), files=Storage(tmp_path))
+    assert not list(tmp_path.glob("llm_answers/**/*.json"))
+
+
+def test_no_key_in_logs_artefacts_or_stored_answers(monkeypatch, case, tmp_path, caplog, capfd):
+    caplog.set_level(logging.DEBUG)
+    files = Storage(tmp_path)
+    respond = in_turn(failing(429), completion("nonsense"), completion(right_answer(case)))
+    asked = asking(monkeypatch, case, respond, files=files)
+    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+    own_log = "\n".join(record.getMessage() for record in caplog.records)
+    out, err = capfd.readouterr()
+    assert len(written) > 100
+    for text in (written.decode(), estimate_to_json(asked.estimate).decode(), own_log, out, err):
+        assert KEY not in text
+
+
+def test_a_budget_for_a_model_without_a_price_is_said_not_to_hold(monkeypatch, case, caplog):
+    answer = completion(right_answer(case))
+    unpriced = dataclasses.replace(answer, body=answer.body.replace(b"gpt-4o", b"our-own-model"))
+    asked = asking(monkeypatch, case, in_turn(unpriced), llm_model="openai/our-own-model", llm_budget_usd=1.0)
+    assert asked.estimate.run.cost_usd == 0
+    assert "no price" in caplog.text
