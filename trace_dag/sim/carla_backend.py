@@ -251,11 +251,11 @@ class CarlaSimulation:
             if not contacts and tick > last_plan_tick:
                 termination, reason = Termination.NO_CONTACT, "no contact: all plans ended without a collision"
                 break
-            first_tick = min((contact.first_tick for contact in contacts.values()), default=None)
-            if first_tick is not None and after_contact_s is not None:
-                if (tick - first_tick) * self._step_s >= after_contact_s:
-                    reason = f"ended {after_contact_s:g} s after the first contact, as asked"
-                    break
+            first_tick = min((contact.first_tick for contact in contacts.values()), default=tick)
+            since_s = (tick - first_tick) * self._step_s
+            if contacts and after_contact_s is not None and since_s >= after_contact_s:
+                reason = f"ended {after_contact_s:g} s after the first contact, as asked"
+                break
             if contacts and all(actor.at_rest(tick) for actor in actors):
                 termination, reason = Termination.AT_REST, f"all vehicles at rest after {tick * self._step_s:.2f} s"
                 break
