@@ -144,11 +144,14 @@ def record_to_json(record: OutcomeRecord) -> bytes:
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
-    """A stored record; :class:`Failure` if it is not one."""
+    """A stored record; :class:`Failure` if it is not one, or that of another stage or crash."""
     try:
-        return _RECORDS.validate_json(data)
+        record = _RECORDS.validate_json(data)
     except ValidationError as error:
-        raise Failure(f"{name}: not an outcome record ({error.errors()[0]['msg']}); delete it and run again") from error
+        raise Failure(f"{name}: not an outcome record ({error.errors()[0]['msg']}); run the crash again") from error
+    if record.name != name:
+        raise Failure(f"{name}: the outcome record of {record.name}; run the crash again")
+    return record
 
 
 def now() -> str:

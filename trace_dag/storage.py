@@ -24,13 +24,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trace_dag.errors import Failure, TransientFailure, UserError
+from trace_dag.processes import is_gone, this_process
 
 T = TypeVar("T")
 
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
 _TEMPORARY_PREFIX = ".writing-"
-_ORPHAN_AGE_S = 3600.0
+_FOREIGN_LEFTOVER_AGE_S = 86400.0
 _REMOTE_ATTEMPTS = 4
+_ASKED_ONE_BY_ONE = 20  # files of one folder; for more, a listing is cheaper
+_NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError")  # botocore's, which may not be installed
+_MD5 = re.compile(r"[0-9a-f]{32}")
 _REMOTE_FIRST_WAIT_S = 0.25
 
 
@@ -45,10 +49,14 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class Entry:
-    """A file as listed: size in bytes, and a token that changes whenever the file is replaced."""
+    """A file as listed: size in bytes, and a token that changes whenever the file is replaced.
+
+    ``md5`` (hexadecimal) of the content where the object store says it.
+    """
 
     size: int
     version: str
+    md5: str | None = None
 
 
 def check_name(name: str) -> str:
@@ -167,13 +175,16 @@ class Storage:
         except FileNotFoundError:
             return {}
         return {
-            f"{prefix}{row['name'].rsplit('/', 1)[-1]}": Entry(int(row["size"]), _remote_version(row))
+            f"{prefix}{row['name'].rsplit('/', 1)[-1]}": Entry(int(row["size"]), _remote_version(row), _remote_md5(row))
             for row in rows
             if row["type"] == "file" and not row["name"].rsplit("/", 1)[-1].startswith(".")
         }
 
     def sizes(self, names: Collection[str]) -> dict[str, int]:
-        """Sizes in bytes of those of ``names`` that exist: one stat each locally, one listing per folder elsewhere."""
+        """Sizes in bytes of those of ``names`` that exist.
+
+        One stat each locally; elsewhere one listing per folder, or one request per file where they are few.
+        """
         if self.local_root is not None:
             found = {}
             for name in names:
@@ -182,10 +193,26 @@ class Storage:
                 except (FileNotFoundError, NotADirectoryError):
                     continue
             return found
-        listings: dict[str, int] = {}
-        for folder in {name.rpartition("/")[0] for name in names}:
-            listings.update({name: entry.size for name, entry in self.list(folder).items()})
-        return {name: listings[name] for name in names if name in listings}
+        by_folder: dict[str, list[str]] = {}
+        for name in names:
+            by_folder.setdefault(name.rpartition("/")[0], []).append(name)
+        found = {}
+        for folder, wanted in by_folder.items():
+            if len(wanted) <= _ASKED_ONE_BY_ONE:
+                asked = {name: self._remote_size(name) for name in wanted}
+                found.update({name: size for name, size in asked.items() if size is not None})
+            else:
+                listed = self.list(folder)
+                found.update({name: listed[name].size for name in wanted if name in listed})
+        return found
+
+    def _remote_size(self, name: str) -> int | None:
+        path = self.path(name)
+        try:
+            row = _remotely(lambda: self._filesystem.info(path), path)
+        except FileNotFoundError:
+            return None
+        return int(row["size"]) if row["type"] == "file" else None
 
     def read_many(self, names: Iterable[str]) -> dict[str, bytes]:
         """Contents of those of ``names`` that exist, fetched concurrently from an object store."""
@@ -211,27 +238,41 @@ class Storage:
             contents[name] = self.read(name) if isinstance(answer, Exception) else bytes(answer)
         return contents
 
-    def remove_orphans(self, folder: str) -> int:
-        """Delete temporary files that killed processes left behind (older than an hour); how many there were."""
+    def leftovers(self, folder: str) -> tuple[Path, ...]:
+        """Temporary files in a folder whose writer is gone; an object store has none.
+
+        A writer on another machine counts as gone after a day.
+        """
         if self.local_root is None:
-            return 0
-        path, removed = self.local_root / check_name(folder), 0
-        for orphan in path.glob(f"{_TEMPORARY_PREFIX}*") if path.is_dir() else ():
-            try:
-                if time.time() - orphan.stat().st_mtime > _ORPHAN_AGE_S:
-                    orphan.unlink()
-                    removed += 1
-            except FileNotFoundError:
-                continue
-        return removed
+            return ()
+        found = (self.local_root / check_name(folder)).glob(f"{_TEMPORARY_PREFIX}*")
+        return tuple(file for file in found if _abandoned(file))
+
+    def remove_leftovers(self, folder: str) -> int:
+        """Delete what :meth:`leftovers` finds; how many there were."""
+        found = self.leftovers(folder)
+        for file in found:
+            file.unlink(missing_ok=True)
+        return len(found)
+
+
+def _abandoned(file: Path) -> bool:
+    gone = is_gone(file.name.removeprefix(_TEMPORARY_PREFIX).rpartition(":")[0])
+    if gone is not None:
+        return gone
+    try:
+        return time.time() - file.stat().st_mtime > _FOREIGN_LEFTOVER_AGE_S
+    except FileNotFoundError:
+        return False
 
 
 def _write_beside_and_rename(path: Path, data: bytes) -> None:
+    prefix = f"{_TEMPORARY_PREFIX}{this_process()}:"
     try:
-        handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=prefix, dir=path.parent)
     except FileNotFoundError:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=prefix, dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -266,6 +307,12 @@ def _remote_version(row: Mapping[str, Any]) -> str:
     return str(row["size"])
 
 
+def _remote_md5(row: Mapping[str, Any]) -> str | None:
+    """The MD5 an S3-compatible store gives as the ETag of an object put in one piece, unless it encrypts with a key."""
+    etag = str(row.get("ETag", "")).strip('"')
+    return etag if _MD5.fullmatch(etag) else None
+
+
 def _on_disk(action: Callable[[], T], path: str) -> T:
     try:
         return action()
@@ -277,18 +324,24 @@ def _on_disk(action: Callable[[], T], path: str) -> T:
 
 
 def _remotely(action: Callable[[], T], path: str) -> T:
-    """Try several times with growing pauses: object stores answer slowly or with errors now and then."""
+    """Try several times with growing pauses: object stores answer slowly or with errors now and then.
+
+    Their clients raise errors of many kinds for it (OSError, TimeoutError, classes of their own).
+    """
     wait_s = _REMOTE_FIRST_WAIT_S
     for attempt in range(1, _REMOTE_ATTEMPTS + 1):
         try:
             return action()
-        except FileNotFoundError:
+        except (FileNotFoundError, ImportError, ValueError):
             raise
         except PermissionError as error:
             raise Failure(f"{path}: access denied ({error}); check the credentials in the environment") from error
-        except (OSError, TimeoutError) as error:
+        except Exception as error:
+            if type(error).__name__ in _NO_CREDENTIALS:
+                raise Failure(f"{path}: {error}; set the credentials in the environment") from error
             if attempt == _REMOTE_ATTEMPTS:
-                raise TransientFailure(f"{path}: no answer after {attempt} attempts ({error}); run again") from error
+                reason = f"{type(error).__name__}: {error}"
+                raise TransientFailure(f"{path}: no answer after {attempt} attempts ({reason}); run again") from error
         time.sleep(wait_s)
         wait_s *= 2
     raise AssertionError("unreachable")

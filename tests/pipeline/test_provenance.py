@@ -41,7 +41,7 @@ RECORD = OutcomeRecord(
 
 
 def test_record_survives_storage():
-    assert record_from_json(record_to_json(RECORD), name="x") == RECORD
+    assert record_from_json(record_to_json(RECORD), name=RECORD.name) == RECORD
 
 
 def test_half_a_record_is_said_to_be_none():

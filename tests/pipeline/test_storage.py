@@ -6,6 +6,8 @@ import hashlib
 import os
 import pickle
 import string
+import subprocess
+import sys
 from pathlib import Path
 
 import fsspec
@@ -14,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trace_dag.errors import Failure, TransientFailure, UserError
+from trace_dag.processes import this_process
 from trace_dag.storage import Storage, check_name
 
 
@@ -99,16 +102,21 @@ def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b.txt"]
 
 
-def test_orphans_of_killed_writers_are_neither_listed_nor_kept_for_ever(tmp_path):
+def test_what_a_killed_writer_left_is_told_from_what_is_being_written(tmp_path):
     storage = Storage.open(tmp_path)
     storage.write("a/b.txt", b"x")
-    orphan = tmp_path / "a/.writing-dead"
-    orphan.write_bytes(b"half")
+    writes = "import os, sys; from trace_dag import storage; storage.os.fdopen = lambda *_: os._exit(1)"
+    subprocess.run([sys.executable, "-c", f"{writes}; storage.Storage({str(tmp_path)!r}).write('a/c.txt', b'y')"])
+    (left,) = storage.leftovers("a")
+    being_written = left.with_name(f".writing-{this_process()}:abc")
+    elsewhere = left.with_name(".writing-another-machine:12:34:abc")
+    for file in (being_written, elsewhere):
+        file.write_bytes(b"half")
     assert list(storage.list("a")) == ["a/b.txt"]
-    assert storage.remove_orphans("a") == 0, "it may still be being written"
-    os.utime(orphan, (0, 0))
-    assert storage.remove_orphans("a") == 1
-    assert not orphan.exists()
+    assert storage.remove_leftovers("a") == 1
+    assert not left.exists()
+    os.utime(elsewhere, (0, 0))
+    assert storage.leftovers("a") == (elsewhere,)
 
 
 def test_unusable_roots_are_one_line_errors(tmp_path):

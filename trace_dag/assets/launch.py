@@ -6,6 +6,7 @@ what to run (:mod:`trace_dag.pipeline.planning`).
 
 import os
 import socket
+import uuid
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import ROOT_VARIABLE, Home
 from trace_dag.pipeline.planning import PlannedBatch, plan
 from trace_dag.pipeline.selection import Selection
+from trace_dag.settings import StateSettings
 from trace_dag.storage import Storage
 
 COHORT_TAG = "trace_dag/cohort"
@@ -110,9 +112,9 @@ def run_batches(
 ) -> RunReport:
     """Run planned batches one after the other, each as one Dagster run in this process."""
     job = _job(home, ALL_STAGES)
-    cohort_of = {
-        key: name for name, cohort in home.pipeline(settings).registry.cohorts().items() for key in cohort.reports
-    }
+    pipeline = home.pipeline(settings)
+    cohort_of = {key: name for name, cohort in pipeline.registry.cohorts().items() for key in cohort.reports}
+    settings = _with_one_ledger(settings, pipeline.settings.states)
     errors: list[str] = []
     for batch in batches:
         cohorts = sorted({cohort_of[key] for key in batch.keys if key in cohort_of})
@@ -124,12 +126,19 @@ def run_batches(
             tags={
                 **range_tags(batch),
                 COHORT_TAG: ",".join(cohorts),
-                PROCESS_TAG: _this_process(),
+                PROCESS_TAG: this_process(),
             },
             raise_on_error=False,
         )
         errors.extend(_errors(result))
     return RunReport(len(batches), tuple(errors))
+
+
+def _with_one_ledger(settings: Mapping[str, Any], states: StateSettings) -> Mapping[str, Any]:
+    """The overrides with a name under which all batches of a call count against one budget for language models."""
+    if states.estimator != "llm" or states.llm_ledger is not None:
+        return settings
+    return {**settings, "states": {**settings.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
 
 
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
@@ -140,7 +149,7 @@ def range_tags(batch: PlannedBatch) -> dict[str, str]:
 def summarise(home: Home, instance: DagsterInstance) -> RunReport:
     """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
     result = _job(home, SUMMARY).execute_in_process(
-        run_config=_quiet({}), instance=instance, tags={PROCESS_TAG: _this_process()}, raise_on_error=False
+        run_config=_quiet({}), instance=instance, tags={PROCESS_TAG: this_process()}, raise_on_error=False
     )
     return RunReport(1, tuple(_errors(result)))
 
@@ -176,22 +185,8 @@ def _innermost(error: SerializableErrorInfo | None) -> str:
     return error.message.strip() if error else ""
 
 
-def _this_process() -> str:
-    return f"{socket.gethostname()}:{os.getpid()}:{_started(os.getpid())}"
-
-
-def _started(pid: int) -> str:
-    """When a process began, in ticks, so that another one with its number is not taken for it; '' if it is gone."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19]
-    except (FileNotFoundError, ProcessLookupError, IndexError):
-        return ""
-
-
 def _close_orphans(instance: DagsterInstance) -> None:
     """Runs of killed processes of this machine would stand as running for ever."""
     for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
-        host, _, rest = run.tags.get(PROCESS_TAG, "").partition(":")
-        pid, _, started = rest.partition(":")
-        if host == socket.gethostname() and pid.isdigit() and _started(int(pid)) != started:
+        if is_gone(run.tags.get(PROCESS_TAG, "")):
             instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")

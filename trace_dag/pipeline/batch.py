@@ -17,6 +17,7 @@ from trace_dag.crash.completeness import filters_of
 from trace_dag.errors import Stage
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
+from trace_dag.pipeline.record_index import write_index
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource, Registry
 from trace_dag.pipeline.worker import (
@@ -123,6 +124,8 @@ class _Batch:
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
 
     def run(self, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> Iterator[StageEvent]:
+        for stage in self.stages:
+            self.work.storage.remove_leftovers(stage)
         records = read_records(self.work.storage, keys)
         whole = intact(self.work.storage, [record for each in records.values() for record in each.values()])
         crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
@@ -150,6 +153,9 @@ class _Batch:
                     if event.record is not None:
                         crash.records[event.stage] = event.record
                     yield from self._with_later(crash, event)
+        recorded = [record for crash in crashes.values() for record in crash.records.values()]
+        run_id = self.work.run_id
+        write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
 
     def _without_work(
         self, crash: _Crash, segment: Sequence[StageDefinition], whole: Mapping[str, bool]

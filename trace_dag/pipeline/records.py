@@ -2,23 +2,54 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 
-from trace_dag.errors import Stage
+from trace_dag.errors import Failure, Stage
+from trace_dag.pipeline.record_index import indexed
 from trace_dag.provenance import OutcomeRecord, record_from_json, record_name, record_to_json
-from trace_dag.storage import Storage
+from trace_dag.storage import Entry, Storage
 
 Records = dict[Stage, OutcomeRecord]  # of one crash
+log = logging.getLogger(__name__)
+
+_READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 
 def read_records(storage: Storage, keys: Iterable[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Records]:
-    """The stored records of some crashes, by key and stage; every key has an entry."""
+    """The stored records of some crashes, by key and stage; every key has an entry.
+
+    A record that cannot be read counts as none, so that its stage runs again and writes it anew.
+    """
     by_key: dict[str, Records] = {key: {} for key in keys}
-    contents = storage.read_many([record_name(stage, key) for key in by_key for stage in stages])
-    for name, data in contents.items():
-        record = record_from_json(data, name=name)
-        by_key[record.key][record.stage] = record
+    for name, data in _contents(storage, [record_name(stage, key) for key in by_key for stage in stages]).items():
+        record = readable_record(storage, name, data)
+        if record is not None:
+            by_key[record.key][record.stage] = record
     return by_key
+
+
+def readable_record(storage: Storage, name: str, data: bytes) -> OutcomeRecord | None:
+    """A record as read, or read once more where that was cut short; None (and a warning) where it is none."""
+    try:
+        return record_from_json(data, name=name)
+    except Failure:
+        try:
+            return record_from_json(storage.read(name), name=name)
+        except (Failure, FileNotFoundError) as error:
+            log.warning("%s", error)
+            return None
+
+
+def _contents(storage: Storage, names: Sequence[str]) -> dict[str, bytes]:
+    if storage.local_root is not None or len(names) <= _READ_ONE_BY_ONE:
+        return storage.read_many(names)
+    listed: dict[str, Entry] = {}
+    for folder in {name.partition("/")[0] for name in names}:
+        listed.update(storage.list(folder))
+    present = [name for name in names if name in listed]
+    found = indexed(storage, present, listed)
+    return found | storage.read_many([name for name in present if name not in found])
 
 
 def write_record(storage: Storage, record: OutcomeRecord) -> None:

@@ -10,12 +10,14 @@ from __future__ import annotations
 import logging
 import time
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
 from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
+from trace_dag.pipeline.locks import held
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.provenance import (
@@ -115,8 +117,24 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
         chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
     definitions = [work.flow.definition(stage) for stage in chunk.stages]
     if definitions[0].batch_function is not None:
-        return _work_on_group(chunk, definitions[0])
-    return [event for crash in chunk.crashes for event in _CrashWorker(work, crash).run(chunk.stages, chunk.last)]
+        with _holding(work, chunk.crashes) as crashes:
+            return _work_on_group(replace(chunk, crashes=crashes), definitions[0])
+    events = []
+    for crash in chunk.crashes:
+        with _holding(work, [crash]) as (held_crash,):
+            events.extend(_CrashWorker(work, held_crash).run(chunk.stages, chunk.last))
+    return events
+
+
+@contextmanager
+def _holding(work: Work, crashes: Sequence[CrashTask]) -> Iterator[tuple[CrashTask, ...]]:
+    """Hold some crashes against other runs; where one had them, with what it has recorded meanwhile."""
+    keys = [crash.key for crash in crashes]
+    with held(work.storage, keys) as waited:
+        if waited:
+            stored = read_records(work.storage, keys)
+            crashes = [replace(crash, records=stored[crash.key]) for crash in crashes]
+        yield tuple(crashes)
 
 
 class _CrashWorker:
@@ -126,7 +144,7 @@ class _CrashWorker:
         self.work = work
         self.task = task
         self.records = dict(task.records)
-        self.files = CrashFiles(task.key, task.source, work.settings, work.storage)
+        self.files = CrashFiles(task.key, task.source, work.settings, work.storage, run_id=work.run_id)
         for record in self.records.values():
             self.files.accept(record)
         self.damaged: DamagedArtefactError | None = None
@@ -159,14 +177,19 @@ class _CrashWorker:
         earlier = self.records.get(definition.stage)
         if not force and earlier is not None and is_current(earlier, provenance, self.work.storage):
             return StageEvent(self.task.key, definition.stage, Action.UNCHANGED, earlier)
-        self.mark_started(definition)
-        return self._event(self.compute(definition, provenance))
+        unmarked = self.mark_started(definition, provenance)
+        return self._event(unmarked or self.compute(definition, provenance))
 
-    def mark_started(self, definition: StageDefinition) -> None:
+    def mark_started(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord | None:
+        """Say in storage that the artefacts are about to be replaced; the failure, where that cannot be said."""
         earlier = self.records.get(definition.stage)
         if earlier is not None and earlier.artefacts:
             marked = replace(earlier, outcome=Outcome.STARTED, artefacts=(), fingerprint="", run_id=self.work.run_id)
-            write_record(self.work.storage, marked.superseding(earlier))
+            try:
+                write_record(self.work.storage, marked.superseding(earlier))
+            except Failure as error:
+                return self._failed(definition, provenance, now(), 0.0, error)
+        return None
 
     def provenance(self, definition: StageDefinition) -> Provenance:
         return provenance_of(definition, self.work, self.task.source, self.records)
@@ -183,7 +206,8 @@ class _CrashWorker:
                 product = rejection
             except Exception as error:
                 product = error
-                if isinstance(error, TransientFailure) and attempt <= execution.transient_retries:
+                passing = isinstance(error, TransientFailure) and not error.tried_again
+                if passing and attempt <= execution.transient_retries:
                     log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
                     time.sleep(wait_s)
                     wait_s *= 2
@@ -200,9 +224,10 @@ class _CrashWorker:
         duration_s: float,
         attempts: int = 1,
     ) -> OutcomeRecord:
-        """Store what a stage made, then its record."""
+        """Store what a stage made, then its record. A stage that fails leaves nothing but its record."""
         contents: dict[str, bytes] = {}
         try:
+        earlier = self.records.get(definition.stage)
             if isinstance(product, Rejection):
                 product = StageProduct({}, rejection=product)
             if isinstance(product, DamagedArtefactError):
@@ -211,25 +236,30 @@ class _CrashWorker:
                 raise product
             stored = []
             for extension, data in product.files.items():
-                file = self.work.storage.write(artefact_name(definition.stage, self.task.key, extension), data)
-                stored.append(file)
-                contents[file.name] = data
+                name = artefact_name(definition.stage, self.task.key, extension)
+                contents[name] = data
+                stored.append(self.work.storage.write(name, data))
             record = self._judged(definition, provenance, product, stored, started_at, duration_s)
-            record = replace(record, attempts=attempts)
-            earlier = self.records.get(definition.stage)
-            record = record.superseding(earlier)
+            record = replace(record, attempts=attempts).superseding(earlier)
             write_record(self.work.storage, record)
-            for file in earlier.artefacts if earlier else ():
-                if file.name not in contents:
-                    self.work.storage.delete(file.name)
+            obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
         except Exception as error:
-            contents = {}
             record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
         self.records[definition.stage] = record
+            obsolete = {file.name for file in earlier.artefacts} | set(contents) if earlier else set(contents)
+            contents = {}
+        self._delete(obsolete)
         self.files.accept(record, contents)
         return record
 
     def invalidate(self, damaged: DamagedArtefactError) -> None:
+    def _delete(self, names: Iterable[str]) -> None:
+        for name in names:
+            try:
+                self.work.storage.delete(name)
+            except Failure as error:
+                log.warning("%s; trace-dag verify --repair deletes it", error)
+
         """Let the stage that made a damaged artefact run again, now or next time."""
         self.damaged = damaged
         record = self.records[damaged.stage]
@@ -323,9 +353,14 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
             events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
         else:
             open_workers.append((worker, provenance))
-    for worker, _ in open_workers:
-        worker.mark_started(definition)
-    for (worker, provenance), product, started_at, duration_s in _call_batch(definition, open_workers):
+    marked = []
+    for worker, provenance in open_workers:
+        failed = worker.mark_started(definition, provenance)
+        if failed is None:
+            marked.append((worker, provenance))
+        else:
+            events.append(StageEvent(failed.key, failed.stage, Action.COMPUTED, failed))
+    for (worker, provenance), product, started_at, duration_s in _call_batch(definition, marked):
         record = worker.conclude(definition, provenance, product, started_at, duration_s)
         events.append(StageEvent(record.key, record.stage, Action.COMPUTED, record))
         if chunk.last:

@@ -1,0 +1,42 @@
+"""Which process did something, in a form that tells later whether it still lives.
+
+A process number alone is used again by others, so the moment it was started belongs to it.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from functools import cache
+from pathlib import Path
+
+
+def this_process() -> str:
+    """This process as ``host:number:start``."""
+    return _identity(os.getpid())
+
+
+def is_gone(process: str) -> bool | None:
+    """Whether a process named by :func:`this_process` has ended; None where that cannot be told from here.
+
+    It cannot for a process of another machine, nor for a text that names none.
+    """
+    host, _, rest = process.partition(":")
+    number, _, started = rest.partition(":")
+    if host != socket.gethostname() or not number.isdigit():
+        return None
+    return _started(int(number)) != started
+
+
+@cache
+def _identity(number: int) -> str:
+    return f"{socket.gethostname()}:{number}:{_started(number)}"
+
+
+def _started(number: int) -> str:
+    """When a process began, in ticks since the machine did; '' if it is gone."""
+    try:
+        status = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+    return "" if status[0] == "Z" else status[19]
