@@ -5,7 +5,6 @@ what to run (:mod:`trace_dag.pipeline.planning`).
 """
 
 import os
-import socket
 import uuid
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,6 +28,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import ROOT_VARIABLE, Home
 from trace_dag.pipeline.planning import PlannedBatch, plan
 from trace_dag.pipeline.selection import Selection
+from trace_dag.processes import is_gone, this_process
 from trace_dag.settings import StateSettings
 from trace_dag.storage import Storage
 

@@ -226,8 +226,8 @@ class _CrashWorker:
     ) -> OutcomeRecord:
         """Store what a stage made, then its record. A stage that fails leaves nothing but its record."""
         contents: dict[str, bytes] = {}
-        try:
         earlier = self.records.get(definition.stage)
+        try:
             if isinstance(product, Rejection):
                 product = StageProduct({}, rejection=product)
             if isinstance(product, DamagedArtefactError):
@@ -245,14 +245,13 @@ class _CrashWorker:
             obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
         except Exception as error:
             record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
-        self.records[definition.stage] = record
             obsolete = {file.name for file in earlier.artefacts} | set(contents) if earlier else set(contents)
             contents = {}
         self._delete(obsolete)
+        self.records[definition.stage] = record
         self.files.accept(record, contents)
         return record
 
-    def invalidate(self, damaged: DamagedArtefactError) -> None:
     def _delete(self, names: Iterable[str]) -> None:
         for name in names:
             try:
@@ -260,6 +259,7 @@ class _CrashWorker:
             except Failure as error:
                 log.warning("%s; trace-dag verify --repair deletes it", error)
 
+    def invalidate(self, damaged: DamagedArtefactError) -> None:
         """Let the stage that made a damaged artefact run again, now or next time."""
         self.damaged = damaged
         record = self.records[damaged.stage]
