@@ -95,6 +95,26 @@ def test_a_map_beside_its_ways_is_rejected_with_the_distance(network: RoadNetwor
     assert caught.value.measured > caught.value.threshold  # type: ignore[operator]
 
 
+def test_a_recorded_trace_that_jumps_about_is_rejected_for_its_deviation() -> None:
+    """A position every 3 m, each up to 4 m off: the way turns back on itself, and no road follows it."""
+    scattered = [(3.0 * k + 2.4 * math.sin(2.4 * k + 17), 4.0 * math.sin(2.4 * k)) for k in range(-25, 26)]
+    trace = _extract(([(-300, 0), *scattered, (300, 0)], {"highway": "tertiary", "lanes": "2"}))
+    with pytest.raises(Rejection, match="way deviation") as caught:
+        require(_gates(convert(trace, _FRAME, RoadSettings()), trace).values())
+    assert caught.value.reason is Reason.MAP_DISTORTED
+
+
+@pytest.mark.parametrize("turn_deg", [105, 135, 165])
+def test_a_sharp_bend_is_a_road_nonetheless(turn_deg: float) -> None:
+    """One fold of a street, or of one street into another, is followed to its point within the limit."""
+    after = (150 * math.cos(math.radians(turn_deg)), 150 * math.sin(math.radians(turn_deg)))
+    name = {"highway": "residential"}
+    bend = _extract(([(-150, 0), (0, 0)], name), ([(0, 0), after], {**name, "highway": "service"}))
+    gates = _gates(convert(bend, _FRAME, RoadSettings()), bend)
+    assert gates["way_deviation_worst"].passed, gates["way_deviation_worst"]
+    require(gates.values())
+
+
 def test_a_map_of_another_scale_disagrees_with_the_ellipsoid(network: RoadNetwork, crossing: OsmExtract) -> None:
     """2 % too large, as a Mercator projection without its scale factor would be (here 1/cos 11 degrees)."""
     factor = 1.02

@@ -31,6 +31,7 @@ _PARALLEL_RAD: Final = 0.12
 _FORK_M: Final = 20.0  # farthest that the fork of a divided road is cut back
 _HAIRPIN_RAD: Final = 0.6
 _HAIRPIN_CUT_M: Final = 2.5  # the point of a hairpin is where the mappers put it, however its sides overlap
+_FOLD_DEVIATION_M: Final = 2.9  # farthest that the curve of a fold passes from its point
 _SHIFT_RATIO: Final = 2.0  # room ahead and behind for lanes that shift sideways, per metre of shift
 
 
@@ -302,10 +303,19 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
             elif angle >= 2.6:
                 reach = max(reach, _SHIFT_RATIO * strip.shift_to(other))
             wanted = max(wanted, reach)
-        if len(strips) == 2 and _angle(*strips) < _HAIRPIN_RAD:
-            clear, wanted = min(clear, _HAIRPIN_CUT_M), min(wanted, _HAIRPIN_CUT_M)
+        if len(strips) == 2:
+            most = _longest_fold_cut_m(_angle(*strips))
+            clear, wanted = min(clear, most), min(wanted, most)
         cuts.append(_Cut(clear, wanted))
     return cuts
+
+
+def _longest_fold_cut_m(angle_rad: float) -> float:
+    """Cut of both arms of a fold, ``angle_rad`` apart, at which the curve between them stays near its point."""
+    if angle_rad < _HAIRPIN_RAD:
+        return _HAIRPIN_CUT_M
+    missed_per_metre = math.tan((math.pi - angle_rad) / 4)  # distance from the point to the arc, per metre of cut
+    return _FOLD_DEVIATION_M / missed_per_metre if missed_per_metre > 1e-6 else math.inf
 
 
 def _angle(a: _Strip, b: _Strip) -> float:

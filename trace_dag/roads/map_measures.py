@@ -101,15 +101,33 @@ class MapComparison:
         return found
 
     @cached_property
+    def _fold_of_node(self) -> dict[int, str]:
+        """Junctions where no streets meet, by their nodes: a way folds back there more sharply than one road can.
+
+        Such a place hides nothing of the way, unlike a crossing, whose movements replace the centre lines.
+        """
+        arms: Counter[int] = Counter()
+        for way in self.ways:
+            for pair in pairwise(way.node_ids):
+                arms.update(pair)
+        return {
+            node_id: junction.id
+            for junction in self.network.junctions
+            if all(arms[node_id] <= 2 for node_id in junction.osm_node_ids)
+            for node_id in junction.osm_node_ids
+        }
+
+    @cached_property
     def junction_areas(self) -> shapely.Geometry:
-        """Hulls of the junctions: inside them the arms' centre lines are replaced by movements.
+        """Hulls of the crossings: inside them the arms' centre lines are replaced by movements.
 
         A hull holds the surfaces of the movements, the OSM nodes of the junction and the ways between them.
         """
         points: dict[str, list[FloatArray]] = defaultdict(list)
+        folds = set(self._fold_of_node.values())
         for ref in self.network.drivable_lanes():
             junction_id = self.network.road_by_id[ref.road_id].junction_id
-            if junction_id is not None:
+            if junction_id is not None and junction_id not in folds:
                 geometry = self.network.geometry(ref)
                 points[junction_id] += [geometry.border(left, 2.0)[:, :2] for left in (True, False)]
         for junction_id, inner in self._inner_ways().items():
@@ -120,23 +138,30 @@ class MapComparison:
         return areas
 
     def _inner_ways(self) -> dict[str, FloatArray]:
-        """Nodes of each junction, and of the short pieces of way between two of its nodes."""
-        junction_of = {i: junction.id for junction in self.network.junctions for i in junction.osm_node_ids}
-        nodes: dict[str, set[int]] = defaultdict(set)
+        """Nodes of each crossing, and of the short pieces of way that lead from one of its nodes to another."""
+        neighbours: dict[int, list[int]] = defaultdict(list)
         for way in self.ways:
-            last: int | None = None
-            for index, node_id in enumerate(way.node_ids):
-                junction_id = junction_of.get(node_id)
-                if junction_id is None:
-                    continue
-                nodes[junction_id].add(node_id)
-                if last is not None and junction_of[way.node_ids[last]] == junction_id:
-                    between = way.node_ids[last : index + 1]
-                    length_m = sum(math.dist(self._node_xy[a], self._node_xy[b]) for a, b in pairwise(between))
-                    if length_m < _LONGEST_INNER_WAY_M:
-                        nodes[junction_id].update(between)
-                last = index
-        return {key: np.array([self._node_xy[i] for i in found]) for key, found in nodes.items()}
+            for a, b in pairwise(way.node_ids):
+                neighbours[a].append(b)
+                neighbours[b].append(a)
+        found = {}
+        for junction in self.network.junctions:
+            nodes = {i for i in junction.osm_node_ids if i in neighbours and i not in self._fold_of_node}
+            inner = {i for start in nodes for i in self._paths_between(start, nodes, neighbours)}
+            if nodes:
+                found[junction.id] = np.array([self._node_xy[i] for i in sorted(nodes | inner)])
+        return found
+
+    def _paths_between(self, start: int, nodes: set[int], neighbours: dict[int, list[int]]) -> Iterator[int]:
+        """Nodes on the short paths without a branch from ``start`` to another of ``nodes``."""
+        for first in neighbours[start]:
+            path, length_m = [start, first], math.dist(self._node_xy[start], self._node_xy[first])
+            while path[-1] not in nodes and len(neighbours[path[-1]]) == 2 and length_m < _LONGEST_INNER_WAY_M:
+                a, b = neighbours[path[-1]]
+                path.append(b if a == path[-2] else a)
+                length_m += math.dist(self._node_xy[path[-2]], self._node_xy[path[-1]])
+            if path[-1] in nodes and length_m < _LONGEST_INNER_WAY_M:
+                yield from path
 
     def way_deviation(self) -> WayDeviation:
         """Distance of every way, metre by metre, to the axes of its own roads, outside junctions.
@@ -161,6 +186,7 @@ class MapComparison:
                 continue
             if not len(outside):
                 continue
+            roads = [*roads, *self._roads_through_folds(way)]
             lines = shapely.MultiLineString([axis for road in roads for axis in self._axes(road)])
             distance = np.asarray(shapely.distance(shapely.points(outside), lines))
             distances.append(distance)
@@ -178,6 +204,11 @@ class MapComparison:
             missing_way_ids=tuple(way.id for way in missing),
             missing_public_way_ids=tuple(way.id for way in missing if way.tags.get("highway") != "service"),
         )
+
+    def _roads_through_folds(self, way: OsmWay) -> list[Road]:
+        """Connecting roads of the folds that a way passes or ends at."""
+        folds = {self._fold_of_node[node_id] for node_id in way.node_ids if node_id in self._fold_of_node}
+        return [road for road in self.network.roads if road.junction_id in folds] if folds else []
 
     def _axes(self, road: Road) -> Iterator[FloatArray]:
         line = self.network.road_geometry(road.id).line
