@@ -73,6 +73,7 @@ class EarlierOutcome:
     outcome: Outcome
     reason: Reason | None
     fingerprint: str
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,12 @@ class OutcomeRecord:
         history = earlier.history
         if earlier.outcome is not Outcome.STARTED:
             past = EarlierOutcome(
-                earlier.run_id, earlier.started_at, earlier.outcome, earlier.reason, earlier.fingerprint
+                run_id=earlier.run_id,
+                started_at=earlier.started_at,
+                outcome=earlier.outcome,
+                reason=earlier.reason,
+                fingerprint=earlier.fingerprint,
+                detail=earlier.detail,
             )
             history = (*history, past)
         return replace(self, history=history[-_HISTORY_KEPT:])

@@ -19,7 +19,7 @@ from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.osm2odr import convert_with_osm2odr
 from trace_dag.roads.placement import place_crash
-from trace_dag.roads.report import Comparison, MapReport
+from trace_dag.roads.report import STRUCTURES_WITHIN_M, Comparison, CrashPlacement, MapReport, Structure
 from trace_dag.settings import RoadSettings
 
 
@@ -59,6 +59,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         placement=placement,
         gates=gates,
         comparisons=comparisons,
+        structures=find_structures(network, placement),
         roads=sum(road.junction_id is None for road in network.roads),
         junctions=len(network.junctions),
         attribution=extract.attribution,
@@ -72,6 +73,16 @@ def _convert(
     if settings.converter == "osm2odr":
         return with_kinds(convert_with_osm2odr(extract, frame), extract)
     return with_kinds(convert(extract, frame, settings, hints), extract)
+
+
+def find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:
+    """Bridges and tunnels near the crash, nearest first, one entry per road."""
+    nearest: dict[str, Structure] = {}
+    for match in network.nearest_lanes(placement.x_m, placement.y_m, STRUCTURES_WITHIN_M):
+        road = network.road_by_id[match.lane.road_id]
+        if (road.bridge or road.tunnel) and road.id not in nearest:
+            nearest[road.id] = Structure("bridge" if road.bridge else "tunnel", road.id, round(match.outside_m, 2))
+    return tuple(nearest.values())
 
 
 def _marked(comparison: Comparison, filled: frozenset[str]) -> Comparison:

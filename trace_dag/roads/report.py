@@ -6,8 +6,12 @@ Stored beside the map as ``road_map/<key>.json``. Types only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final, Literal
 
 from trace_dag.roads.network import LaneMatch
+
+STRUCTURES_WITHIN_M: Final = 100.0
+"""How near a bridge or tunnel is noted; the published study left crashes out that were this near to one."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,15 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class Structure:
+    """A bridge or tunnel near the crash: ``distance_m`` from the crash to its nearest lane, seen from above."""
+
+    kind: Literal["bridge", "tunnel"]
+    road_id: str
+    distance_m: float
+
+
+@dataclass(frozen=True)
 class MapReport:
     """Everything recorded beside a road map."""
 
@@ -61,6 +74,7 @@ class MapReport:
     placement: CrashPlacement
     gates: tuple[MapGate, ...]
     comparisons: tuple[Comparison, ...] = ()
+    structures: tuple[Structure, ...] = ()  # within STRUCTURES_WITHIN_M, nearest first
     roads: int = 0
     junctions: int = 0
     attribution: str = ""

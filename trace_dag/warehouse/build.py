@@ -10,25 +10,23 @@ from __future__ import annotations
 import logging
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from trace_dag.crash.tables import CRASH_RECORD
 from trace_dag.errors import Failure, Stage
 from trace_dag.pipeline.comparisons import CONTROLS, FOLDER, PUBLISHED
 from trace_dag.pipeline.home import WAREHOUSE_FILE
-from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import Registry
-from trace_dag.pipeline.standing import Standing, standing, valid_records
-from trace_dag.provenance import Outcome
 from trace_dag.storage import Storage
+from trace_dag.warehouse.outcomes import read_outcomes
+from trace_dag.warehouse.reports import state_names, unread_reports
 
 if TYPE_CHECKING:
     import duckdb
-    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +37,7 @@ TABLES = (
     "events",
     "stage_outcomes",
     "stage_history",
+    "artefacts",
     "maps",
     "map_checks",
     "estimates",
@@ -47,7 +46,10 @@ TABLES = (
     "contacts",
     "verdict_criteria",
     "verdicts",
+    "verdict_changes",
+    "failures",
     "funnel",
+    "cohort_funnel",
     "failure_reasons",
     "coverage",
     "coverage_cross",
@@ -100,24 +102,23 @@ def build_warehouse(storage: Storage, local_folder: Path) -> BuildReport:
 def _build(storage: Storage, folder: Path, target: Path, started: float) -> BuildReport:
     import duckdb
 
-    cohort_of = {key: cohort.name for cohort in Registry(storage).cohorts().values() for key in cohort.reports}
-    records = read_records(storage, cohort_of)
-    standings = {key: standing(key, of_crash) for key, of_crash in records.items()}
-    valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
+    cohorts = Registry(storage).cohorts().values()
+    outcomes = read_outcomes(storage, {key: cohort.name for cohort in cohorts for key in cohort.reports})
     path = folder / WAREHOUSE_FILE
     with duckdb.connect(str(path)) as connection:
         connection.execute("SET enable_progress_bar = false")
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
-        connection.register("standing", _standing_table(standings, cohort_of))
-        connection.register("outcome", _outcome_table(valid))
-        connection.register("earlier_outcome", _history_table(records))
-        records_at = _local(storage, _names(valid, Stage.CRASH_RECORD, "parquet"), "parquet", folder)
-        connection.execute("SET VARIABLE record_files = $files", {"files": records_at})
+        for name, rows_of_records in outcomes.tables.items():
+            connection.register(name, rows_of_records)
+        connection.register("listing", unread_reports(storage, cohorts, outcomes.tables["standing"]))
+        connection.register("state", state_names())
+        parquet = _local(storage, outcomes.files.get((Stage.CRASH_RECORD, "parquet"), ()), "parquet", folder)
+        connection.execute("SET VARIABLE record_files = $files", {"files": parquet})
         for variable, beginning in _COMPARISONS:
             names = [name for name in storage.list(FOLDER) if name.startswith(beginning)]
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": _local(storage, names, "json", folder)})
         for document, stage in _DOCUMENTS.items():
-            _read_documents(connection, storage, document, _names(valid, stage, "json"), folder)
+            _read_documents(connection, storage, document, outcomes.files.get((stage, "json"), ()), folder)
         for table in TABLES:
             _execute(connection, table, _sql(table))
         rows = {table: _count(connection, table) for table in TABLES}
@@ -138,15 +139,6 @@ def _count(connection: duckdb.DuckDBPyConnection, table: str) -> int:
     return int(row[0]) if row else 0
 
 
-def _names(valid: Mapping[str, Records], stage: Stage, extension: str) -> list[str]:
-    """The artefacts of one kind that still count."""
-    return [
-        file.name
-        for records in valid.values()
-        if (record := records.get(stage)) is not None and (file := record.artefact(extension)) is not None
-    ]
-
-
 def _read_documents(
     connection: duckdb.DuckDBPyConnection, storage: Storage, document: str, names: Sequence[str], folder: Path
 ) -> None:
@@ -157,7 +149,7 @@ def _read_documents(
         connection.execute("SET VARIABLE files = $files", {"files": files})
         into = f"INSERT INTO {document}" if start else f"CREATE TEMP TABLE {document} AS"
         _execute(connection, f"documents/{document}", f"{into} {select}")
-        for file in files:
+        for file in files[1:]:  # the first is the empty one, which others read too
             if Path(file).is_relative_to(folder):
                 Path(file).unlink()
 
@@ -196,110 +188,6 @@ def _empty_file(folder: Path, extension: str) -> Path:
 
         pq.write_table(CRASH_RECORD.arrow().empty_table(), path)
     return path
-
-
-def _standing_table(standings: Mapping[str, Standing], cohort_of: Mapping[str, str]) -> pa.Table:
-    return _arrow(
-        [
-            {
-                "key": key,
-                "cohort": cohort_of[key],
-                "final_state": crash.final_state.value,
-                "stage_reached": crash.stage_reached.value if crash.stage_reached else None,
-                "reason": crash.reason.value if crash.reason else None,
-                "detail": crash.detail or None,
-            }
-            for key, crash in standings.items()
-        ],
-        dict.fromkeys(("key", "cohort", "final_state", "stage_reached", "reason", "detail"), "string"),
-    )
-
-
-def _outcome_table(valid: Mapping[str, Records]) -> pa.Table:
-    return _arrow(
-        [
-            {
-                "key": key,
-                "stage": stage.value,
-                "stage_number": stage.position + 1,
-                "outcome": record.outcome.value,
-                "reason": record.reason.value if record.reason else None,
-                "published_category": record.reason.published_category.value if record.reason else None,
-                "detail": record.detail or None,
-                "measured": record.measured,
-                "threshold": record.threshold,
-                "duration_s": record.duration_s,
-                "started_at": record.started_at,
-                "run_id": record.run_id,
-                "attempts": record.attempts,
-                "artefacts": len(record.artefacts),
-                "artefact_bytes": sum(file.size for file in record.artefacts),
-                "fingerprint": record.fingerprint,
-                "code_version": record.provenance.code,
-                "transient": record.transient,
-            }
-            for key, records in valid.items()
-            for stage, record in records.items()
-        ],
-        {
-            "key": "string",
-            "stage": "string",
-            "stage_number": "int32",
-            "outcome": "string",
-            "reason": "string",
-            "published_category": "string",
-            "detail": "string",
-            "measured": "float64",
-            "threshold": "float64",
-            "duration_s": "float64",
-            "started_at": "string",
-            "run_id": "string",
-            "attempts": "int32",
-            "artefacts": "int32",
-            "artefact_bytes": "int64",
-            "fingerprint": "string",
-            "code_version": "string",
-            "transient": "bool",
-        },
-    )
-
-
-def _history_table(records: Mapping[str, Records]) -> pa.Table:
-    return _arrow(
-        [
-            {
-                "key": key,
-                "stage": stage.value,
-                "attempt": number,
-                "outcome": earlier.outcome.value,
-                "reason": earlier.reason.value if earlier.reason else None,
-                "started_at": earlier.started_at,
-                "run_id": earlier.run_id,
-                "fingerprint": earlier.fingerprint,
-            }
-            for key, of_crash in records.items()
-            for stage, record in of_crash.items()
-            for number, earlier in enumerate(record.history, start=1)
-            if earlier.outcome is not Outcome.STARTED
-        ],
-        {
-            "key": "string",
-            "stage": "string",
-            "attempt": "int32",
-            "outcome": "string",
-            "reason": "string",
-            "started_at": "string",
-            "run_id": "string",
-            "fingerprint": "string",
-        },
-    )
-
-
-def _arrow(rows: Sequence[Mapping[str, Any]], types: Mapping[str, str]) -> pa.Table:
-    import pyarrow as pa
-
-    schema = pa.schema([(name, pa.type_for_alias(alias)) for name, alias in types.items()])
-    return pa.Table.from_pylist(rows, schema=schema)
 
 
 def table_documentation(connection: duckdb.DuckDBPyConnection) -> dict[str, list[tuple[str, str, str]]]:

@@ -1,5 +1,5 @@
 -- What to run next: pending and failed crashes that would fill a class without a verified crash, those that would fill
--- several first. Crashes whose record has not been made yet have no class and are not listed.
+-- several first. Crashes whose reports are not at hand yet (CrashAPI) have no class and are not listed.
 CREATE VIEW cohort_gaps AS
 WITH open_crashes AS (
     UNPIVOT (

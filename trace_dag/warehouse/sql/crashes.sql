@@ -1,21 +1,22 @@
--- Every registered crash, in exactly one final state. What the report says is null where it could not be read.
+-- Every registered crash, in exactly one final state. What the report says is null where it could not be read; of a
+-- report that no stage has read yet, place and classes are those its source gives.
 CREATE TABLE crashes AS
 SELECT
     standing.key,
     CAST(split_part(standing.key, '-', 1) AS INTEGER) AS case_year,
     CAST(split_part(standing.key, '-', 2) AS INTEGER) AS state_case,
     standing.cohort,
-    record.latitude_deg,
-    record.longitude_deg,
+    coalesce(record.latitude_deg, listing.latitude_deg) AS latitude_deg,
+    coalesce(record.longitude_deg, listing.longitude_deg) AS longitude_deg,
     standing.final_state,
     standing.stage_reached,
     standing.reason,
-    record.collision_type,
-    record.road_topology,
-    record.vehicle_trajectory,
+    coalesce(record.collision_type, listing.collision_type) AS collision_type,
+    coalesce(record.road_topology, listing.road_topology) AS road_topology,
+    coalesce(record.vehicle_trajectory, listing.vehicle_trajectory) AS vehicle_trajectory,
     standing.detail,
-    coalesce(record.state_code, CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000) AS state_code,
-    record.state_name,
+    CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000 AS state_code,
+    state.name AS state_name,
     concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')) AS place,
     record.year,
     record.month,
@@ -23,13 +24,15 @@ SELECT
     record.hour,
     record.trafficway_1,
     record.trafficway_2,
-    len(record.vehicles) AS vehicles,
+    coalesce(len(record.vehicles), listing.vehicles) AS vehicles,
     record.fatalities,
     record.repaired,
     len(record.contradictions) AS contradictions,
     record.summary
 FROM standing
 LEFT JOIN read_parquet(getvariable('record_files')) AS record USING (key)
+LEFT JOIN listing USING (key)
+LEFT JOIN state ON state.code = CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000
 ORDER BY case_year, state_case;
 
 COMMENT ON TABLE crashes IS 'Every registered crash, once, with where it stands';
@@ -46,7 +49,7 @@ COMMENT ON COLUMN crashes.collision_type IS 'Coverage class of the manner of col
 COMMENT ON COLUMN crashes.road_topology IS 'Coverage class of the intersection (TYP_INT)';
 COMMENT ON COLUMN crashes.vehicle_trajectory IS 'Coverage class of the crash type of the vehicle pair (ACC_TYPE)';
 COMMENT ON COLUMN crashes.detail IS 'The sentence behind a rejection or failure, with what was measured';
-COMMENT ON COLUMN crashes.state_code IS 'State (STATE), from the case number where the report was not read';
+COMMENT ON COLUMN crashes.state_code IS 'State (STATE), as in the case number';
 COMMENT ON COLUMN crashes.state_name IS 'Name of the state';
 COMMENT ON COLUMN crashes.place IS 'City, county and state as labelled';
 COMMENT ON COLUMN crashes.year IS 'Year of the crash';

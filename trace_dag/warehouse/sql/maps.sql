@@ -11,6 +11,8 @@ SELECT
     placement.matched_by,
     placement.x_m AS crash_x_m,
     placement.y_m AS crash_y_m,
+    list_min([each.distance_m for each in structures if each.kind = 'bridge']) AS bridge_distance_m,
+    list_min([each.distance_m for each in structures if each.kind = 'tunnel']) AS tunnel_distance_m,
     len(list_filter(comparisons, lambda each: each.agreement = 'agrees')) AS attributes_that_agree,
     len(list_filter(comparisons, lambda each: each.agreement = 'differs')) AS attributes_that_differ
 FROM map_report
@@ -27,5 +29,7 @@ COMMENT ON COLUMN maps.moved_m IS 'How far the reported point was moved to its c
 COMMENT ON COLUMN maps.matched_by IS 'Evidence the road was chosen by';
 COMMENT ON COLUMN maps.crash_x_m IS 'Place of the crash, east of the reported point, m';
 COMMENT ON COLUMN maps.crash_y_m IS 'Place of the crash, north of the reported point, m';
+COMMENT ON COLUMN maps.bridge_distance_m IS 'Nearest lane on a bridge from the crash, m; 0 on or under it, null if none within 100 m';
+COMMENT ON COLUMN maps.tunnel_distance_m IS 'Nearest lane in a tunnel from the crash, m; 0 in or above it, null if none within 100 m';
 COMMENT ON COLUMN maps.attributes_that_agree IS 'Attributes in which map and report agree';
 COMMENT ON COLUMN maps.attributes_that_differ IS 'Attributes in which they differ';

@@ -2,7 +2,7 @@
 CREATE TABLE stage_outcomes AS
 SELECT
     key, stage, outcome, reason, detail, duration_s, stage_number, published_category, measured, threshold,
-    started_at, run_id, attempts, artefacts, artefact_bytes, fingerprint, code_version, transient
+    started_at, run_id, attempts, artefacts, artefact_bytes, fingerprint, code_version, settings, transient, error
 FROM outcome
 ORDER BY key, stage_number;
 
@@ -24,4 +24,6 @@ COMMENT ON COLUMN stage_outcomes.artefacts IS 'Files it left';
 COMMENT ON COLUMN stage_outcomes.artefact_bytes IS 'Their size together, bytes';
 COMMENT ON COLUMN stage_outcomes.fingerprint IS 'SHA-256 over code version, settings and inputs';
 COMMENT ON COLUMN stage_outcomes.code_version IS 'Version of the code that computed it';
+COMMENT ON COLUMN stage_outcomes.settings IS 'Settings of the stage it was computed with, JSON';
 COMMENT ON COLUMN stage_outcomes.transient IS 'The failure may pass by itself';
+COMMENT ON COLUMN stage_outcomes.error IS 'Traceback of a failure';

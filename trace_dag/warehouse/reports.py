@@ -1,0 +1,61 @@
+"""What is known of crashes without any stage: what reports that have not been run say, and names of states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.listing import CrashListing
+from trace_dag.crash.parse import reported_position
+from trace_dag.errors import Rejection, Stage
+from trace_dag.pipeline.listings import listings_of
+from trace_dag.pipeline.registry import Cohort
+from trace_dag.storage import Storage
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_POSITION = ("latitude_deg", "longitude_deg")
+
+
+def unread_reports(storage: Storage, cohorts: Iterable[Cohort], standings: pa.Table) -> pa.Table:
+    """One row per crash that no stage has read yet and whose report is at hand."""
+    import pyarrow as pa
+
+    reports = {key: report for cohort in cohorts for key, report in cohort.reports.items()}
+    unread = [
+        row["key"]
+        for row in standings.select(["key", "stage_reached"]).to_pylist()
+        if row["stage_reached"] in (None, Stage.RAW_REPORT.value)
+    ]
+    listings = listings_of(storage, {key: reports[key] for key in unread})
+    texts = ("key", "collision_type", "road_topology", "vehicle_trajectory")
+    schema = pa.schema(
+        [(name, pa.string()) for name in texts]
+        + [(name, pa.float64()) for name in _POSITION]
+        + [("vehicles", pa.int32())]
+    )
+    return pa.Table.from_pylist([_row(listing) for listing in listings.values()], schema=schema)
+
+
+def state_names() -> pa.Table:
+    """Names of the states by ``STATE`` code."""
+    import pyarrow as pa
+
+    return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
+
+
+def _row(listing: CrashListing) -> dict[str, Any]:
+    try:
+        position = dict(zip(_POSITION, reported_position(listing.latitude_deg, listing.longitude_deg), strict=True))
+    except Rejection:
+        position = {}
+    return {
+        "key": listing.key,
+        "collision_type": listing.collision_type.value,
+        "road_topology": listing.road_topology.value,
+        "vehicle_trajectory": listing.vehicle_trajectory.value,
+        "vehicles": listing.vehicles,
+        **position,
+    }
