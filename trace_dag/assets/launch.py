@@ -44,6 +44,10 @@ telemetry:
   enabled: false
 nux:
   enabled: false
+event_log_storage:
+  module: trace_dag.assets.event_log
+  class: EventLog
+  config: {}
 # A run uses all cores by itself.
 concurrency:
   runs:
