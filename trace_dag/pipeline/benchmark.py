@@ -183,8 +183,6 @@ def _package(files: CrashFiles, crash: _Crash) -> dict[str, bytes]:
             report_xml=files.read(Stage.RAW_REPORT, "xml"),
             osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
             map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
-            estimate_json=files.read(Stage.STATE_ESTIMATE, "json"),
-            verdict_json=files.read(Stage.VERDICT, "json"),
             provenance={
                 stage.value: {
                     "code": record.provenance.code,

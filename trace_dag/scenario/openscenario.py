@@ -1,112 +1,87 @@
-"""A simulated crash as OpenSCENARIO: replayed by everyone, or with the ego free.
+"""A simulated crash as OpenSCENARIO: replayed by everyone, or with one participant free.
 
-Three files are made of one log: OpenSCENARIO 1.2 with a timed trajectory per participant, the same with the ego left to
-a controller, and the 1.0 form that CARLA's ScenarioRunner (0.9.16) accepts. Positions are of the body's centre on the
-road surface, in the map's own frame (metres, radians counter-clockwise from east), times in seconds from the start of
-the reconstruction. Every entity's reference point is its body's centre, and its bounding box and axles are declared
-relative to that, so that players which ignore the box's offset and players which apply it agree.
+Two dialects. OpenSCENARIO 1.2 for players in general: positions are of the middle of the rear axle on the road, as the
+standard has it. The 1.0 form that CARLA's ScenarioRunner (0.9.16) accepts: positions are of the body's middle, since
+that is where it puts an actor. Both are in the map's own frame (metres, radians counter-clockwise from east) with
+times in seconds from the start of the reconstruction.
+
+With a participant free, a controller drives it from its initial state, and the others follow their motion only up to
+the contact with it: what they did after that, they would not have done without it. From there they go on as the
+standard has it for entities without an action.
 
 Sources: ASAM OpenSCENARIO XML 1.0.0 and 1.2.0; ScenarioRunner ``openscenario_parser.py`` for what 1.0 files it reads:
-``FollowTrajectoryAction`` in the Story only, polylines only, a ``time`` on every vertex. It mirrors y and heading into
-CARLA's frame by itself, unless the header's description begins with ``CARLA:``.
+``FollowTrajectoryAction`` in the Story only, polylines only, a ``time`` on every vertex, no negative initial speed. It
+mirrors y and heading into CARLA's frame by itself, unless the header's description begins with ``CARLA:``.
 """
 
 from __future__ import annotations
 
 import datetime
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 from lxml import etree
 
-from trace_dag.crash.record import CrashRecord, VehicleClass
-from trace_dag.geometry import FloatArray
-from trace_dag.sim.types import Body, SimulationLog, VehicleLog
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.scenario.openscenario_motion import Motion, motion
+from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
+from trace_dag.sim.surface import NetworkSurface
+from trace_dag.sim.types import SimulationLog
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
 
 AUTHOR = "trace-dag"
-VERTEX_STEP_S = 0.05
-"""Time between vertices away from the impact; around it every logged step is kept."""
+CONTROLLER = "free_vehicle_controller"
 
-_IMPACT_WINDOW_S = 0.5
-_WHEELBASE_SHARE = 0.58  # of the body's length: typical of passenger cars (2.7 m of 4.65 m)
-_TRACK_SHARE = 0.85  # of the body's width
-_WHEEL_DIAMETER_M = 0.65
-_MAX_STEER_RAD = 0.6
-_MAX_SPEED_MPS = 90.0
-_MAX_ACCELERATION_MPS2 = 12.0
-# A blueprint of CARLA 0.9.16 for each class, for players that choose the body by name.
-_CARLA_BLUEPRINTS = {
-    VehicleClass.CAR: "vehicle.lincoln.mkz_2020",
-    VehicleClass.SUV: "vehicle.nissan.patrol",
-    VehicleClass.PICKUP: "vehicle.tesla.cybertruck",
-    VehicleClass.VAN: "vehicle.mercedes.sprinter",
-    VehicleClass.LIGHT_TRUCK: "vehicle.carlamotors.carlacola",
-    VehicleClass.TRUCK: "vehicle.carlamotors.firetruck",
-    VehicleClass.TRACTOR_TRAILER: "vehicle.carlamotors.firetruck",
-    VehicleClass.BUS: "vehicle.mitsubishi.fusorosa",
-    VehicleClass.MOTORCYCLE: "vehicle.yamaha.yzf",
-    VehicleClass.OTHER: "vehicle.lincoln.mkz_2020",
-}
+_AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
+_AFTER_COLLISION_S = 1.0  # and after one it gets into
+_LICENCE = ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/")
+_XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 
 
 @dataclass(frozen=True)
 class Flavour:
-    """Which OpenSCENARIO is written: its minor revision, and the participant (``VEH_NO``) left to a controller."""
+    """Which OpenSCENARIO is written: that of CARLA's ScenarioRunner or 1.2, and which vehicle (``VEH_NO``) is free."""
 
-    minor_revision: int = 2
-    free_ego: int | None = None
-
-    @property
-    def for_scenario_runner(self) -> bool:
-        """Revision 1.0 is written for CARLA's ScenarioRunner, which takes nothing later."""
-        return self.minor_revision == 0
+    carla: bool = False
+    free: int | None = None
 
 
 def write_openscenario(
-    record: CrashRecord, log: SimulationLog, *, map_file: str = "map.xodr", flavour: Flavour | None = None
+    record: CrashRecord,
+    network: RoadNetwork,
+    log: SimulationLog,
+    *,
+    flavour: Flavour | None = None,
+    map_file: str = "map.xodr",
 ) -> bytes:
-    """The scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible."""
+    """The scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
+
+    Raises :class:`ValueError` if the free vehicle is none of the log's.
+    """
     from scenariogeneration import xosc
 
     flavour = flavour or Flavour()
-    storyboard = _storyboard(log, flavour)
+    if flavour.free is not None and flavour.free not in log.bodies:
+        raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
     scenario = xosc.Scenario(
-        f"Fatal crash {record.key}, reconstructed",
+        f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
         AUTHOR,
         xosc.ParameterDeclarations(),
         _entities(log, flavour),
-        storyboard,
+        _storyboard(log, flavour, _motions(network, log, flavour)),
         xosc.RoadNetwork(roadfile=map_file),
         xosc.Catalog(),
-        osc_minor_version=flavour.minor_revision,
+        osc_minor_version=0 if flavour.carla else 2,
+        license=None if flavour.carla else xosc.License("CC0 1.0", _LICENCE[1], _LICENCE[0]),
         creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
     )
-    root = etree.fromstring(_as_bytes(scenario))
-    etree.indent(root, "  ")
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
-
-
-def read_trajectories(data: bytes) -> dict[str, FloatArray]:
-    """The trajectories of a scenario by entity, shape (n, 5): time (s), x, y, z (m), heading (radians)."""
-    root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
-    trajectories: dict[str, FloatArray] = {}
-    for group in root.iter("ManeuverGroup"):
-        entity = group.find("Actors/EntityRef")
-        vertices = group.findall(".//Polyline/Vertex")
-        if entity is None or not vertices:
-            continue
-        rows = []
-        for vertex in vertices:
-            position = vertex.find("Position/WorldPosition")
-            if position is None:
-                continue
-            rows.append([float(vertex.get("time", "nan")), *(float(position.get(axis, "0")) for axis in "xyzh")])
-        trajectories[entity.get("entityRef", "")] = np.array(rows)
-    return trajectories
+    root = etree.fromstring(_as_bytes(scenario), _XML_PARSER)
+    etree.indent(root, " ")
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 
 def entity_name(number: int) -> str:
@@ -120,93 +95,108 @@ def _as_bytes(scenario: xosc.Scenario) -> bytes:
     return bytes(ElementTree.tostring(scenario.get_element()))
 
 
+def _motions(network: RoadNetwork, log: SimulationLog, flavour: Flavour) -> dict[int, Motion]:
+    import numpy as np
+
+    paths = np.concatenate([np.stack([each.x_m, each.y_m], axis=-1) for each in log.vehicles])
+    surface = NetworkSurface(network).around(paths)
+    return {
+        each.number: motion(
+            log,
+            each,
+            ahead_m=_reference_ahead_m(log, each.number, flavour),
+            surface=surface,
+            until_s=_followed_until_s(log, each.number, flavour.free),
+        )
+        for each in log.vehicles
+    }
+
+
+def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> float:
+    return 0.0 if flavour.carla else rear_axle_ahead_m(log.bodies[number])
+
+
+def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
+    """Until when a vehicle does what it did: with another one free, until it would first touch that one."""
+    touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == {number, free}]
+    return min(touching, default=math.inf)
+
+
 def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
     from scenariogeneration import xosc
 
     entities = xosc.Entities()
-    for vehicle in log.vehicles:
-        body = log.bodies[vehicle.number]
-        controller = None
-        if vehicle.number == flavour.free_ego:
-            properties = xosc.Properties()
-            properties.add_property("module", "external_control")
-            controller = xosc.Controller("ego_controller", properties)
-        entities.add_scenario_object(entity_name(vehicle.number), _vehicle(vehicle.number, body, flavour), controller)
+    first = min(log.bodies) if flavour.free is None else flavour.free
+    for number, body in sorted(log.bodies.items()):
+        reference_m = _reference_ahead_m(log, number, flavour)
+        made = vehicle(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
+        if flavour.carla:
+            made.add_property("type", "ego_vehicle" if number == first else "simulation")
+        made.add_property("fars_vehicle_number", str(number))
+        controller = _controller() if number == flavour.free and not flavour.carla else None
+        entities.add_scenario_object(entity_name(number), made, controller)
     return entities
 
 
-def _vehicle(number: int, body: Body, flavour: Flavour) -> xosc.Vehicle:
+def _controller() -> xosc.Controller:
     from scenariogeneration import xosc
 
-    categories = {
-        VehicleClass.MOTORCYCLE: xosc.VehicleCategory.motorbike,
-        VehicleClass.BUS: xosc.VehicleCategory.bus,
-        VehicleClass.VAN: xosc.VehicleCategory.van,
-        VehicleClass.LIGHT_TRUCK: xosc.VehicleCategory.truck,
-        VehicleClass.TRUCK: xosc.VehicleCategory.truck,
-        VehicleClass.TRACTOR_TRAILER: xosc.VehicleCategory.semitrailer,
-    }
-    half_wheelbase_m = _WHEELBASE_SHARE * body.length_m / 2
-    track_m = _TRACK_SHARE * body.width_m
-    name = _CARLA_BLUEPRINTS[body.vehicle_class] if flavour.for_scenario_runner else f"{body.vehicle_class}_{number}"
-    vehicle = xosc.Vehicle(
-        name,
-        categories.get(body.vehicle_class, xosc.VehicleCategory.car),
-        xosc.BoundingBox(
-            round(body.width_m, 3),
-            round(body.length_m, 3),
-            round(body.height_m, 3),
-            0.0,
-            0.0,
-            round(body.height_m / 2, 3),
-        ),
-        xosc.Axle(
-            _MAX_STEER_RAD, _WHEEL_DIAMETER_M, round(track_m, 3), round(half_wheelbase_m, 3), _WHEEL_DIAMETER_M / 2
-        ),
-        xosc.Axle(0.0, _WHEEL_DIAMETER_M, round(track_m, 3), round(-half_wheelbase_m, 3), _WHEEL_DIAMETER_M / 2),
-        _MAX_SPEED_MPS,
-        _MAX_ACCELERATION_MPS2,
-        _MAX_ACCELERATION_MPS2,
-        mass=None if flavour.for_scenario_runner else round(body.mass_kg, 1),
-    )
-    first_or_ego = number == (flavour.free_ego or 1)
-    vehicle.add_property("type", "ego_vehicle" if flavour.for_scenario_runner and first_or_ego else "simulation")
-    vehicle.add_property("fars_vehicle_number", str(number))
-    return vehicle
+    properties = xosc.Properties()
+    properties.add_property("module", "external_control")  # ScenarioRunner's for an ego driven from outside
+    properties.add_property("esminiController", "ExternalController")
+    return xosc.Controller(CONTROLLER, properties)
 
 
-def _storyboard(log: SimulationLog, flavour: Flavour) -> xosc.StoryBoard:
+def _storyboard(log: SimulationLog, flavour: Flavour, motions: dict[int, Motion]) -> xosc.StoryBoard:
     from scenariogeneration import xosc
 
     init = xosc.Init()
-    act = xosc.Act("reconstruction", _at_time(0.0, "start_act"))
-    for vehicle in log.vehicles:
-        name = entity_name(vehicle.number)
-        init.add_init_action(name, xosc.TeleportAction(_position(vehicle, 0)))
+    act = xosc.Act("reconstruction", _at_start("start_act", flavour))
+    for logged in log.vehicles:
+        name = entity_name(logged.number)
+        speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
+        init.add_init_action(name, xosc.TeleportAction(_position(motions[logged.number], 0)))
         init.add_init_action(
             name,
             xosc.AbsoluteSpeedAction(
-                round(float(vehicle.speed_mps[0]), 3),
+                max(speed_mps, 0.0) if flavour.carla else speed_mps,
                 xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0.0),
             ),
         )
-        if vehicle.number != flavour.free_ego:
-            act.add_maneuver_group(_follow(vehicle, log, flavour))
+        if logged.number == flavour.free:
+            init.add_init_action(name, _handing_over(flavour))
+        else:
+            act.add_maneuver_group(_follow(name, motions[logged.number], flavour))
     story = xosc.Story("crash")
     story.add_act(act)
-    storyboard = xosc.StoryBoard(init, _at_time(float(log.duration_s), "stop", point="stop"))
+    storyboard = xosc.StoryBoard(init, _stop(log, flavour))
     storyboard.add_story(story)
     return storyboard
 
 
-def _follow(vehicle: VehicleLog, log: SimulationLog, flavour: Flavour) -> xosc.ManeuverGroup:
+def _handing_over(flavour: Flavour) -> xosc.ControllerAction:
+    """Gives a vehicle to its controller; revision 1.0 wants it assigned, and every override stated."""
     from scenariogeneration import xosc
 
-    name = entity_name(vehicle.number)
-    kept = _vertex_indices(vehicle, log)
+    if not flavour.carla:
+        return xosc.ControllerAction(activateControllerAction=xosc.ActivateControllerAction(True, True))
+    override = xosc.OverrideControllerValueAction()
+    for pedal in (override.set_throttle, override.set_brake, override.set_clutch, override.set_parkingbrake):
+        pedal(False, 0.0)
+    override.set_steeringwheel(False, 0.0)
+    override.set_gear(False, 0.0)
+    return xosc.ControllerAction(xosc.AssignControllerAction(_controller()), override)
+
+
+def _follow(name: str, motion: Motion, flavour: Flavour) -> xosc.ManeuverGroup:
+    from scenariogeneration import xosc
+
     trajectory = xosc.Trajectory(f"{name}_trajectory", closed=False)
     trajectory.add_shape(
-        xosc.Polyline([round(float(vehicle.time_s[i]), 4) for i in kept], [_position(vehicle, i) for i in kept])
+        xosc.Polyline(
+            [round(float(time_s), 6) for time_s in motion.time_s],
+            [_position(motion, i) for i in range(len(motion.time_s))],
+        )
     )
     action = xosc.FollowTrajectoryAction(
         trajectory,
@@ -216,9 +206,8 @@ def _follow(vehicle: VehicleLog, log: SimulationLog, flavour: Flavour) -> xosc.M
         offset=0.0,
     )
     # 1.1 renamed the priority.
-    priority = xosc.Priority.overwrite if flavour.minor_revision == 0 else xosc.Priority.override
-    event = xosc.Event(f"{name}_follow", priority)
-    event.add_trigger(_at_time(0.0, f"{name}_start"))
+    event = xosc.Event(f"{name}_follow", xosc.Priority.overwrite if flavour.carla else xosc.Priority.override)
+    event.add_trigger(_at_start(f"{name}_start", flavour))
     event.add_action(f"{name}_trajectory", action)
     manoeuvre = xosc.Maneuver(f"{name}_maneuver")
     manoeuvre.add_event(event)
@@ -228,40 +217,49 @@ def _follow(vehicle: VehicleLog, log: SimulationLog, flavour: Flavour) -> xosc.M
     return group
 
 
-def _vertex_indices(vehicle: VehicleLog, log: SimulationLog) -> list[int]:
-    """Every logged step near the first contact, elsewhere one each ``VERTEX_STEP_S``; always the first and last."""
-    contact_s = log.first_contact.time_s if log.first_contact else -np.inf
-    kept: list[int] = []
-    last_s = -np.inf
-    for i, time_s in enumerate(vehicle.time_s):
-        near_impact = abs(float(time_s) - contact_s) <= _IMPACT_WINDOW_S
-        if near_impact or time_s - last_s >= VERTEX_STEP_S - 1e-9 or i == len(vehicle.time_s) - 1:
-            kept.append(i)
-            last_s = float(time_s)
-    return kept
-
-
-def _position(vehicle: VehicleLog, index: int) -> xosc.WorldPosition:
+def _position(motion: Motion, index: int) -> xosc.WorldPosition:
     from scenariogeneration import xosc
 
-    return xosc.WorldPosition(
-        round(float(vehicle.x_m[index]), 4),
-        round(float(vehicle.y_m[index]), 4),
-        round(float(vehicle.z_m[index]), 4),
-        round(float(vehicle.heading_rad[index]), 5),
-        0.0,
-        0.0,
-    )
+    place = (round(float(each[index]), 5) + 0.0 for each in (motion.x_m, motion.y_m, motion.z_m))
+    angles = (motion.heading_rad, motion.pitch_rad, motion.roll_rad)
+    return xosc.WorldPosition(*place, *(round(float(each[index]), 6) + 0.0 for each in angles))
 
 
-def _at_time(time_s: float, name: str, point: str = "start") -> xosc.ValueTrigger:
+def _at_start(name: str, flavour: Flavour) -> xosc.ValueTrigger:
     from scenariogeneration import xosc
 
-    rule = xosc.Rule.greaterThan
-    return xosc.ValueTrigger(
-        name,
-        0.0,
-        xosc.ConditionEdge.none,
-        xosc.SimulationTimeCondition(round(time_s, 3), rule),
-        triggeringpoint=point,
-    )
+    rule = xosc.Rule.greaterThan if flavour.carla else xosc.Rule.greaterOrEqual  # which 1.0 does not have
+    return xosc.ValueTrigger(name, 0.0, xosc.ConditionEdge.none, xosc.SimulationTimeCondition(0.0, rule))
+
+
+def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trigger:
+    """At the end of the motion; with a vehicle free, some time after the recorded contact or a collision it has."""
+    from scenariogeneration import xosc
+
+    def after(time_s: float) -> xosc.ValueTrigger:
+        condition = xosc.SimulationTimeCondition(round(time_s, 3), xosc.Rule.greaterThan)
+        return xosc.ValueTrigger("stop_time", 0.0, xosc.ConditionEdge.none, condition, triggeringpoint="stop")
+
+    if flavour.free is None:
+        return after(log.duration_s)
+    free = entity_name(flavour.free)
+    contact = log.first_contact
+    trigger = xosc.Trigger("stop")
+    triggers = [after((contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S)]
+    triggers += [
+        xosc.EntityTrigger(
+            f"stop_collision_{entity_name(number)}",
+            _AFTER_COLLISION_S,
+            xosc.ConditionEdge.none,
+            xosc.CollisionCondition(entity_name(number)),
+            free,
+            triggeringpoint="stop",
+        )
+        for number in sorted(log.bodies)
+        if number != flavour.free
+    ]
+    for each in triggers:
+        group = xosc.ConditionGroup("stop")
+        group.add_condition(each)
+        trigger.add_conditiongroup(group)
+    return trigger

@@ -1,7 +1,9 @@
-"""The scenario package of one verified crash: everything a tester needs, in one archive that explains itself.
+"""The scenario package of one crash: everything a tester needs, in one archive that explains itself.
 
 A package is a set of named files; :func:`package_files` makes them, :func:`zip_files` puts them into an archive that is
-the same byte for byte whenever its content is. Nothing in it refers to the machine it was made on.
+the same byte for byte whenever its content is. Nothing in it refers to the machine it was made on. What
+:func:`package_files` takes is a crash on its road as it was simulated and judged, whoever made it: a verified crash, or
+a variation of one.
 """
 
 from __future__ import annotations
@@ -11,8 +13,9 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import resources
+from typing import NamedTuple
 
 from trace_dag import __version__
 from trace_dag.crash.record import CrashRecord
@@ -22,64 +25,73 @@ from trace_dag.roads.report import MapReport
 from trace_dag.scenario.openscenario import Flavour, write_openscenario
 from trace_dag.scenario.pictures import draw_crash
 from trace_dag.scenario.replay import write_html_player
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.log_io import SIMULATION_STEPS
+from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import StateEstimate
+from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.types import Verdict
 
+MANIFEST = "manifest.json"
+
+_ODBL, _CC0, _PUBLIC = "ODbL-1.0", "CC0-1.0", "US public domain"
 # Zip entries carry a date; a fixed one (the format's first) keeps archives reproducible.
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
+_DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class PackageInput:
-    """One crash's artefacts, as stored and as read. ``log`` is of the hypothesis that ``verdict`` names."""
+    """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
+
+    ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read. ``variation`` says
+    what was changed, as JSON, where this is not the crash itself.
+    """
 
     record: CrashRecord
     report_xml: bytes
     osm_xml: bytes
     map_xodr: bytes
-    estimate_json: bytes
-    verdict_json: bytes
     provenance: Mapping[str, object]
     network: RoadNetwork
     map_report: MapReport
     estimate: StateEstimate
     log: SimulationLog
     verdict: Verdict
+    variation: Mapping[str, object] | None = None
+
+
+class _File(NamedTuple):
+    name: str
+    licence: str
+    what: str
+    data: bytes
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
     """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
-    ego = min(vehicle.number for vehicle in crash.log.vehicles)
-    files = {
-        "README.md": _readme(crash, ego).encode(),
-        "LICENSES.md": _template("package_licenses.md").encode(),
-        "report.xml": crash.report_xml,
-        "summary.txt": (crash.record.summary + "\n").encode(),
-        "map.osm": crash.osm_xml,
-        "map.xodr": crash.map_xodr,
-        "map_legal_marks.xodr": write_opendrive(crash.network, marks="legal"),
-        "states.json": crash.estimate_json,
-        "trajectories.json": _trajectories(crash.log),
-        "scenario.xosc": write_openscenario(crash.record, crash.log),
-        "scenario.free_ego.xosc": write_openscenario(crash.record, crash.log, flavour=Flavour(free_ego=ego)),
-        "scenario.carla.xosc": write_openscenario(crash.record, crash.log, flavour=Flavour(minor_revision=0)),
-        "verdict.json": crash.verdict_json,
-        "replay.html": write_html_player(crash.record, crash.network, crash.log, crash.verdict),
-        "picture.png": draw_crash(
-            crash.record, crash.network, crash.map_report, crash.estimate, crash.log, crash.verdict
-        ),
-        "provenance.json": _json(crash.provenance),
-    }
+    files = [
+        *_sources(crash),
+        *_scenarios(crash),
+        *_results(crash),
+        _File("LICENSES.md", _CC0, "what may be done with it", _template("package_licenses.md").encode()),
+    ]
+    readme = _File("README.md", _CC0, "this", _readme(crash, files).encode())
+    described = sorted([*files, readme])
     manifest = {
         "key": crash.record.key,
         "made_by": f"trace-dag {__version__}",
         "files": {
-            name: {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
-            for name, data in sorted(files.items())
+            file.name: {
+                "sha256": hashlib.sha256(file.data).hexdigest(),
+                "bytes": len(file.data),
+                "licence": file.licence,
+                "what": file.what,
+            }
+            for file in described
         },
     }
-    return {**files, "manifest.json": _json(manifest)}
+    return {**{file.name: file.data for file in described}, MANIFEST: _json(manifest)}
 
 
 def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
@@ -89,20 +101,75 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
         for name in sorted(files):
             entry = zipfile.ZipInfo(f"{folder}/{name}", _ZIP_EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix, wherever it is made
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, files[name])
     return stream.getvalue()
 
 
-def _readme(crash: PackageInput, ego: int) -> str:
+def _sources(crash: PackageInput) -> list[_File]:
+    legal = write_opendrive(crash.network, marks="legal")
+    return [
+        _File("report.xml", _PUBLIC, "the report as NHTSA's CrashAPI serves it", crash.report_xml),
+        _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),
+        _File("map.osm", _ODBL, "the OpenStreetMap data the maps were made of", crash.osm_xml),
+        _File("map.xodr", _ODBL, "OpenDRIVE 1.7; its marks allow the crash: any may be crossed", crash.map_xodr),
+        _File("map_legal_marks.xodr", _ODBL, "the same roads with the marks the law paints", legal),
+    ]
+
+
+def _scenarios(crash: PackageInput) -> list[_File]:
+    def scenario(name: str, flavour: Flavour, what: str) -> _File:
+        return _File(name, _CC0, what, write_openscenario(crash.record, crash.network, crash.log, flavour=flavour))
+
+    files = [
+        scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: every vehicle follows its trajectory"),
+        scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
+    ]
+    for number in sorted(crash.log.bodies):
+        what = f"with V{number} left to a controller of yours"
+        files += [
+            scenario(f"scenario.free_V{number}.xosc", Flavour(free=number), f"OpenSCENARIO 1.2, {what}"),
+            scenario(
+                f"scenario.carla.free_V{number}.xosc",
+                Flavour(carla=True, free=number),
+                f"for ScenarioRunner, {what} (`external_control`)",
+            ),
+        ]
+    return files
+
+
+def _results(crash: PackageInput) -> list[_File]:
+    picture = draw_crash(crash.record, crash.network, crash.map_report, crash.estimate, crash.log, crash.verdict)
+    replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict)
+    files = [
+        _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
+        _File("trajectories.json", _CC0, "the simulated motion and contacts", _trajectories(crash)),
+        _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
+        _File("replay.html", _ODBL, "the crash to watch, in any browser", replay),
+        _File("picture.png", _ODBL, "the crash from above", picture),
+        _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
+    ]
+    if crash.variation is not None:
+        files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
+    return files
+
+
+def _readme(crash: PackageInput, files: list[_File]) -> str:
     from jinja2 import Environment, StrictUndefined
 
-    template = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False).from_string(  # noqa: S701 - Markdown
-        _template("package_readme.md.jinja")
-    )
-    contact = crash.log.first_contact
-    return template.render(
-        crash=crash.record, frame=crash.network.frame, ego=ego, contact=contact, verdict=crash.verdict, log=crash.log
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)  # noqa: S701 - Markdown
+    environment.filters["words"] = lambda value: str(value).replace("_", " ")
+    return environment.from_string(_template("package_readme.md.jinja")).render(
+        crash=crash.record,
+        variation=crash.variation,
+        frame=crash.network.frame,
+        contact=crash.log.first_contact,
+        verdict=crash.verdict,
+        judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
+        log=crash.log,
+        vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
+        files=files,
     )
 
 
@@ -110,20 +177,40 @@ def _template(name: str) -> str:
     return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")
 
 
-def _trajectories(log: SimulationLog) -> bytes:
-    """The driven motion, columns per vehicle, each number rounded to what is meant (0.1 mm, 0.1 mm/s, 10 µrad)."""
-    columns = ("time_s", "x_m", "y_m", "z_m", "heading_rad", "speed_mps")
-    vehicles = {
-        str(vehicle.number): {name: [round(float(value), 5) for value in getattr(vehicle, name)] for name in columns}
-        for vehicle in log.vehicles
-    }
+def _trajectories(crash: PackageInput) -> bytes:
+    """The log in one document: what its columns mean, states per vehicle, contacts; numbers to the micrometre."""
+    columns = {column.name: column for column in SIMULATION_STEPS.columns}
+    names = [field.name for field in fields(VehicleLog) if field.name != "number"]
     return _json(
         {
-            "frame": "x east, y north of the reported point (m), heading counter-clockwise from east (rad)",
-            "vehicles": vehicles,
-        }
+            "key": crash.record.key,
+            "frame": "x east, y north of the reported point, headings counter-clockwise from east, time from the start",
+            "columns": {name: {"meaning": columns[name].meaning, "unit": columns[name].unit or None} for name in names},
+            "vehicles": {
+                str(vehicle.number): {
+                    "body": _plain(crash.log.bodies[vehicle.number]),
+                    **{name: [_short(value) for value in getattr(vehicle, name).tolist()] for name in names},
+                }
+                for vehicle in crash.log.vehicles
+            },
+            "contacts": [_plain(contact) for contact in crash.log.contacts],
+        },
+        indent=None,
     )
 
 
-def _json(value: object) -> bytes:
-    return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+def _plain(value: object) -> object:
+    """A dataclass of ours as JSON can hold it, numbers shortened."""
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return _short(value) if isinstance(value, float) else value
+
+
+def _short(value: float) -> float:
+    return round(value, _DECIMALS) + 0.0
+
+
+def _json(value: object, *, indent: int | None = 1) -> bytes:
+    return (json.dumps(value, indent=indent, sort_keys=True, ensure_ascii=False) + "\n").encode()

@@ -1,0 +1,99 @@
+"""A player of OpenSCENARIO files that shares no code with this project, as far as the scenarios of packages need one.
+
+Written from the standard: an entity's reference point follows the vertices of its trajectory, linearly in time
+between them; its box has the dimensions of ``BoundingBox`` around a centre given from that point, ahead and to the
+left. Two entities collide when their boxes overlap, seen from above.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+from xml.etree import ElementTree
+
+import numpy as np
+from shapely.geometry import Polygon
+
+
+@dataclass(frozen=True)
+class Box:
+    ahead_m: float
+    left_m: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True)
+class Collision:
+    time_s: float
+    x_m: float
+    y_m: float
+    entities: tuple[str, str]
+
+
+class Scenario:
+    """What a file says: ``boxes`` and ``vertices`` by entity, the latter with columns time, x, y, z, h, p, r."""
+
+    def __init__(self, xml: bytes) -> None:
+        self.root = ElementTree.fromstring(xml)
+        self.boxes = {}
+        for entity in self.root.iterfind("Entities/ScenarioObject"):
+            box = entity.find("Vehicle/BoundingBox")
+            centre, size = box.find("Center"), box.find("Dimensions")
+            self.boxes[entity.get("name")] = Box(
+                *(float(each) for each in (centre.get("x"), centre.get("y"), size.get("length"), size.get("width")))
+            )
+        self.vertices = {}
+        for group in self.root.iter("ManeuverGroup"):
+            timing = group.find(".//TimeReference/Timing")
+            assert timing.get("domainAbsoluteRelative") == "absolute"
+            scale, offset = float(timing.get("scale")), float(timing.get("offset"))
+            rows = []
+            for vertex in group.iterfind(".//Polyline/Vertex"):
+                position = vertex.find("Position/WorldPosition")
+                time_s = float(vertex.get("time")) * scale + offset
+                rows.append([time_s, *(float(position.get(name, "0")) for name in "xyzhpr")])
+            self.vertices[group.find("Actors/EntityRef").get("entityRef")] = np.array(rows)
+        self.initial = {
+            private.get("entityRef"): [
+                float(private.find(".//TeleportAction/Position/WorldPosition").get(name, "0")) for name in "xyzhpr"
+            ]
+            for private in self.root.iterfind("Storyboard/Init/Actions/Private")
+        }
+
+    def reference(self, entity: str, times_s: np.ndarray) -> np.ndarray:
+        """Reference point at some times, columns x, y, z, h, p, r."""
+        rows = self.vertices[entity]
+        return np.stack([np.interp(times_s, rows[:, 0], rows[:, i]) for i in range(1, 7)], axis=-1)
+
+    def centres(self, entity: str, times_s: np.ndarray) -> np.ndarray:
+        """Middle of the box seen from above at some times, columns x, y, h."""
+        x, y, _, h, _, _ = self.reference(entity, times_s).T
+        box = self.boxes[entity]
+        c, s = np.cos(h), np.sin(h)
+        return np.stack([x + box.ahead_m * c - box.left_m * s, y + box.ahead_m * s + box.left_m * c, h], axis=-1)
+
+    def outline(self, entity: str, time_s: float) -> Polygon:
+        """The box from above."""
+        (x, y, h), box = self.centres(entity, np.array([time_s]))[0], self.boxes[entity]
+        c, s = math.cos(h), math.sin(h)
+        half_l, half_w = box.length_m / 2, box.width_m / 2
+        corners = ((half_l, half_w), (-half_l, half_w), (-half_l, -half_w), (half_l, -half_w))
+        return Polygon([(x + a * c - b * s, y + a * s + b * c) for a, b in corners])
+
+    def play(self, step_s: float) -> Collision | None:
+        """Plays in fixed steps to the end; the first collision."""
+        end_s = min(rows[-1, 0] for rows in self.vertices.values())
+        times = np.arange(0.0, end_s + step_s / 2, step_s)
+        places = {entity: self.centres(entity, times) for entity in self.vertices}
+        found = []
+        for one, two in combinations(self.vertices, 2):
+            reach = sum(math.hypot(self.boxes[each].length_m, self.boxes[each].width_m) / 2 for each in (one, two))
+            near = np.hypot(*(places[one][:, :2] - places[two][:, :2]).T) < reach
+            for time_s in times[near]:
+                shared = self.outline(one, time_s).intersection(self.outline(two, time_s))
+                if shared.area > 0:
+                    found.append(Collision(float(time_s), shared.centroid.x, shared.centroid.y, (one, two)))
+                    break
+        return min(found, key=lambda collision: collision.time_s, default=None)

@@ -1,0 +1,83 @@
+"""Bodies as OpenSCENARIO vehicles: bounding box, axles, limits, category.
+
+Two conventions for where an entity is. OpenSCENARIO's own reference point is the middle of the rear axle, on the road;
+the bounding box and the front axle are given from there. CARLA's ScenarioRunner reads no boxes and puts an actor's
+origin, the middle of its body, where the file says.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.crash.record import VehicleClass
+from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint
+from trace_dag.sim.types import Body
+from trace_dag.sim.vehicles import vehicle_model
+
+if TYPE_CHECKING:
+    from scenariogeneration import xosc
+
+_TRACK_SHARE = 0.85  # of the body's width, between the middles of the wheels
+_WHEEL_DIAMETER_M = 0.65
+_TRUCK_WHEEL_DIAMETER_M = 1.0
+_HEAVY = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
+_MAX_SPEED_MPS = 70.0  # a report can state no more than 151 mph
+_MAX_DECELERATION_MPS2 = 8.0  # on dry asphalt; what the crash itself does is no performance
+
+
+def rear_axle_ahead_m(body: Body) -> float:
+    """The rear axle ahead of the body's centre: negative."""
+    model = vehicle_model(body)
+    return model.cg_ahead_m - model.rear_axle_m
+
+
+def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -> xosc.Vehicle:
+    """The vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre.
+
+    ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
+    """
+    from scenariogeneration import xosc
+
+    model = vehicle_model(body)
+    front_axle_m = model.cg_ahead_m + model.front_axle_m - reference_ahead_m
+    rear_axle_m = rear_axle_ahead_m(body) - reference_ahead_m
+    track_m = 0.0 if body.vehicle_class is VehicleClass.MOTORCYCLE else _TRACK_SHARE * body.width_m
+    wheel_m = _TRUCK_WHEEL_DIAMETER_M if body.vehicle_class in _HEAVY else _WHEEL_DIAMETER_M
+    name = choose_blueprint(body, (each.id for each in BLUEPRINTS)).id if carla else f"{body.vehicle_class}_{number}"
+    return xosc.Vehicle(
+        name,
+        _category(body.vehicle_class),
+        xosc.BoundingBox(
+            _rounded(body.width_m),
+            _rounded(body.length_m),
+            _rounded(body.height_m),
+            _rounded(-reference_ahead_m),
+            0.0,
+            _rounded(body.height_m / 2),
+        ),
+        xosc.Axle(model.max_steer_rad, wheel_m, _rounded(track_m), _rounded(front_axle_m), wheel_m / 2),
+        xosc.Axle(0.0, wheel_m, _rounded(track_m), _rounded(rear_axle_m), wheel_m / 2),
+        _MAX_SPEED_MPS,
+        model.max_acceleration_mps2,
+        _MAX_DECELERATION_MPS2,
+        mass=None if carla else round(body.mass_kg, 1),  # revision 1.0 has none
+    )
+
+
+def _category(vehicle_class: VehicleClass) -> xosc.VehicleCategory:
+    from scenariogeneration import xosc
+
+    categories = {
+        VehicleClass.MOTORCYCLE: xosc.VehicleCategory.motorbike,
+        VehicleClass.BUS: xosc.VehicleCategory.bus,
+        VehicleClass.VAN: xosc.VehicleCategory.van,
+        VehicleClass.LIGHT_TRUCK: xosc.VehicleCategory.truck,
+        VehicleClass.TRUCK: xosc.VehicleCategory.truck,
+        VehicleClass.TRACTOR_TRAILER: xosc.VehicleCategory.truck,  # one body; a "semitrailer" is the trailer alone
+    }
+    return categories.get(vehicle_class, xosc.VehicleCategory.car)
+
+
+def _rounded(value_m: float) -> float:
+    """To a tenth of a millimetre, without a negative zero."""
+    return round(value_m, 4) + 0.0
