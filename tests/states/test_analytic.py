@@ -133,7 +133,7 @@ def test_the_same_json_twice_and_in_another_process():
     first = estimate_to_json(estimated(sample_case(key)))
     assert estimate_to_json(estimated(sample_case(key))) == first
     code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
         "from cases import SETTINGS, sample_case\n"
         "from trace_dag.states.estimate import estimate\n"
         "from trace_dag.states.json_io import estimate_to_json\n"

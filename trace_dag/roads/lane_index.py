@@ -1,66 +1,125 @@
-"""Lanes by place: the spatial index behind ``nearest_lanes``, lane surfaces and the drivable area."""
+"""Lanes by place: what ``nearest_lanes`` looks at, lane surfaces and the drivable area.
+
+Whoever looks a place up on a large map needs a few of its lanes: boxes around the roads are made of all of them at
+once, lines along the lanes of those roads alone that a question comes near.
+"""
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
+    from trace_dag.geometry import FloatArray
     from trace_dag.roads.lane_geometry import LaneGeometry
-    from trace_dag.roads.network import LaneRef
+    from trace_dag.roads.network import Cubic, LaneRef, LaneSection, Road
+
+    LanesOf = Callable[[Road], Iterable[tuple[LaneRef, LaneGeometry]]]
 
 _JOIN_M = 0.02
 """Slivers between lanes narrower than this are closed in the drivable area."""
+_SEARCH_M = 1.5
+"""Room for what lies between two points of a lane's search line, and for what it cuts off in curves."""
 
 
 class LaneIndex:
-    """A spatial index of lanes by their centres."""
+    """The drivable lanes of some roads by place. ``lanes_of`` gives those of one road."""
 
-    def __init__(self, lanes: Mapping[LaneRef, LaneGeometry]) -> None:
-        self._lanes = list(lanes.items())
-
-    @cached_property
-    def _tree(self) -> shapely.STRtree:
-        lines = [geometry.search_line for _, geometry in self._lanes]
-        owners = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-        geometries = np.asarray(shapely.linestrings(np.concatenate(lines), indices=owners), dtype=object)
-        return shapely.STRtree(geometries)
-
-    @cached_property
-    def _half_width_m(self) -> float:
-        """Half of the widest lane, with room for what the coarse search line cuts off in curves."""
-        widths = (
-            geometry.width.constant
-            if geometry.width.constant is not None
-            else float(np.max(geometry.width.sample(np.linspace(geometry.begin_m, geometry.end_m, 9))))
-            for _, geometry in self._lanes
-        )
-        return max(widths, default=0.0) / 2 + 0.5
+    def __init__(self, roads: Sequence[Road], lanes_of: LanesOf) -> None:
+        self._roads = tuple(roads)
+        self._lanes_of = lanes_of
+        self._boxes = _boxes(self._roads)
+        self._looked_up: dict[int, list[tuple[LaneRef, LaneGeometry, FloatArray, float]]] = {}
 
     def near(self, x_m: float, y_m: float, distance_m: float) -> Iterator[tuple[LaneRef, LaneGeometry]]:
-        """Candidates whose surface may lie within ``distance_m`` of a point, in no order."""
-        if not self._lanes:
-            return
-        reach = distance_m + self._half_width_m
-        for number in self._tree.query(shapely.Point(x_m, y_m), predicate="dwithin", distance=reach):
-            yield self._lanes[int(number)]
+        """Candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
+        low_x, low_y, high_x, high_y = self._boxes
+        apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
+        apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
+        for number in np.flatnonzero(np.hypot(apart_x, apart_y) <= distance_m):
+            for ref, geometry, line, half_width_m in self._lines(int(number)):
+                reach_m = distance_m + half_width_m + _SEARCH_M
+                if float(((line[:, 0] - x_m) ** 2 + (line[:, 1] - y_m) ** 2).min()) <= reach_m**2:
+                    yield ref, geometry
 
-    @staticmethod
-    def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
-        """A lane's surface."""
-        left = geometry.border(True, step_m)[:, :2]
-        right = geometry.border(False, step_m)[:, :2]
-        return shapely.Polygon(np.concatenate([left, right[::-1]]))
+    def _lines(self, number: int) -> list[tuple[LaneRef, LaneGeometry, FloatArray, float]]:
+        if number not in self._looked_up:
+            self._looked_up[number] = [
+                (ref, geometry, geometry.search_line, _widest_m(geometry) / 2)
+                for ref, geometry in self._lanes_of(self._roads[number])
+            ]
+        return self._looked_up[number]
 
-    def drivable_area(self, step_m: float = 2.0) -> shapely.MultiPolygon:
-        """Union of all lanes' surfaces."""
-        surfaces = np.array([self.polygon(geometry, step_m) for _, geometry in self._lanes], dtype=object)
-        area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
-        closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
-        parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
-        return shapely.MultiPolygon(parts)
+
+def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
+    """A lane's surface."""
+    left = geometry.border(True, step_m)[:, :2]
+    right = geometry.border(False, step_m)[:, :2]
+    return shapely.Polygon(np.concatenate([left, right[::-1]]))
+
+
+def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely.MultiPolygon:
+    """Union of the lanes' surfaces."""
+    surfaces = np.array([polygon(geometry, step_m) for geometry in lanes], dtype=object)
+    area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
+    closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
+    parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
+    return shapely.MultiPolygon(parts)
+
+
+def _widest_m(geometry: LaneGeometry) -> float:
+    if geometry.width.constant is not None:
+        return geometry.width.constant
+    return float(np.max(geometry.width.sample(np.linspace(geometry.begin_m, geometry.end_m, 9))))
+
+
+def _boxes(roads: Sequence[Road]) -> FloatArray:
+    """Boxes no lane of a road reaches out of, shape (4, n): low x, low y, high x, high y."""
+    if not roads:
+        return np.zeros((4, 0))
+    pieces = [
+        (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm, each.poly is not None)
+        for number, road in enumerate(roads)
+        for each in road.plan
+    ]
+    owner, x, y, heading, length, curvature, cubic = np.array(pieces, dtype=float).T
+    turn = curvature * length
+    chord = length * np.sinc(turn / math.tau)
+    end_x, end_y = x + chord * np.cos(heading + turn / 2), y + chord * np.sin(heading + turn / 2)
+    # An arc rises above its chord by less than this; a cubic of this length stays within it of its beginning.
+    rise = np.where(cubic > 0, length, length * np.minimum(np.abs(turn), math.tau) / 8)
+    rise += np.array([_farthest_lane_m(road) for road in roads])[owner.astype(int)]
+    first = np.flatnonzero(np.diff(owner, prepend=-1.0))
+    return np.stack(
+        [
+            np.minimum.reduceat(np.minimum(x, end_x) - rise, first),
+            np.minimum.reduceat(np.minimum(y, end_y) - rise, first),
+            np.maximum.reduceat(np.maximum(x, end_x) + rise, first),
+            np.maximum.reduceat(np.maximum(y, end_y) + rise, first),
+        ]
+    )
+
+
+def _farthest_lane_m(road: Road) -> float:
+    """A distance from the reference line beyond which no lane of a road lies."""
+    offset_m = _bound_m(road.lane_offset, road.length_m)
+    return offset_m + max((_width_bound_m(section, road.length_m) for section in road.lane_sections), default=0.0)
+
+
+def _width_bound_m(section: LaneSection, length_m: float) -> float:
+    return sum(_bound_m(lane.widths, length_m) for lane in section.lanes)
+
+
+def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
+    """No value of piecewise cubics over a length is larger: each term is taken at its largest."""
+    bound = 0.0
+    for number, cubic in enumerate(cubics):
+        end_m = cubics[number + 1].s_m if number + 1 < len(cubics) else length_m
+        ds = max(end_m - cubic.s_m, 0.0)
+        bound = max(bound, abs(cubic.a) + ds * (abs(cubic.b) + ds * (abs(cubic.c) + ds * abs(cubic.d))))
+    return bound

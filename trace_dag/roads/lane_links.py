@@ -10,31 +10,50 @@ if TYPE_CHECKING:
 
 
 class LaneLinks:
-    """Successors and predecessors of every drivable lane, in the direction of travel."""
+    """Successors and predecessors of drivable lanes, in the direction of travel; found when first asked for."""
 
     def __init__(self, network: RoadNetwork) -> None:
         self._network = network
-        self._drivable = frozenset(network.drivable_lanes())
+        self._successors: dict[LaneRef, tuple[LaneRef, ...]] = {}
+        self._predecessors: dict[LaneRef, tuple[LaneRef, ...]] = {}
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
         """Lanes one drives into at the lane's end."""
-        return self._successors.get(ref, ())
+        if ref not in self._successors:
+            found = self._find(ref) if self._network.is_drivable(ref) else ()
+            self._successors[ref] = tuple(dict.fromkeys(found))
+        return self._successors[ref]
 
     def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
         """Lanes one can have come from."""
-        return self._predecessors.get(ref, ())
+        if ref not in self._predecessors:
+            self._predecessors[ref] = tuple(
+                lane
+                for road in self._leading_to.get(ref.road_id, ())
+                for lane in self._network.drivable_lanes_of(road)
+                if ref in self.successors(lane)
+            )
+        return self._predecessors[ref]
 
     @cached_property
-    def _successors(self) -> dict[LaneRef, tuple[LaneRef, ...]]:
-        return {ref: tuple(dict.fromkeys(self._find(ref))) for ref in self._network.drivable_lanes()}
-
-    @cached_property
-    def _predecessors(self) -> dict[LaneRef, tuple[LaneRef, ...]]:
-        found: dict[LaneRef, list[LaneRef]] = {}
-        for ref, following in self._successors.items():
-            for successor in following:
-                found.setdefault(successor, []).append(ref)
-        return {ref: tuple(coming) for ref, coming in found.items()}
+    def _leading_to(self) -> dict[str, list[Road]]:
+        """Roads one can enter a road from, itself among them, by its id; in the order of the network."""
+        found: dict[str, dict[str, None]] = {}
+        for road in self._network.roads:
+            found.setdefault(road.id, {})[road.id] = None
+            for link in (road.predecessor, road.successor):
+                if link is not None and link.element_type == "road":
+                    found.setdefault(link.element_id, {})[road.id] = None
+        for junction in self._network.junctions:
+            for connection in junction.connections:
+                found.setdefault(connection.connecting_road, {})[connection.incoming_road] = None
+        position = {road.id: number for number, road in enumerate(self._network.roads)}
+        return {
+            road_id: [
+                self._network.roads[number] for number in sorted(position[each] for each in ids if each in position)
+            ]
+            for road_id, ids in found.items()
+        }
 
     @cached_property
     def _connections_from(self) -> dict[tuple[str, str], list[Connection]]:
@@ -88,7 +107,7 @@ class LaneLinks:
         if lane_id is None:
             return []
         ref = _lane_ref(road_id, section, lane_id)
-        return [ref] if ref in self._drivable and (lane_id < 0) == along else []
+        return [ref] if self._network.is_drivable(ref) and (lane_id < 0) == along else []
 
 
 def _lane_ref(road_id: str, section: int, lane_id: int) -> LaneRef:

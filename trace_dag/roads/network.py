@@ -18,10 +18,12 @@ import numpy as np
 
 from trace_dag.geometry import FloatArray, LocalFrame, Pose
 from trace_dag.roads.lane_geometry import LaneGeometry, RoadGeometry
-from trace_dag.roads.lane_index import LaneIndex
+from trace_dag.roads.lane_index import LaneIndex, drivable_area, polygon
 from trace_dag.roads.lane_links import LaneLinks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from shapely import MultiPolygon, Polygon
 
 SAME_LEVEL_M: Final = 2.5
@@ -242,21 +244,16 @@ class RoadNetwork:
 
     # --- lanes -----------------------------------------------------------------------------------------------
     @cached_property
-    def _geometry(self) -> dict[str, RoadGeometry]:
-        return {road.id: RoadGeometry(road) for road in self.roads}
+    def _geometry(self) -> _Roads:
+        return _Roads(self.road_by_id)
 
     @cached_property
-    def _lanes(self) -> dict[LaneRef, LaneGeometry]:
-        return {
-            LaneRef(road.id, index, lane_id): geometry
-            for road in self.roads
-            for index in range(len(road.lane_sections))
-            for lane_id, geometry in self._geometry[road.id].lanes_of(index).items()
-        }
+    def _lanes(self) -> _Lanes:
+        return _Lanes(self._geometry)
 
     @cached_property
     def _drivable(self) -> tuple[LaneRef, ...]:
-        return tuple(ref for ref, geometry in self._lanes.items() if geometry.lane.type.drivable)
+        return tuple(ref for road in self.roads for ref in self.drivable_lanes_of(road))
 
     @cached_property
     def _links(self) -> LaneLinks:
@@ -264,19 +261,38 @@ class RoadNetwork:
 
     @cached_property
     def _index(self) -> LaneIndex:
-        return LaneIndex({ref: self._lanes[ref] for ref in self._drivable})
+        return LaneIndex(self.roads, lambda road: [(ref, self._lanes[ref]) for ref in self.drivable_lanes_of(road)])
 
     def drivable_lanes(self) -> tuple[LaneRef, ...]:
         """Every lane traffic drives in, all roads, junctions included."""
         return self._drivable
 
+    def drivable_lanes_of(self, road: Road) -> tuple[LaneRef, ...]:
+        """The lanes of one road traffic drives in."""
+        return tuple(ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.drivable)
+
+    def is_drivable(self, ref: LaneRef) -> bool:
+        """Whether there is such a lane and traffic drives in it."""
+        lane = self._lane_by_ref.get(ref)
+        return lane is not None and lane.type.drivable
+
     def lanes(self) -> tuple[LaneRef, ...]:
         """Every lane but the centre ones, drivable or not."""
-        return tuple(self._lanes)
+        return tuple(ref for road in self.roads for ref in _lanes_of(road))
 
     def lane(self, ref: LaneRef) -> Lane:
         """The lane itself."""
-        return self._lanes[ref].lane
+        return self._lane_by_ref[ref]
+
+    @cached_property
+    def _lane_by_ref(self) -> dict[LaneRef, Lane]:
+        return {
+            LaneRef(road.id, index, lane.id): lane
+            for road in self.roads
+            for index, section in enumerate(road.lane_sections)
+            for lane in section.lanes
+            if lane.id != 0
+        }
 
     def lane_span(self, ref: LaneRef) -> tuple[float, float]:
         """``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
@@ -301,11 +317,7 @@ class RoadNetwork:
         inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
         left = LaneRef(ref.road_id, ref.section, inner_id)
         right = LaneRef(ref.road_id, ref.section, ref.lane_id + outward)
-        return (self._if_drivable(left), self._if_drivable(right))
-
-    def _if_drivable(self, ref: LaneRef) -> LaneRef | None:
-        geometry = self._lanes.get(ref)
-        return ref if geometry is not None and geometry.lane.type.drivable else None
+        return (left if self.is_drivable(left) else None, right if self.is_drivable(right) else None)
 
     # --- places ----------------------------------------------------------------------------------------------
     def geometry(self, ref: LaneRef) -> LaneGeometry:
@@ -341,12 +353,12 @@ class RoadNetwork:
 
     def lane_polygon(self, ref: LaneRef, step_m: float = 2.0) -> Polygon:
         """The lane's surface seen from above."""
-        return self._index.polygon(self._lanes[ref], step_m)
+        return polygon(self._lanes[ref], step_m)
 
     @cached_property
     def drivable_area(self) -> MultiPolygon:
         """Everything traffic drives on, junctions included, seen from above."""
-        return self._index.drivable_area()
+        return drivable_area(self._lanes[ref] for ref in self._drivable)
 
     def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
         """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
@@ -366,7 +378,7 @@ class RoadNetwork:
             level = z_m is None or abs(geometry.road.height_at(match.s_m) - z_m) <= SAME_LEVEL_M
             if match.outside_m <= max_distance_m and level:
                 matches.append(match)
-        matches.sort(key=lambda match: (match.outside_m, abs(match.offset_m)))
+        matches.sort(key=lambda match: (match.outside_m, abs(match.offset_m), match.lane))
         return matches
 
     def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
@@ -376,3 +388,40 @@ class RoadNetwork:
     def __getstate__(self) -> dict[str, object]:
         """Fields only: what the queries have cached is rebuilt, not sent to other processes."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+def _lanes_of(road: Road) -> Iterator[LaneRef]:
+    """Every lane of a road but the centre ones: by section, outward on the left, then on the right."""
+    for index, section in enumerate(road.lane_sections):
+        ids = sorted(
+            (lane.id for lane in section.lanes if lane.id != 0), key=lambda lane_id: (lane_id < 0, abs(lane_id))
+        )
+        for lane_id in ids:
+            yield LaneRef(road.id, index, lane_id)
+
+
+class _Roads(dict[str, RoadGeometry]):
+    """Geometry of roads by id, made when first asked for."""
+
+    def __init__(self, roads: Mapping[str, Road]) -> None:
+        super().__init__()
+        self._roads = roads
+
+    def __missing__(self, road_id: str) -> RoadGeometry:
+        self[road_id] = geometry = RoadGeometry(self._roads[road_id])
+        return geometry
+
+
+class _Lanes(dict[LaneRef, LaneGeometry]):
+    """Geometry of lanes, made for a lane section when one of its lanes is first asked for."""
+
+    def __init__(self, roads: _Roads) -> None:
+        super().__init__()
+        self._roads = roads
+
+    def __missing__(self, ref: LaneRef) -> LaneGeometry:
+        for lane_id, geometry in self._roads[ref.road_id].lanes_of(ref.section).items():
+            self[ref._replace(lane_id=lane_id)] = geometry
+        if ref not in self:
+            raise KeyError(ref)
+        return self[ref]

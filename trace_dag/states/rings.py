@@ -45,13 +45,13 @@ def ring_through(
 def _in_ring(network: RoadNetwork, ref: LaneRef, centreline: Callable[[LaneRef], FloatArray]) -> bool:
     section = network.road_by_id[ref.road_id].lane_sections[ref.section]
     one_way = all(lane.id * ref.lane_id > 0 for lane in section.lanes if lane.id != 0 and lane.type.drivable)
-    heading = np.unwrap(centreline(ref)[:, 3])
+    heading = centreline(ref)[:, 3]
     return one_way and float(heading[-1] - heading[0]) > _RIGHTWARD_RAD
 
 
 def _round(lanes: tuple[LaneRef, ...], centreline: Callable[[LaneRef], FloatArray]) -> bool:
     points = np.concatenate([centreline(ref)[:, :2] for ref in lanes])
-    turned = sum(float(np.diff(np.unwrap(centreline(ref)[:, 3])).sum()) for ref in lanes)
+    turned = sum(float(np.diff(centreline(ref)[:, 3]).sum()) for ref in lanes)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = np.hypot(*(points - middle).T)
     return turned > math.radians(270) and float(radius.max()) <= _OUT_OF_ROUND * float(radius.min())

@@ -290,7 +290,7 @@ class StreamFinder:
         return _Chain(lanes, np.concatenate(pieces), tuple(starts))
 
     def _detour(self, ref: LaneRef, name: str, keep: tuple[LaneRef, ...]) -> tuple[float, LaneRef]:
-        bend = float(np.abs(np.diff(np.unwrap(self._centre(ref)[:, 3]))).sum())
+        bend = float(np.abs(np.diff(self._centre(ref)[:, 3])).sum())
         road = self._road(ref)
         other_name = 0.3 if road.junction_id is None and name and road.name != name else 0.0
         return (round(bend + other_name - (10.0 if ref in keep else 0.0), 3), ref)
@@ -311,7 +311,7 @@ class StreamFinder:
         Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
         """
         if connecting not in self._turns:
-            heading = np.unwrap(self._centre(connecting)[:, 3])
+            heading = self._centre(connecting)[:, 3]
             inside = float(heading[-1] - heading[0])
             before, after = self.network.predecessors(connecting), self.network.successors(connecting)
             outside = inside
