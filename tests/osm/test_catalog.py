@@ -150,9 +150,11 @@ def test_only_what_a_vehicle_drives_on_is_kept(tmp_path: Path) -> None:
         way(25, [5, 6], highway="residential", access="no", motor_vehicle="yes"),
         way(26, [6, 7], highway="residential", access="private"),
         way(27, [7, 8], highway="residential", area="yes"),
+        way(28, [8, 9], highway="track"),
+        way(29, [8, 9], highway="track", ref="CR 93"),
     )
-    assert [w.id for w in found(extract(file)).ways] == [21, 22, 25, 26]
-    assert [w.id for w in found(extract(file, service_roads=False)).ways] == [22, 25, 26]
+    assert [w.id for w in found(extract(file)).ways] == [21, 22, 25, 26, 29]
+    assert [w.id for w in found(extract(file, service_roads=False)).ways] == [22, 25, 26, 29]
 
 
 def test_a_restriction_is_dropped_with_the_way_it_speaks_of(tmp_path: Path) -> None:

@@ -60,6 +60,11 @@ def crossing(main: dict[str, str], elm: dict[str, str]) -> Town:
         (one_street(lanes="4"), (0, 1), 2, UNDIVIDED, DIFFERS),
         (one_street(lanes="4"), (0, 1), 2, DIVIDED, AGREES),  # a painted median: only the vehicle's side counts
         (one_street(lanes="5", lanes__both_ways="1"), (0, 1), 5, TURN_LANE, AGREES),
+        (one_street(lanes="5", lanes__both_ways="1"), (0, 1), 4, UNDIVIDED, AGREES),  # without the turn lane
+        (one_street(lanes="5", lanes__both_ways="1"), (0, 1), 3, UNDIVIDED, DIFFERS),
+        (one_street(lanes="4", oneway="yes", turn__lanes="left||through|right"), (0, 1), 2, ONE_WAY, AGREES),
+        (one_street(lanes="4", oneway="yes", turn__lanes="left||through|right"), (0, 1), 4, ONE_WAY, AGREES),
+        (one_street(lanes="4", oneway="yes", turn__lanes="left||through|right"), (0, 1), 3, ONE_WAY, DIFFERS),
         (divided_street(), (0, -8), 2, DIVIDED, AGREES),
         (divided_street(), (0, -8), 4, DIVIDED, DIFFERS),
         (divided_street(), (0, -8), 4, UNDIVIDED, AGREES),  # both carriageways together

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 # The OSM wiki's road classes and links, as osmnx's "drive" network has them. Not in it: ways for feet and wheels
-# (footway, cycleway, path, pedestrian, track, ...), busways, and what is not there (construction, proposed, razed).
+# (footway, cycleway, path, pedestrian, ...), busways, and what is not there (construction, proposed, razed).
 PUBLIC_HIGHWAYS: Final = frozenset(
     {
         *("motorway", "trunk", "primary", "secondary", "tertiary"),
@@ -15,7 +15,10 @@ PUBLIC_HIGHWAYS: Final = frozenset(
     }
 )
 SERVICE_HIGHWAYS: Final = frozenset({"service"})
-DRIVABLE_HIGHWAYS: Final = PUBLIC_HIGHWAYS | SERVICE_HIGHWAYS
+# Unpaved. Those with a name or a number are public roads all the same, as county roads often go on; the others serve
+# fields and woods.
+TRACK_HIGHWAYS: Final = frozenset({"track"})
+DRIVABLE_HIGHWAYS: Final = PUBLIC_HIGHWAYS | SERVICE_HIGHWAYS | TRACK_HIGHWAYS
 
 _VEHICLE_ACCESS_KEYS: Final = ("motorcar", "motor_vehicle", "vehicle", "access")  # the most specific first
 _FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
@@ -27,7 +30,10 @@ def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
     Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are no ways to drive along.
     """
     highway = tags.get("highway")
-    if highway not in PUBLIC_HIGHWAYS and not (service_roads and highway in SERVICE_HIGHWAYS):
+    if highway in TRACK_HIGHWAYS:
+        if "name" not in tags and "ref" not in tags:
+            return False
+    elif highway not in PUBLIC_HIGHWAYS and not (service_roads and highway in SERVICE_HIGHWAYS):
         return False
     if tags.get("area") == "yes":
         return False

@@ -8,17 +8,23 @@ from typing import Final
 
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.roads.crossings import is_one_way
-from trace_dag.roads.network import LaneType, Road, RoadNetwork
+from trace_dag.roads.network import Lane, LaneType, Road, RoadNetwork
+from trace_dag.roads.osm_tags import LEFT_TURNS, RIGHT_TURNS
 from trace_dag.units import wrap_angle
 
 _OTHER_CARRIAGEWAY_M: Final = 60.0  # how far apart the carriageways of one divided road may be
 _OPPOSED_RAD: Final = math.radians(150)
+_TURNS: Final = LEFT_TURNS | RIGHT_TURNS
 _APPROACH_M: Final = 60.0  # lanes are counted on this much road either way: turn lanes begin and end
 
 
 @dataclass(frozen=True)
 class LaneCount:
-    """Traffic lanes of a road object: along and against its reference line, and for turning in the middle."""
+    """Traffic lanes of a road object: along and against its reference line, and for turning in the middle.
+
+    A cross-section with lanes that only turn is counted twice, with them and without: ``VNUM_LAN`` has them where they
+    are part of what the vehicle drove on, which the map cannot know.
+    """
 
     along: int
     against: int
@@ -35,7 +41,7 @@ class Carriageway:
     """A road object at a place, and the other carriageway of the same street where it is divided."""
 
     road: Road
-    counts: tuple[LaneCount, ...]  # every cross-section within the approach, nearest first
+    counts: tuple[LaneCount, ...]  # every count of every cross-section within the approach, nearest first
     median: bool  # the road object itself has a median lane
     opposite: Road | None
     opposite_counts: tuple[LaneCount, ...] = ()
@@ -67,7 +73,7 @@ def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -
 
 
 def lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[LaneCount, ...]:
-    """The cross-sections within ``reach_m`` of ``s_m``, nearest first, each once."""
+    """The lanes of the cross-sections within ``reach_m`` of ``s_m``, nearest first, each count once."""
     starts = [section.s_m for section in road.lane_sections]
     ends = [*starts[1:], road.length_m]
     near = []
@@ -76,13 +82,15 @@ def lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[L
         if distance > reach_m:
             continue
         traffic = [lane for lane in section.lanes if lane.type.drivable and lane.type != LaneType.BIDIRECTIONAL]
-        count = LaneCount(
-            along=sum(lane.id < 0 for lane in traffic),
-            against=sum(lane.id > 0 for lane in traffic),
-            centre=sum(lane.type == LaneType.BIDIRECTIONAL for lane in section.lanes),
-        )
-        near.append((distance, start, count))
+        through = [lane for lane in traffic if not lane.turns or not _TURNS.issuperset(lane.turns)]
+        centre = sum(lane.type == LaneType.BIDIRECTIONAL for lane in section.lanes)
+        near.append((distance, start, _count(traffic, centre)))
+        near.append((distance, start, _count(through, 0)))
     return tuple(dict.fromkeys(count for _, _, count in sorted(near, key=lambda item: item[:2])))
+
+
+def _count(lanes: list[Lane], centre: int) -> LaneCount:
+    return LaneCount(sum(lane.id < 0 for lane in lanes), sum(lane.id > 0 for lane in lanes), centre)
 
 
 def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:

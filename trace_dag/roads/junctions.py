@@ -18,7 +18,7 @@ from typing import Final
 
 from trace_dag.roads.lanes import EndLane
 from trace_dag.roads.network import ContactPoint, LaneType
-from trace_dag.roads.osm_tags import WayProfile
+from trace_dag.roads.osm_tags import LEFT_TURNS, RIGHT_TURNS, WayProfile
 from trace_dag.roads.plan_fit import Plan, PlanPose, Point
 
 _STRAIGHT_RAD: Final = math.radians(45)
@@ -36,8 +36,6 @@ _TURN_ANGLES: Final = {
     "right": math.radians(-90),
     "sharp_right": math.radians(-135),
 }
-_LEFT_ONLY: Final = frozenset({"left", "slight_left", "sharp_left", "reverse"})
-_RIGHT_ONLY: Final = frozenset({"right", "slight_right", "sharp_right"})
 
 
 @dataclass(frozen=True)
@@ -287,7 +285,7 @@ def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]
         if turn == "reverse":
             found.update(i for i, m in enumerate(movements) if m.turn == "u_turn")
             continue
-        kind = "left" if turn in _LEFT_ONLY else "right" if turn in _RIGHT_ONLY else "straight"
+        kind = "left" if turn in LEFT_TURNS else "right" if turn in RIGHT_TURNS else "straight"
         same_kind = [i for i, m in enumerate(movements) if m.turn == kind]
         if turn in ("left", "right") and same_kind:
             found.update(same_kind)
@@ -354,10 +352,10 @@ def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, 
         if wide > count:
             pockets = 0
             for lane in targets:
-                if not (lane.turns and _LEFT_ONLY.issuperset(lane.turns)):
+                if not (lane.turns and LEFT_TURNS.issuperset(lane.turns)):
                     break
                 pockets += 1
-            mine = sum(1 for lane in lanes if lane.turns and _LEFT_ONLY.issuperset(lane.turns))
+            mine = sum(1 for lane in lanes if lane.turns and LEFT_TURNS.issuperset(lane.turns))
             shift = min(max(pockets - mine, 0), wide - count)
         return tuple((lane, targets[min(k + shift, wide - 1)]) for k, lane in enumerate(lanes))
     if movement.turn == "right":

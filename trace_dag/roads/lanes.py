@@ -14,11 +14,10 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from trace_dag.roads.network import Cubic, Lane, LaneSection, LaneType, RoadMark
-from trace_dag.roads.osm_tags import CrossSection, LaneSpec, WayProfile
+from trace_dag.roads.osm_tags import LEFT_TURNS, CrossSection, LaneSpec, WayProfile
 
 _SAME_M: Final = 1e-9
 _TAPER_RATIO: Final = 4.0  # a taper is at least this many times as long as lanes shift sideways
-_LEFT_TURNS: Final = frozenset({"left", "slight_left", "sharp_left", "reverse"})
 
 
 class Stretch(NamedTuple):
@@ -154,13 +153,13 @@ def _inner_extra(
     extra = 0
     for index in drivable:
         turns = many[index].turns
-        if (turns and _LEFT_TURNS.issuperset(turns)) or (ending and "merge_to_right" in turns):
+        if (turns and LEFT_TURNS.issuperset(turns)) or (ending and "merge_to_right" in turns):
             extra += 1
         else:
             break
     for index in few_drivable:  # pockets that exist on both sides are not extra
         turns = few[index].turns
-        if not (turns and _LEFT_TURNS.issuperset(turns)):
+        if not (turns and LEFT_TURNS.issuperset(turns)):
             break
         extra -= 1
     return max(extra, 0)

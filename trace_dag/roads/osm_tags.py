@@ -38,6 +38,8 @@ _MEDIAN_WIDTH_M: Final = 1.2
 _PARKING_WIDTHS_M: Final = {"parallel": 2.2, "diagonal": 4.6, "perpendicular": 5.2, "lane": 2.2, "yes": 2.2}
 _SHOULDER_WIDTH_M: Final = 2.4  # 8 ft
 _MAX_LANES: Final = 12  # beyond it, a number is a slip of the keyboard
+LEFT_TURNS: Final = frozenset({"left", "slight_left", "sharp_left", "reverse"})
+RIGHT_TURNS: Final = frozenset({"right", "slight_right", "sharp_right"})
 _NAME_KEYS: Final = (
     *("name", "ref", "alt_name", "name_1", "name_2", "alt_name_1", "official_name", "short_name", "loc_name"),
     *("old_name", "reg_name", "ref_1", "old_ref", "nat_ref", "unsigned_ref", "name:en", "adot_name", "bridge:name"),

@@ -2,7 +2,8 @@
 
 FARS elements, by the FARS Analytical User's Manual: ``VTRAFWAY`` describes the trafficway. ``VNUM_LAN`` counts the
 lanes of the roadway the vehicle was on: both directions together where the trafficway is not divided, only the
-vehicle's own roadway where it is; turn lanes count, 7 means seven or more. ``VTRAFCON`` is the traffic control that
+vehicle's own roadway where it is; turn lanes count where they belong to what the vehicle drove on, 7 means seven or
+more. ``VTRAFCON`` is the traffic control that
 applied to the vehicle.
 """
 
@@ -70,8 +71,8 @@ def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
 def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:
     """What ``VNUM_LAN`` would be on a street of the map, given how ``VTRAFWAY`` describes it.
 
-    Several values where lanes begin or end near the place, or the two directions differ; and where the report does not
-    say whether the trafficway is divided, both readings of a divided one.
+    Several values where lanes begin, end or only turn near the place, or the two directions differ; and where the
+    report does not say whether the trafficway is divided, both readings of a divided one.
     """
     values: set[int] = set()
     for count in street.counts:
@@ -82,7 +83,7 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
             else:
                 values |= {count.total} | (both if trafficway is None else set())
         elif trafficway == Trafficway.DIVIDED or (trafficway is None and street.median):
-            values.update(side + extra for side in (count.along, count.against) for extra in {0, count.centre})
+            values.update(side + count.centre for side in (count.along, count.against))
         else:
             values.add(count.total)
     return frozenset(min(value, MOST_LANES) for value in values)
