@@ -63,6 +63,7 @@ class Reason(StrEnum):
     WRONG_LOCATION = "wrong_location"
     WRONG_IMPACT = "wrong_impact"
     WRONG_DIRECTION = "wrong_direction"
+    WRONG_SPEED = "wrong_speed"  # only under the rule set "strict"
 
     @property
     def stage(self) -> Stage:
@@ -98,6 +99,7 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.WRONG_LOCATION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
     Reason.WRONG_IMPACT: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
     Reason.WRONG_DIRECTION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
+    Reason.WRONG_SPEED: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
 }
 
 

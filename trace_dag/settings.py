@@ -16,6 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.errors import UserError
 
+RuleSetName = Literal["trace-dag", "strict", "published"]
+
 _NOT_IN_PROVENANCE: dict[str, Any] = {"provenance": False}  # says how a service is reached, not what comes out
 
 
@@ -114,14 +116,15 @@ class SimSettings(_Section):
 class VerdictSettings(_Section):
     """Judging (stage ``verdict``). Defaults are the paper's thresholds.
 
-    The rule set "published" has its own, fixed ones: the published procedure's, for comparison.
+    The rule set "strict" rejects for wrong speeds as well, which the paper's does not. "published" is the published
+    pipeline's procedure with its own, fixed thresholds, for comparison.
     """
 
-    rule_set: Literal["trace-dag", "published"] = "trace-dag"
+    rule_set: RuleSetName = "trace-dag"
     max_contact_distance_m: float = Field(5.0, gt=0, description="First contact to the reported location.")
     max_clock_error_h: float = Field(2.0, ge=0, le=6, description="Impact on each body, against the reported one.")
     max_direction_error_deg: float = Field(45.0, ge=0, le=180)
-    max_speed_error_rel: float = Field(0.1, ge=0, description="Against reported speeds; shown, rejects nothing.")
+    max_speed_error_rel: float = Field(0.1, ge=0, description='Against reported speeds; rejects only under "strict".')
 
 
 class ServiceSettings(_Section):

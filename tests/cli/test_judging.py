@@ -64,6 +64,19 @@ def test_controls_enter_the_warehouse(root: Path, verified: list[str]) -> None:
     assert found["other_report"]["rate"] < found["true"]["rate"]
 
 
+def test_another_set_of_rules_can_judge_without_a_new_run(root: Path) -> None:
+    accepted = "SELECT rule_set, count(*) FILTER (accepted) AS n FROM negative_controls WHERE kind = {} GROUP BY 1"
+    others = {}
+    for rules in ("trace-dag", "strict"):
+        assert trace_dag(root, "controls", "--rules", rules).returncode == 0
+        ((own,), (other,)) = (asked(root, accepted.format(kind)) for kind in ("'true'", "'other_report'"))
+        assert own["rule_set"] == rules
+        others[rules] = own["n"], other["n"]
+    # Reported speeds are driven, so that strict rules accept the same crashes, and fewer of others' reports.
+    assert others["strict"][0] == others["trace-dag"][0] > 0
+    assert others["strict"][1] < others["trace-dag"][1]
+
+
 def test_controls_need_verdicts(tmp_path: Path) -> None:
     done = trace_dag(tmp_path / "empty", "controls")
     assert done.returncode == 2

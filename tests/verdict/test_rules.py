@@ -47,6 +47,7 @@ GOOD = CrashMeasures(
 )
 NO_LOG = SimulationLog("embedded", "1", 0.005, (), (), {}, Termination.NO_CONTACT, "they passed 3 m apart", 5.0)
 SETTINGS = VerdictSettings()
+STRICT = VerdictSettings(rule_set="strict")
 
 
 def judged(measures: CrashMeasures | None, settings: VerdictSettings = SETTINGS) -> tuple[bool, Reason | None, str]:
@@ -137,12 +138,38 @@ def test_residuals_are_kept_when_they_pass_and_when_they_fail() -> None:
 
 
 @pytest.mark.parametrize("error", [-0.3, 0.3])
-def test_speeds_are_shown_and_reject_nothing(error: float) -> None:
+def test_speeds_are_shown_and_reject_only_under_strict_rules(error: float) -> None:
     measures = with_vehicle(GOOD, 0, initial_speed_error_rel=error)
     found = criteria(measures, NO_LOG, SETTINGS)
     assert judgement(found).accepted
     speed = next(c for c in found if c.name == "initial_speed_error" and c.vehicle_number == 1)
     assert (speed.value, speed.passed, speed.reason) == (error, False, None)
+    accepted, reason, detail = judged(measures, STRICT)
+    assert (accepted, reason) == (False, Reason.WRONG_SPEED)
+    assert f"{error:+.0%}" in detail
+    assert judged(with_vehicle(measures, 0, initial_speed_error_rel=0.1), STRICT)[0]
+
+
+@pytest.mark.parametrize(("settings", "beyond_the_paper"), [(SETTINGS, False), (STRICT, True)])
+def test_strict_rules_are_the_papers_and_speeds(settings: VerdictSettings, beyond_the_paper: bool) -> None:
+    rejecting = {c.name: c.reason for c in criteria(GOOD, NO_LOG, settings) if c.reason is not None}
+    assert rejecting.keys() - {"initial_speed_error"} == {
+        "contact",
+        "contact_distance",
+        "clock_error",
+        "direction_error",
+        "relation_error",
+    }
+    assert ("initial_speed_error" in rejecting) is beyond_the_paper
+
+
+def test_a_report_need_not_give_speeds() -> None:
+    unknown = GOOD
+    for index in (0, 1):
+        unknown = with_vehicle(unknown, index, initial_speed_error_rel=None)
+    accepted, _, detail = judged(unknown, STRICT)
+    assert accepted
+    assert "initial speed error of vehicle 2" in detail  # said to be not evaluated
 
 
 def test_later_events_that_are_not_simulated_are_not_evaluated() -> None:

@@ -11,11 +11,24 @@ import click
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
+    from trace_dag.pipeline.batch import Pipeline
     from trace_dag.pipeline.home import Home
+    from trace_dag.settings import RuleSetName
     from trace_dag.verdict.controls import ControlRow
     from trace_dag.verdict.peer import ComparisonRow
 
 Row = TypeVar("Row")
+
+
+rules_option = click.option(
+    "--rules",
+    type=click.Choice(["trace-dag", "strict", "published"]),
+    help="Rules to judge by; default those of the settings.",
+)
+
+
+def _judged_by(home: Home, rules: RuleSetName | None) -> Pipeline:
+    return home.pipeline({"verdict": {"rule_set": rules}} if rules else None)
 
 
 def _home(root: str) -> Home:
@@ -55,12 +68,14 @@ def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> di
 
 @click.command()
 @click.option("--cohort", help="Only this cohort; else each by itself.")
+@rules_option
 @click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
 @click.pass_obj
-def controls(root: str, cohort: str | None, as_json: bool) -> None:
+def controls(root: str, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
     """Judge crashes against what they are not: another crash's report, and one vehicle late.
 
-    Prints how many are accepted beside the true pairing's rate. Every judgement enters the warehouse, as table
+    Prints how many are accepted beside the true pairing's rate; and how many of them with every reported speed driven
+    as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
     negative_controls.
     """
     from dataclasses import asdict
@@ -69,13 +84,13 @@ def controls(root: str, cohort: str | None, as_json: bool) -> None:
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
-    found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(home.pipeline(), name))
+    found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(_judged_by(home, rules), name))
     build_warehouse(home.pipeline().storage, home.local_folder)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return
     print_table(
-        ["cohort", "judged against", "judgements", "accepted", "rate"],
+        ["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"],
         [line for name, rows in found.items() for line in _control_lines(name, rows)],
     )
 
@@ -90,18 +105,21 @@ def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, .
     )
     lines = []
     for title, group in groups:
-        judged = [row.accepted for row in group if row.accepted is not None]
-        rate = f"{100 * sum(judged) / len(judged):.1f} %" if judged else ""
-        lines.append((cohort, title, len(judged), sum(judged), rate))
+        judged = [row for row in group if row.accepted is not None]
+        accepted = [row for row in judged if row.accepted]
+        kept = [row for row in accepted if row.speeds_kept is not False]
+        rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
+        lines.append((cohort, title, len(judged), len(accepted), *rates))
     return lines
 
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--cohort", help="The cohort that holds the same cases; else each by itself.")
+@rules_option
 @click.option("--json", "as_json", is_flag=True, help="Every crash of both, as JSON.")
 @click.pass_obj
-def peer(root: str, folder: Path, cohort: str | None, as_json: bool) -> None:
+def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
     """Run a published benchmark's scenarios on its own maps, judged by the same rules, beside ours.
 
     FOLDER holds simulations/ and maps/. Every judgement enters the warehouse, as table benchmark_comparison.
@@ -112,7 +130,7 @@ def peer(root: str, folder: Path, cohort: str | None, as_json: bool) -> None:
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
-    rows_of = _of_each(_cohorts(home, cohort), lambda name: published_comparison(home.pipeline(), name, folder))
+    rows_of = _of_each(_cohorts(home, cohort), lambda name: published_comparison(_judged_by(home, rules), name, folder))
     found = [row for rows in rows_of.values() for row in rows]
     build_warehouse(home.pipeline().storage, home.local_folder)
     if as_json:

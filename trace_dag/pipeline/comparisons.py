@@ -18,7 +18,6 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.records import read_records
 from trace_dag.pipeline.standing import valid_records
-from trace_dag.storage import Storage
 from trace_dag.verdict.controls import (
     ControlRow,
     JudgedCrash,
@@ -96,7 +95,7 @@ def negative_controls(pipeline: Pipeline, cohort: str) -> list[ControlRow]:
             states = shifted_estimate(crash, shift)
             (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
         rows.append(shifted_row(crash, shift, log, settings.verdict))
-    _store(pipeline.storage, CONTROLS, cohort, rows)
+    _store(pipeline, CONTROLS, cohort, rows)
     return rows
 
 
@@ -127,7 +126,7 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[
             )
     if not rows:
         raise UserError(f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r}")
-    _store(pipeline.storage, PUBLISHED, cohort, rows)
+    _store(pipeline, PUBLISHED, cohort, rows)
     return rows
 
 
@@ -147,10 +146,11 @@ def _theirs(pipeline: Pipeline, files: CrashFiles, simulation: Path, map_file: P
     return compare(PUBLISHED, record, network, states.best, log, pipeline.settings.verdict)
 
 
-def _store(storage: Storage, kind: str, cohort: str, rows: Sequence[ControlRow | ComparisonRow]) -> None:
-    content: list[dict[str, Any]] = [{"cohort": cohort, **asdict(row)} for row in rows]
+def _store(pipeline: Pipeline, kind: str, cohort: str, rows: Sequence[ControlRow | ComparisonRow]) -> None:
+    judged = {"cohort": cohort, "rule_set": pipeline.settings.verdict.rule_set}
+    content: list[dict[str, Any]] = [{**judged, **asdict(row)} for row in rows]
     try:
-        storage.write(f"{FOLDER}/{kind}-{cohort}.json", json.dumps(content, indent=0).encode())
+        pipeline.storage.write(f"{FOLDER}/{kind}-{cohort}.json", json.dumps(content, indent=0).encode())
     except ValueError as error:
         raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
 

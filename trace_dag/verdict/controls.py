@@ -50,18 +50,21 @@ class JudgedCrash:
 @dataclass(frozen=True)
 class ControlRow:
     """One judgement of a control. ``kind``: "true", "other_report" or "shifted"; ``accepted`` is None where the
-    control does not apply. Residuals as in the verdict: the worst of both vehicles, None where not evaluated."""
+    control does not apply. Residuals as in the verdict: the worst of both vehicles, None where not evaluated.
+    ``speeds_kept``, beyond the paper's criteria: every reported speed is driven; None where none is reported."""
 
     kind: str
     key: str
-    other_key: str | None
-    shifted_vehicle: int | None
-    shift_s: float | None
-    accepted: bool | None
-    reason: Reason | None
-    contact_distance_m: float | None
-    clock_error_max_h: float | None
-    direction_error_max_deg: float | None
+    other_key: str | None = None
+    shifted_vehicle: int | None = None
+    shift_s: float | None = None
+    accepted: bool | None = None
+    reason: Reason | None = None
+    contact_distance_m: float | None = None
+    clock_error_max_h: float | None = None
+    direction_error_max_deg: float | None = None
+    initial_speed_error_max_rel: float | None = None
+    speeds_kept: bool | None = None
     detail: str = ""
     reports_differ: bool | None = None  # other_report: the two reports contradict each other
 
@@ -181,7 +184,7 @@ def shifted_row(
     """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none."""
     if shift is None or log is None:
         detail = "one of the vehicles stands where they meet: no delay makes them miss"
-        return ControlRow("shifted", crash.record.key, None, None, None, None, None, None, None, None, detail)
+        return ControlRow("shifted", crash.record.key, detail=detail)
     verdict = judge_hypothesis(crash.record, crash.network, shift.hypothesis, log, settings)
     return replace(
         _row("shifted", crash.record.key, verdict), shifted_vehicle=shift.vehicle_number, shift_s=shift.shift_s
@@ -193,20 +196,15 @@ def _row(kind: str, key: str, verdict: Verdict, other_key: str | None = None) ->
         kind=kind,
         key=key,
         other_key=other_key,
-        shifted_vehicle=None,
-        shift_s=None,
         accepted=verdict.accepted,
         reason=verdict.reason,
-        contact_distance_m=_worst(verdict, "contact_distance"),
-        clock_error_max_h=_worst(verdict, "clock_error"),
-        direction_error_max_deg=_worst(verdict, "direction_error", "relation_error"),
+        contact_distance_m=verdict.worst("contact_distance"),
+        clock_error_max_h=verdict.worst("clock_error"),
+        direction_error_max_deg=verdict.worst("direction_error", "relation_error"),
+        initial_speed_error_max_rel=verdict.worst("initial_speed_error"),
+        speeds_kept=verdict.all_hold("initial_speed_error"),
         detail=verdict.detail,
     )
-
-
-def _worst(verdict: Verdict, *names: str) -> float | None:
-    values = [criterion.value for criterion in verdict.criteria if criterion.name in names]
-    return max((value for value in values if value is not None), default=None)
 
 
 def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:

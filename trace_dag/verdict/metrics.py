@@ -160,8 +160,8 @@ def _compared(seen: ObservedVehicle, reported: VehicleRecord | None, record: Cra
         initial_speed_mps=seen.initial_speed_mps,
         impact_speed_mps=seen.impact_speed_mps,
         reported_speed_mps=reported.travel_speed_mps if reported else None,
-        initial_speed_error_rel=_speed_error(seen.initial_speed_mps, reported),
-        impact_speed_error_rel=_speed_error(seen.impact_speed_mps, reported),
+        initial_speed_error_rel=speed_error_rel(seen.initial_speed_mps, reported),
+        impact_speed_error_rel=speed_error_rel(seen.impact_speed_mps, reported),
         delta_v_mps=seen.delta_v_mps,
         pdof_deg=seen.pdof_deg,
         arrival_error_m=seen.arrival_error_m,
@@ -258,7 +258,8 @@ def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:
     return max(0.0, clock_difference_h(clock_h, area.clock_h) - area.half_width_rad * 6 / math.pi)
 
 
-def _speed_error(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
+def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
+    """Signed difference of a speed from the reported one, relative to that; None where none is reported."""
     if reported is None or reported.travel_speed_mps is None:
         return None
     error = (abs(simulated_mps) - reported.travel_speed_mps) / max(reported.travel_speed_mps, _LEAST_SPEED_MPS)

@@ -11,13 +11,13 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis
 from trace_dag.verdict.judge import judge_hypothesis
-from trace_dag.verdict.types import Verdict
+from trace_dag.verdict.metrics import speed_error_rel
 
 
 @dataclass(frozen=True)
 class ComparisonRow:
     """One crash of one benchmark. ``clocks_ok`` is None where the report has no impact, ``speeds_kept`` unless it has
-    both speeds."""
+    both speeds; whether the vehicles meet does not matter to it."""
 
     key: str
     benchmark: str
@@ -44,6 +44,9 @@ def compare(
     """Judge one simulation of a benchmark; a speed is kept if initial and reported one differ by no more than the
     settings allow."""
     verdict = judge_hypothesis(record, network, hypothesis, log, settings)
+    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    errors = [speed_error_rel(float(driven.speed_mps[0]), reported.get(driven.number)) for driven in log.vehicles]
+    speed_errors = [abs(error) for error in errors if error is not None]
     distance = verdict.criterion("contact_distance")
     return ComparisonRow(
         key=record.key,
@@ -51,22 +54,11 @@ def compare(
         contact=log.first_contact is not None,
         contact_distance_m=distance.value if distance else None,
         within_distance=bool(distance and distance.passed),
-        clock_error_max_h=_worst(verdict, "clock_error"),
-        clocks_ok=_all(verdict, "clock_error"),
-        direction_error_max_deg=_worst(verdict, "direction_error", "relation_error"),
-        initial_speed_error_max_rel=_worst(verdict, "initial_speed_error"),
-        speeds_kept=_all(verdict, "initial_speed_error", at_least=2),
+        clock_error_max_h=verdict.worst("clock_error"),
+        clocks_ok=verdict.all_hold("clock_error"),
+        direction_error_max_deg=verdict.worst("direction_error", "relation_error"),
+        initial_speed_error_max_rel=max(speed_errors, default=None),
+        speeds_kept=max(speed_errors) <= settings.max_speed_error_rel if len(speed_errors) == 2 else None,
         accepted=verdict.accepted,
         reason=verdict.reason,
     )
-
-
-def _worst(verdict: Verdict, *names: str) -> float | None:
-    values = [abs(c.value) for c in verdict.criteria if c.name in names and c.value is not None]
-    return max(values, default=None)
-
-
-def _all(verdict: Verdict, name: str, *, at_least: int = 1) -> bool | None:
-    passed = [criterion.passed for criterion in verdict.criteria if criterion.name == name]
-    judged = [each for each in passed if each is not None]
-    return all(judged) if len(judged) >= at_least else None

@@ -1,27 +1,49 @@
 """Judging what was measured: criteria with thresholds, and what they add up to.
 
-Two rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
+Three rule sets. "trace-dag": the paper's three criteria (first contact near the reported location, each impact within
 two clock positions, each direction as reported), with the impact measured where the bodies touch, and thresholds
-from settings. "published": the published pipeline's procedure as it is, contact within 10 m and the impact as the
-direction to the other body's centre, for comparison.
+from settings. "strict": those, and every reported travel speed kept, which the paper does not ask for. "published": the
+published pipeline's procedure as it is, contact within 10 m and the impact as the direction to the other body's
+centre, for comparison.
 
-A crash is accepted if no criterion that can reject it fails and each of the three kinds was evaluated at least once:
-what the report leaves open is "not evaluated", and a crash about which nothing was evaluated has not been shown to be
-right.
+A crash is accepted if no criterion that can reject it fails and each of the paper's three kinds was evaluated at least
+once: what the report leaves open is "not evaluated", and a crash about which nothing was evaluated has not been shown
+to be right. A report need not give speeds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from trace_dag.errors import Reason
-from trace_dag.settings import VerdictSettings
+from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
 from trace_dag.verdict.types import Criterion
 
-_REJECTING = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
-_PUBLISHED = VerdictSettings(rule_set="published", max_contact_distance_m=10.0)
+_REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
+_REJECTING = (*_REQUIRED, Reason.WRONG_SPEED)
+
+
+@dataclass(frozen=True)
+class RuleSet:
+    """What a set of rules judges by: which of a vehicle's clock errors (hours), thresholds of its own or None for those
+    of the settings, and whether a reported speed that is not kept rejects."""
+
+    clock_error: Callable[[VehicleMeasures], float | None]
+    limits: VerdictSettings | None = None
+    speeds_reject: bool = False
+
+
+RULE_SETS: dict[RuleSetName, RuleSet] = {
+    "trace-dag": RuleSet(lambda vehicle: vehicle.clock_error_h),
+    "strict": RuleSet(lambda vehicle: vehicle.clock_error_h, speeds_reject=True),
+    "published": RuleSet(
+        lambda vehicle: vehicle.bearing_clock_error_h,
+        VerdictSettings(rule_set="published", max_contact_distance_m=10.0),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -38,7 +60,8 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     if measures is None:
         detail = f"{log.termination}: {log.reason}"
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail),)
-    limits = _PUBLISHED if settings.rule_set == "published" else settings
+    rules = RULE_SETS[settings.rule_set]
+    limits = rules.limits or settings
     rejecting = [
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
         _at_most(
@@ -50,7 +73,7 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
         detail = f"the first contact is between vehicles {numbers}, not the reported pair"
         rejecting.append(Criterion("right_pair", 0.0, 1.0, "", False, Reason.WRONG_IMPACT, detail))
     for vehicle in measures.vehicles:
-        error = vehicle.bearing_clock_error_h if settings.rule_set == "published" else vehicle.clock_error_h
+        error = rules.clock_error(vehicle)
         rejecting.append(
             _at_most("clock_error", error, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, vehicle.number)
         )
@@ -69,7 +92,19 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     rejecting.append(
         _at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION)
     )
-    return (*rejecting, *_reported(measures, limits))
+    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
+    speeds = [
+        _at_most(
+            "initial_speed_error",
+            vehicle.initial_speed_error_rel,
+            limits.max_speed_error_rel,
+            "rel",
+            wrong_speed,
+            vehicle.number,
+        )
+        for vehicle in measures.vehicles
+    ]
+    return (*rejecting, *speeds, *_reported(measures, limits))
 
 
 def _at_most(
@@ -97,9 +132,6 @@ def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterio
 def _reported_of(vehicle: VehicleMeasures, limits: VerdictSettings) -> list[Criterion]:
     number = vehicle.number
     return [
-        _at_most(
-            "initial_speed_error", vehicle.initial_speed_error_rel, limits.max_speed_error_rel, "rel", None, number
-        ),
         _at_most("impact_speed_error", vehicle.impact_speed_error_rel, limits.max_speed_error_rel, "rel", None, number),
         _shown("clock", vehicle.clock_h, "h", number),
         _shown("reported_clock", vehicle.reported_clock_h, "h", number),
@@ -126,7 +158,7 @@ def judgement(judged: tuple[Criterion, ...]) -> Judgement:
         failed = next((criterion for criterion in of_kind if criterion.passed is False), None)
         if failed is not None:
             return Judgement(False, reason, _sentence(failed))
-        if not any(criterion.passed for criterion in of_kind):
+        if reason in _REQUIRED and not any(criterion.passed for criterion in of_kind):
             names = ", ".join(sorted({criterion.name for criterion in of_kind}))
             return Judgement(False, reason, f"the report gives nothing to judge it by: {names} not evaluated")
     skipped = [criterion for criterion in judged if criterion.reason is not None and criterion.passed is None]
@@ -142,4 +174,6 @@ def _name(criterion: Criterion) -> str:
 def _sentence(criterion: Criterion) -> str:
     if criterion.detail:
         return criterion.detail
+    if criterion.unit == "rel":
+        return f"{_name(criterion)} {criterion.value:+.0%}, at most {criterion.threshold:.0%} either way allowed"
     return f"{_name(criterion)} {criterion.value:.1f} {criterion.unit}, at most {criterion.threshold:g} allowed"

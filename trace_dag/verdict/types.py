@@ -44,3 +44,12 @@ class Verdict:
             if criterion.name == name and criterion.vehicle_number == vehicle_number:
                 return criterion
         return None
+
+    def worst(self, *names: str) -> float | None:
+        """The largest size of the named criteria's values, over both vehicles; None if none was evaluated."""
+        return max((abs(c.value) for c in self.criteria if c.name in names and c.value is not None), default=None)
+
+    def all_hold(self, name: str) -> bool | None:
+        """Whether every criterion of that name holds of those that were evaluated; None if none was."""
+        evaluated = [c.passed for c in self.criteria if c.name == name and c.passed is not None]
+        return all(evaluated) if evaluated else None

@@ -5,6 +5,7 @@ FROM read_json(
     getvariable('comparison_files'),
     columns = {
         'cohort': 'VARCHAR',
+        'rule_set': 'VARCHAR',
         'key': 'VARCHAR',
         'benchmark': 'VARCHAR',
         'contact': 'BOOLEAN',
@@ -22,6 +23,7 @@ FROM read_json(
 ORDER BY cohort, key, benchmark;
 
 COMMENT ON TABLE benchmark_comparison IS 'The published scenarios and ours of the same crashes, simulated and judged alike';
+COMMENT ON COLUMN benchmark_comparison.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN benchmark_comparison.cohort IS 'Cohort the crash belongs to';
 COMMENT ON COLUMN benchmark_comparison.key IS 'Key of the crash';
 COMMENT ON COLUMN benchmark_comparison.benchmark IS 'published, or trace-dag';

@@ -5,6 +5,7 @@ FROM read_json(
     getvariable('control_files'),
     columns = {
         'cohort': 'VARCHAR',
+        'rule_set': 'VARCHAR',
         'kind': 'VARCHAR',
         'key': 'VARCHAR',
         'other_key': 'VARCHAR',
@@ -16,12 +17,15 @@ FROM read_json(
         'detail': 'VARCHAR',
         'contact_distance_m': 'DOUBLE',
         'clock_error_max_h': 'DOUBLE',
-        'direction_error_max_deg': 'DOUBLE'
+        'direction_error_max_deg': 'DOUBLE',
+        'initial_speed_error_max_rel': 'DOUBLE',
+        'speeds_kept': 'BOOLEAN'
     }
 )
 ORDER BY cohort, kind, key, other_key;
 
 COMMENT ON TABLE negative_controls IS 'Verdicts of simulations set beside what they are not, and of the true pairings';
+COMMENT ON COLUMN negative_controls.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN negative_controls.cohort IS 'Cohort compared within';
 COMMENT ON COLUMN negative_controls.kind IS 'true (its own report), other_report, or shifted (one vehicle late)';
 COMMENT ON COLUMN negative_controls.key IS 'Key of the crash that was simulated';
@@ -35,3 +39,5 @@ COMMENT ON COLUMN negative_controls.detail IS 'The same as a sentence';
 COMMENT ON COLUMN negative_controls.contact_distance_m IS 'First contact to the reported location, m';
 COMMENT ON COLUMN negative_controls.clock_error_max_h IS 'Impact to the reported area, the worse vehicle, hours';
 COMMENT ON COLUMN negative_controls.direction_error_max_deg IS 'Turn or angle of approach against the report, the worst, degrees';
+COMMENT ON COLUMN negative_controls.initial_speed_error_max_rel IS 'Initial against reported speed, the worse vehicle, relative';
+COMMENT ON COLUMN negative_controls.speeds_kept IS 'Whether every reported speed is within the threshold, beyond the criteria of the paper; null if none is reported';
