@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import os
 import socket
+import time
 from functools import cache
 from pathlib import Path
+
+_FOREIGN_AGE_S = 86400.0
 
 
 def this_process() -> str:
@@ -26,6 +29,22 @@ def is_gone(process: str) -> bool | None:
     if host != socket.gethostname() or not number.isdigit():
         return None
     return _started(int(number)) != started
+
+
+def temporary_prefix(kind: str) -> str:
+    """How the name of a temporary file or folder of this process begins, so that :func:`abandoned` can tell whose."""
+    return f"{kind}{this_process()}:"
+
+
+def abandoned(path: Path, kind: str) -> bool:
+    """Whether the process that made a temporary file or folder is gone; for one of another machine, after a day."""
+    gone = is_gone(path.name.removeprefix(kind).rpartition(":")[0])
+    if gone is not None:
+        return gone
+    try:
+        return time.time() - path.stat().st_mtime > _FOREIGN_AGE_S
+    except FileNotFoundError:
+        return False
 
 
 @cache

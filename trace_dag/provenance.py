@@ -113,6 +113,10 @@ class OutcomeRecord:
         wanted = artefact_name(self.stage, self.key, extension)
         return next((artefact for artefact in self.artefacts if artefact.name == wanted), None)
 
+    def begun_again(self) -> OutcomeRecord:
+        """This record as it stands while its artefacts are made anew: it lists none, and its stage has to run."""
+        return replace(self, outcome=Outcome.STARTED, artefacts=(), fingerprint="").superseding(self)
+
     def superseding(self, earlier: OutcomeRecord | None) -> OutcomeRecord:
         """This record with the history of the one it replaces, at most the latest twenty."""
         if earlier is None:

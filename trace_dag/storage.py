@@ -24,13 +24,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trace_dag.errors import Failure, TransientFailure, UserError
-from trace_dag.processes import is_gone, this_process
+from trace_dag.processes import abandoned, temporary_prefix
 
 T = TypeVar("T")
 
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
-_TEMPORARY_PREFIX = ".writing-"
-_FOREIGN_LEFTOVER_AGE_S = 86400.0
+_TEMPORARY = ".writing-"
 _REMOTE_ATTEMPTS = 4
 _ASKED_ONE_BY_ONE = 20  # files of one folder; for more, a listing is cheaper
 _NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError")  # botocore's, which may not be installed
@@ -238,15 +237,13 @@ class Storage:
             contents[name] = self.read(name) if isinstance(answer, Exception) else bytes(answer)
         return contents
 
-    def leftovers(self, folder: str) -> tuple[Path, ...]:
-        """Temporary files in a folder whose writer is gone; an object store has none.
-
-        A writer on another machine counts as gone after a day.
-        """
+    def leftovers(self, folder: str = "") -> tuple[Path, ...]:
+        """Temporary files in a folder (in all, by default) whose writer is gone; an object store has none."""
         if self.local_root is None:
             return ()
-        found = (self.local_root / check_name(folder)).glob(f"{_TEMPORARY_PREFIX}*")
-        return tuple(file for file in found if _abandoned(file))
+        pattern = f"{_TEMPORARY}*"
+        found = (self.local_root / check_name(folder)).glob(pattern) if folder else self.local_root.rglob(pattern)
+        return tuple(file for file in found if abandoned(file, _TEMPORARY))
 
     def remove_leftovers(self, folder: str) -> int:
         """Delete what :meth:`leftovers` finds; how many there were."""
@@ -256,18 +253,8 @@ class Storage:
         return len(found)
 
 
-def _abandoned(file: Path) -> bool:
-    gone = is_gone(file.name.removeprefix(_TEMPORARY_PREFIX).rpartition(":")[0])
-    if gone is not None:
-        return gone
-    try:
-        return time.time() - file.stat().st_mtime > _FOREIGN_LEFTOVER_AGE_S
-    except FileNotFoundError:
-        return False
-
-
 def _write_beside_and_rename(path: Path, data: bytes) -> None:
-    prefix = f"{_TEMPORARY_PREFIX}{this_process()}:"
+    prefix = temporary_prefix(_TEMPORARY)
     try:
         handle, temporary = tempfile.mkstemp(prefix=prefix, dir=path.parent)
     except FileNotFoundError:

@@ -12,7 +12,6 @@ from typing import Any
 from dagster import (
     AssetExecutionContext,
     AssetKey,
-    AssetMaterialization,
     BackfillPolicy,
     Config,
     Failure,
@@ -21,7 +20,7 @@ from dagster import (
 )
 from pydantic import Field
 
-from trace_dag.assets.metadata import event_metadata
+from trace_dag.assets.metadata import materialization
 from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
@@ -69,13 +68,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             if event.failed:
                 failed.setdefault(event.key, event)
             else:
-                context.log_event(
-                    AssetMaterialization(
-                        event.stage.value,
-                        partition=event.key,
-                        metadata=event_metadata(event, pipeline.storage),
-                    )
-                )
+                context.log_event(materialization(event, pipeline.storage))
             if home.listener is not None:
                 home.listener(event)
     except UserError as error:

@@ -158,6 +158,12 @@ def summarise(home: Home, instance: DagsterInstance) -> RunReport:
     return RunReport(1, tuple(_errors(result)))
 
 
+def summary_is_due(instance: DagsterInstance) -> bool:
+    """Whether the last thing done was not bringing the warehouse and the benchmark up to date, and successfully."""
+    newest = instance.get_runs(limit=1)
+    return not newest or newest[0].job_name != SUMMARY or newest[0].status is not DagsterRunStatus.SUCCESS
+
+
 def _job(home: Home, name: str) -> JobDefinition:
     from trace_dag.definitions import build_definitions
 

@@ -6,13 +6,32 @@ import base64
 from collections.abc import Mapping
 from typing import Any
 
-from dagster import MetadataValue
+from dagster import AssetMaterialization, MetadataValue
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.worker import Action, StageEvent, picture_name
-from trace_dag.provenance import Outcome
+from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
 from trace_dag.storage import Storage
+
+DATA_VERSION = "dagster/data_version"
+
+
+def data_version(record: OutcomeRecord) -> str:
+    """What Dagster is told as the version of a result: the beginning of its record's fingerprint."""
+    return record.fingerprint[:16]
+
+
+def materialization(event: StageEvent, storage: Storage) -> AssetMaterialization:
+    """What Dagster is told of a stage and crash."""
+    if event.record is None:
+        raise ValueError(f"{event.key} {event.stage}: nothing to tell of a stage that did not run")
+    return AssetMaterialization(
+        event.stage.value,
+        partition=event.key,
+        metadata=event_metadata(event, storage),
+        tags={DATA_VERSION: data_version(event.record)},
+    )
 
 
 def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:

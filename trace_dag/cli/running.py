@@ -84,7 +84,7 @@ def rerun(
 
 def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline], Selection]) -> int:
     """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
-    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise
+    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
     from trace_dag.cli.printing import print_standings
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.records import read_records
@@ -102,7 +102,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
                 errors = run_batches(Home(root, FLOW, listener=tell), instance, batches, settings=settings).errors
         else:
             click.echo("Nothing to run: every crash asked for is up to date.")
-        if batches or not home.warehouse.is_file():
+        if batches or not home.warehouse.is_file() or summary_is_due(instance):
             errors += summarise(home, instance).errors
     stand = standings(read_records(pipeline.storage, selection.asked))
     print_standings(stand)

@@ -18,6 +18,7 @@ from trace_dag.storage import Storage
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
 DEFAULT_ROOT = "trace_dag_home"
 WAREHOUSE_FILE = "warehouse.duckdb"
+BUILDING = ".building-"  # folders in which a warehouse is being built begin so
 
 
 def storage_root(chosen: str | None = None) -> str:

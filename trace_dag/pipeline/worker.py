@@ -184,9 +184,8 @@ class _CrashWorker:
         """Say in storage that the artefacts are about to be replaced; the failure, where that cannot be said."""
         earlier = self.records.get(definition.stage)
         if earlier is not None and earlier.artefacts:
-            marked = replace(earlier, outcome=Outcome.STARTED, artefacts=(), fingerprint="", run_id=self.work.run_id)
             try:
-                write_record(self.work.storage, marked.superseding(earlier))
+                write_record(self.work.storage, replace(earlier.begun_again(), run_id=self.work.run_id))
             except Failure as error:
                 return self._failed(definition, provenance, now(), 0.0, error)
         return None

@@ -1,0 +1,50 @@
+"""``trace-dag verify`` as a user calls it: after a run, after damage, after a repair."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import duckdb
+import pytest
+from sample_runs import finished, trace_dag
+
+VERIFIED = "2023-319003"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    shutil.copytree(finished(), tmp_path / "root")
+    return tmp_path / "root"
+
+
+def test_everything_agrees_after_a_run(root):
+    done = trace_dag(root, "verify", "--contents")
+    assert done.returncode == 0, done.stdout
+    assert "storage, Dagster and the warehouse agree" in done.stdout
+
+
+def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(root):
+    (root / f"road_map/{VERIFIED}.xodr").write_bytes(b"<OpenDRIVE/>")
+    (root / "verdict/2023-319999.json").write_text("{}")
+    with duckdb.connect(str(root / "warehouse.duckdb")) as connection:
+        connection.execute("DELETE FROM crashes WHERE final_state = 'rejected'")
+    done = trace_dag(root, "verify", "--json")
+    assert done.returncode == 1
+    listed = json.loads(done.stdout)["disagreements"]
+    assert {"damaged artefact", "file of no record", "not as in the warehouse"} == {
+        row["disagreement"] for row in listed
+    }
+    assert all(row["remedy"] and row["detail"] for row in listed)
+    (damaged,) = [row for row in listed if row["disagreement"] == "damaged artefact"]
+    assert (damaged["key"], damaged["stage"]) == (VERIFIED, "road_map")
+
+    done = trace_dag(root, "verify", "--repair", "--json")
+    assert done.returncode == 1, "a stage waits to be run"
+    left = json.loads(done.stdout)["disagreements"]
+    assert {(row["key"], row["remedy"]) for row in left} == {(VERIFIED, "trace-dag run")}
+
+    assert trace_dag(root, "run").returncode == 0
+    done = trace_dag(root, "verify", "--contents")
+    assert done.returncode == 0, done.stdout

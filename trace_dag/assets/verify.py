@@ -1,0 +1,104 @@
+"""Whether Dagster's records say what the stored records say, and telling it what it has missed.
+
+A process may end between storing a result and logging it, or before the end of its run says what failed. Each
+materialization carries the fingerprint of the record it tells of as its data version, so that all of them are compared
+in one query per stage.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterInstance
+
+from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
+from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
+from trace_dag.errors import Stage
+from trace_dag.pipeline.records import Records
+from trace_dag.pipeline.standing import valid_records
+from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.pipeline.worker import Action, StageEvent
+from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.storage import Storage
+
+_MATERIALIZED = "MATERIALIZED"
+
+
+def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) -> list[Disagreement]:
+    """Compare partitions with registered crashes, and what Dagster holds of each stage with its record."""
+    partitions = instance.get_dynamic_partitions("crashes")
+    known = set(partitions)
+    found = [
+        Disagreement(Kind.NO_PARTITION, "it is registered and Dagster has no partition for it", key)
+        for key in records
+        if key not in known
+    ]
+    found += [
+        Disagreement(Kind.STRAY_PARTITION, "Dagster has a partition for it and it is not registered", key)
+        for key in partitions
+        if key not in records
+    ]
+    told = {key: last_word(of_crash) for key, of_crash in records.items()}
+    for stage in Stage:
+        status = instance.get_status_by_partition(AssetKey(stage.value), partitions, CRASHES) or {}
+        versions = instance.event_log_storage.get_latest_tags_by_partition(
+            AssetKey(stage.value), DagsterEventType.ASSET_MATERIALIZATION, [DATA_VERSION]
+        )
+        for key in records:
+            held = status.get(key)
+            shown = held.value if held is not None else "missing"
+            version = versions.get(key, {}).get(DATA_VERSION)
+            found += _of_stage(key, stage, told[key].get(stage), shown, version)
+    return found
+
+
+def repair_dagster(
+    instance: DagsterInstance,
+    storage: Storage,
+    records: Mapping[str, Records],
+    disagreements: Iterable[Disagreement],
+) -> None:
+    """Add and take away partitions, and log the materializations that are not held."""
+    wrong = list(disagreements)
+    add_partitions(instance, [each.key for each in wrong if each.kind is Kind.NO_PARTITION and each.key])
+    remove_partitions(instance, {each.key for each in wrong if each.kind is Kind.STRAY_PARTITION and each.key})
+    for each in wrong:
+        if each.kind is not Kind.NOT_LOGGED or each.key is None or each.stage is None:
+            continue
+        record = last_word(records[each.key]).get(each.stage)
+        if record is not None:
+            instance.report_runless_asset_event(_materialization(each.key, each.stage, record, storage))
+
+
+def last_word(records: Records) -> dict[Stage, OutcomeRecord]:
+    """For each stage the record that speaks for it: its own, or the earlier one that ended the crash."""
+    told: dict[Stage, OutcomeRecord] = {}
+    valid, ended = valid_records(records), None
+    for stage in Stage:
+        record = ended or valid.get(stage)
+        if record is None:
+            break
+        told[stage] = record
+        if record.outcome is not Outcome.ACCEPTED:
+            ended = record
+    return told
+
+
+def _of_stage(
+    key: str, stage: Stage, record: OutcomeRecord | None, shown: str, version: str | None
+) -> Iterator[Disagreement]:
+    if record is None:
+        if shown == _MATERIALIZED:
+            yield Disagreement(Kind.NO_RESULT, "Dagster shows a result and none is stored", key, stage)
+    elif record.outcome is Outcome.FAILED:
+        if shown == _MATERIALIZED:
+            detail = f"{record.stage} failed and Dagster shows an earlier result"
+            yield Disagreement(Kind.FAILURE_NOT_LOGGED, detail, key, stage)
+    elif shown != _MATERIALIZED:
+        detail = f"{record.outcome} at {record.stage}, and Dagster shows it as {shown.lower()}"
+        yield Disagreement(Kind.NOT_LOGGED, detail, key, stage)
+    elif version != data_version(record):
+        yield Disagreement(Kind.NOT_LOGGED, "Dagster shows an earlier result", key, stage)
+
+
+def _materialization(key: str, stage: Stage, record: OutcomeRecord, storage: Storage) -> AssetMaterialization:
+    action = Action.UNCHANGED if record.stage is stage else Action.NOT_REACHED
+    return materialization(StageEvent(key, stage, action, record), storage)

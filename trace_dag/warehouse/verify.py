@@ -1,0 +1,61 @@
+"""Whether the warehouse says what the stored records say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from trace_dag.errors import Stage, UserError
+from trace_dag.pipeline.records import Records
+from trace_dag.pipeline.standing import standing, valid_records
+from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.warehouse.query import query
+
+_CRASHES = "SELECT key, final_state, stage_reached, reason FROM crashes"
+_OUTCOMES = "SELECT key, stage, fingerprint FROM stage_outcomes"
+
+
+def verify_warehouse(path: Path, records: Mapping[str, Records]) -> list[Disagreement]:
+    """Compare where each crash stands and what each of its stages said. No warehouse is one disagreement.
+
+    None is needed as long as nothing has been run.
+    """
+    if not path.is_file():
+        ran = any(records.values())
+        return [Disagreement(Kind.WAREHOUSE, f"{path} is not there", file=str(path))] if ran else []
+    try:
+        crashes = {row[0]: row[1:] for row in query(path, _CRASHES)[1]}
+        outcomes: dict[str, dict[str, str]] = {}
+        for key, stage, fingerprint in query(path, _OUTCOMES)[1]:
+            outcomes.setdefault(key, {})[stage] = fingerprint
+    except UserError as error:
+        return [Disagreement(Kind.WAREHOUSE, f"{path} cannot be read: {error}", file=str(path))]
+    found = []
+    for key in sorted(crashes.keys() | records.keys()):
+        found += _of_crash(key, records.get(key), crashes.get(key), outcomes.get(key, {}))
+    return found
+
+
+def _of_crash(
+    key: str, records: Records | None, row: tuple[object, ...] | None, outcomes: Mapping[str, str]
+) -> list[Disagreement]:
+    if records is None:
+        return [Disagreement(Kind.WAREHOUSE, "it is in the warehouse and not registered", key)]
+    if row is None:
+        return [Disagreement(Kind.WAREHOUSE, "it is registered and not in the warehouse", key)]
+    stand = standing(key, records)
+    now = (stand.final_state, stand.stage_reached, stand.reason)
+    if tuple(row) != now:
+        return [
+            Disagreement(Kind.WAREHOUSE, f"stored: {_said(now)}; warehouse: {_said(row)}", key, stand.stage_reached)
+        ]
+    valid = valid_records(records)
+    return [
+        Disagreement(Kind.WAREHOUSE, "the warehouse holds another result of this stage", key, stage)
+        for stage in Stage
+        if outcomes.get(stage.value) != (valid[stage].fingerprint if stage in valid else None)
+    ]
+
+
+def _said(parts: tuple[object, ...]) -> str:
+    return ", ".join(str(part) for part in parts if part is not None)
