@@ -16,6 +16,7 @@ from trace_dag.cli.judging import controls, peer, replay
 from trace_dag.cli.running import rerun, run
 from trace_dag.cli.sample import demo, score_truth
 from trace_dag.cli.serving import ui
+from trace_dag.cli.verifying import verify
 from trace_dag.errors import Failure, UserError
 
 EXIT_FAILED = 1
@@ -41,7 +42,7 @@ def cli(context: click.Context, root: str | None) -> None:
     context.obj = storage_root(root)
 
 
-for command in (ingest, cohort, run, rerun, status, sql, replay, controls, peer, score_truth, demo, ui):
+for command in (ingest, cohort, run, rerun, status, verify, sql, replay, controls, peer, score_truth, demo, ui):
     cli.add_command(command)
 
 
