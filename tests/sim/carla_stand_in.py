@@ -1,13 +1,14 @@
 """A world that behaves as CARLA's API does, without a server, and records every call.
 
-Data types (Transform, Vector3D, VehicleControl, ...) are CARLA's own, from the installed package; what needs a server
-is imitated: actors move by their target velocities, fall onto the road, slow down by their brakes, and boxes
-that overlap exchange momentum and make both collision sensors speak.
+Data types (Transform, Vector3D, VehicleControl, VehiclePhysicsControl, WorldSettings, ...) are CARLA's own, from the
+installed package, so that it refuses what CARLA refuses when they are made. What needs a server is imitated with the
+rules of LibCarla's client: arguments must be of the types of the C++ signatures; what an actor says of itself is as of
+the last tick; whoever is destroyed cannot be asked any more; a world ticks in synchronous mode only, and in substeps
+that fit into its step; a snapshot does not know who is gone. The bodies are in :mod:`tests.sim.carla_stand_in_actors`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -15,15 +16,11 @@ from typing import Any
 
 import carla
 
-from trace_dag.sim.carla_frame import location_to_carla, pose_from_carla
-from trace_dag.sim.outlines import Outline, separation
+from tests.sim.carla_stand_in_actors import BOXES, Blueprint, Sensor, Vehicle, require
+from trace_dag.sim.carla_frame import location_to_carla
+from trace_dag.sim.outlines import separation
 
-BOXES = {  # length, width, height, and the box's centre ahead of the actor's origin
-    "vehicle.tesla.model3": (4.79, 2.16, 1.49, 0.02),
-    "vehicle.audi.etron": (4.86, 2.03, 1.65, 0.05),
-    "vehicle.carlamotors.firetruck": (8.47, 2.89, 3.83, 0.4),
-    "vehicle.kawasaki.ninja": (2.03, 0.80, 1.45, 0.0),
-}
+TIME_OUT = "time-out of 60000ms while waiting for the simulator, make sure the simulator is ready and connected"
 
 
 @dataclass
@@ -43,16 +40,20 @@ class StandIn:
         self.world = World(self)
         self.server, self.package = server, package
         self.connects = True
+        self.breaks: tuple[str, int, BaseException] | None = None  # a call, which of them, and what it ends in
         self.Transform, self.Location, self.Rotation = carla.Transform, carla.Location, carla.Rotation
         self.Vector3D, self.VehicleControl = carla.Vector3D, carla.VehicleControl
         self.OpendriveGenerationParameters = carla.OpendriveGenerationParameters
 
     def Client(self, host: str, port: int) -> Client:
+        require("Client", (host, str), (port, int))
         self.note("Client", None, host, port)
         return Client(self)
 
     def note(self, name: str, actor: int | None, *arguments: Any) -> None:
         self.calls.append(Call(name, actor, arguments))
+        if self.breaks is not None and self.breaks[:2] == (name, len(self.named(name))):
+            raise self.breaks[2]
 
     def named(self, name: str) -> list[Call]:
         return [call for call in self.calls if call.name == name]
@@ -63,36 +64,49 @@ class Client:
         self._module = module
 
     def set_timeout(self, seconds: float) -> None:
+        require("Client.set_timeout", (seconds, float))
         self._module.note("set_timeout", None, seconds)
 
     def get_server_version(self) -> str:
         if not self._module.connects:
-            raise RuntimeError("time-out of 60000ms while waiting for the simulator")
+            raise RuntimeError(TIME_OUT)
         return self._module.server
 
     def get_client_version(self) -> str:
         return self._module.package
 
     def generate_opendrive_world(self, opendrive: str, parameters: Any, reset_settings: bool = True) -> World:
+        require(
+            "Client.generate_opendrive_world",
+            (opendrive, str),
+            (parameters, carla.OpendriveGenerationParameters),
+            (reset_settings, bool),
+        )
         if "<OpenDRIVE" not in opendrive:
             raise RuntimeError("opendrive could not be correctly parsed")
         self._module.note("generate_opendrive_world", None, opendrive, parameters)
+        if reset_settings:
+            self._module.world.settings = carla.WorldSettings()
         return self._module.world
 
 
 class World:
     def __init__(self, module: StandIn) -> None:
-        self._module = module
+        self.module = module
         self.settings = carla.WorldSettings()
         self.actors: dict[int, Vehicle] = {}
         self.sensors: list[Sensor] = []
         self.frame = 1000
-        self.fails_at_tick: int | None = None
         self.ticks = 0
+        self.sensors_late = False  # sensors speak up to a tick later than what they saw
+        self.road_height_m: Callable[[float, float], float] = lambda x, y: 0.0
         self.spectator_transform: Any = None
         self._next_id = 100
+        self._unsaid: list[tuple[Sensor, Any]] = []
 
+    # --- settings --------------------------------------------------------------------------------------------
     def get_settings(self) -> Any:
+        """A copy, as the real one is."""
         s = self.settings
         return carla.WorldSettings(
             synchronous_mode=s.synchronous_mode,
@@ -103,54 +117,83 @@ class World:
         )
 
     def apply_settings(self, settings: Any) -> int:
-        self._module.note("apply_settings", None, settings.synchronous_mode, settings.fixed_delta_seconds)
+        require("World.apply_settings", (settings, carla.WorldSettings))
+        if settings.synchronous_mode and settings.substepping:  # the real one warns and computes nonsense
+            assert settings.fixed_delta_seconds, "synchronous mode needs a fixed step"
+            assert 1 <= settings.max_substeps <= 16, "the number of substeps must be 1 to 16"
+            covered = settings.max_substep_delta_time * settings.max_substeps
+            assert settings.fixed_delta_seconds <= covered + 1e-9, "substeps must fill the step"
+        self.module.note("apply_settings", None, settings.synchronous_mode, settings.fixed_delta_seconds)
         self.settings = settings
         return self.frame
 
+    # --- actors ----------------------------------------------------------------------------------------------
     def get_blueprint_library(self) -> Library:
         return Library()
 
     def get_spectator(self) -> Any:
         def place(transform: Any) -> None:
+            require("Actor.set_transform", (transform, carla.Transform))
             self.spectator_transform = transform
 
         return SimpleNamespace(set_transform=place)
 
     def try_spawn_actor(self, blueprint: Any, transform: Any) -> Vehicle | None:
-        vehicle = Vehicle(self._module, self, self._next_id, blueprint.id, transform)
+        require("World.try_spawn_actor", (blueprint, Blueprint), (transform, carla.Transform))
+        vehicle = Vehicle(self, self._next_id, blueprint.id, transform)
         if any(separation(vehicle.outline(), other.outline())[0] < 0 for other in self.actors.values()):
             return None
-        self._module.note("try_spawn_actor", vehicle.id, blueprint.id, transform)
         self._next_id += 1
         self.actors[vehicle.id] = vehicle
+        self.module.note("try_spawn_actor", vehicle.id, blueprint.id, transform)
         return vehicle
 
-    def spawn_actor(self, blueprint: Any, transform: Any, attach_to: Vehicle) -> Sensor:
-        sensor = Sensor(self._module, self, attach_to)
-        self._module.note("spawn_actor", attach_to.id, blueprint.id)
+    def spawn_actor(self, blueprint: Any, transform: Any, attach_to: Any = None) -> Sensor:
+        require("World.spawn_actor", (blueprint, Blueprint), (transform, carla.Transform), (attach_to, Vehicle))
+        attach_to.living()
+        self.module.note("spawn_actor", attach_to.id, blueprint.id)
+        sensor = Sensor(self, attach_to)
         self.sensors.append(sensor)
         return sensor
 
     def get_snapshot(self) -> Any:
-        return SimpleNamespace(frame=self.frame, find=lambda actor_id: self.actors[actor_id])
+        def find(actor_id: int) -> Any:
+            require("WorldSnapshot.find", (actor_id, int))
+            found = self.actors.get(actor_id)
+            return None if found is None or found.seen is None else found.seen
 
-    def tick(self) -> int:
-        if self.fails_at_tick is not None and self.ticks >= self.fails_at_tick:
-            raise RuntimeError("time-out of 60000ms while waiting for the simulator")
+        self.module.note("get_snapshot", None)
+        return SimpleNamespace(frame=self.frame, find=find)
+
+    # --- time ------------------------------------------------------------------------------------------------
+    def tick(self, seconds: float = 0.0) -> int:
+        require("World.tick", (seconds, float))
+        self.module.note("tick", None)
         if not self.settings.synchronous_mode:
-            raise RuntimeError("tick() in asynchronous mode")
+            raise RuntimeError(TIME_OUT)  # nobody waits for this client
         self.ticks += 1
         self.frame += 1
-        step_s = self.settings.fixed_delta_seconds
+        if self.sensors_late:
+            self._say()
         for vehicle in self.actors.values():
-            vehicle.advance(step_s)
+            vehicle.advance(self.settings.fixed_delta_seconds)
         vehicles = list(self.actors.values())
         for i, one in enumerate(vehicles):
             for two in vehicles[i + 1 :]:
                 gap, nx, ny = separation(one.outline(), two.outline())
                 if gap < 0:
                     self._collide(one, two, nx, ny)
+        for vehicle in vehicles:
+            vehicle.show()
+        if not self.sensors_late:
+            self._say()
         return self.frame
+
+    def _say(self) -> None:
+        events, self._unsaid = self._unsaid, []
+        for sensor, event in events:
+            if sensor.callback is not None:
+                sensor.callback(event)
 
     def _collide(self, one: Vehicle, two: Vehicle, nx: float, ny: float) -> None:
         nx, ny = location_to_carla(nx, ny)
@@ -163,119 +206,19 @@ class World:
             vehicle.velocity.y += sign * impulse / vehicle.physics.mass * ny
         for sensor in self.sensors:
             for own, other, sign in ((one, two, -1.0), (two, one, 1.0)):
-                if sensor.parent is own and sensor.callback is not None:
-                    sensor.callback(
-                        SimpleNamespace(
-                            frame=self.frame,
-                            actor=own,
-                            other_actor=other,
-                            normal_impulse=carla.Vector3D(sign * impulse * nx, sign * impulse * ny, 0.0),
-                        )
-                    )
+                if sensor.parent is own:
+                    pushed = carla.Vector3D(sign * impulse * nx, sign * impulse * ny, 0.0)
+                    event = SimpleNamespace(frame=self.frame, actor=own, other_actor=other, normal_impulse=pushed)
+                    self._unsaid.append((sensor, event))
 
 
 class Library:
     def __iter__(self) -> Any:
-        return iter(SimpleNamespace(id=name) for name in (*BOXES, "sensor.other.collision", "walker.pedestrian.0001"))
+        return iter(Blueprint(name) for name in (*BOXES, "sensor.other.collision", "walker.pedestrian.0001"))
 
     def find(self, name: str) -> Any:
-        return SimpleNamespace(id=name)
-
-
-class Vehicle:
-    def __init__(self, module: StandIn, world: World, actor_id: int, type_id: str, transform: Any) -> None:
-        self._module, self._world = module, world
-        self.id, self.type_id = actor_id, type_id
-        self.transform = transform
-        self.velocity = carla.Vector3D()
-        self.angular_velocity = carla.Vector3D()
-        self.control = carla.VehicleControl()
-        self.physics = SimpleNamespace(
-            mass=1000.0, wheels=[SimpleNamespace(tire_friction=3.5, max_steer_angle=70.0) for _ in range(4)]
-        )
-        length, width, height, ahead = BOXES[type_id]
-        self.bounding_box = carla.BoundingBox(
-            carla.Location(ahead, 0.0, height / 2), carla.Vector3D(length / 2, width / 2, height / 2)
-        )
-        self._targeted = False
-
-    def outline(self) -> Outline:
-        pose = pose_from_carla(self.transform)
-        ahead = self.bounding_box.location.x
-        return Outline(
-            pose.x_m + ahead * math.cos(pose.heading_rad),
-            pose.y_m + ahead * math.sin(pose.heading_rad),
-            pose.heading_rad,
-            self.bounding_box.extent.x,
-            self.bounding_box.extent.y,
-        )
-
-    def get_transform(self) -> Any:
-        return self.transform
-
-    def get_velocity(self) -> Any:
-        return self.velocity
-
-    def get_angular_velocity(self) -> Any:
-        return self.angular_velocity
-
-    def get_physics_control(self) -> Any:
-        return self.physics
-
-    def apply_physics_control(self, control: Any) -> None:
-        self._module.note("apply_physics_control", self.id, control.mass, control.wheels[0].tire_friction)
-        self.physics = control
-
-    def apply_control(self, control: Any) -> None:
-        self._module.note("apply_control", self.id, control)
-        self.control = control
-
-    def set_transform(self, transform: Any) -> None:
-        self._module.note("set_transform", self.id, transform)
-        self.transform = transform
-
-    def set_target_velocity(self, velocity: Any) -> None:
-        self._module.note("set_target_velocity", self.id, velocity)
-        self.velocity = velocity
-        self._targeted = True
-
-    def set_target_angular_velocity(self, velocity: Any) -> None:
-        self._module.note("set_target_angular_velocity", self.id, velocity)
-        self.angular_velocity = velocity
-
-    def destroy(self) -> bool:
-        self._module.note("destroy", self.id)
-        self._world.actors.pop(self.id)
-        return True
-
-    def advance(self, step_s: float) -> None:
-        if not self._targeted:
-            speed = math.hypot(self.velocity.x, self.velocity.y)
-            slower = max(0.0, speed - 7.0 * self.control.brake * step_s)
-            scale = slower / speed if speed else 0.0
-            self.velocity = carla.Vector3D(self.velocity.x * scale, self.velocity.y * scale, 0.0)
-            self.angular_velocity = carla.Vector3D()
-        self._targeted = False
-        at, rotation = self.transform.location, self.transform.rotation
-        self.transform = carla.Transform(
-            carla.Location(at.x + self.velocity.x * step_s, at.y + self.velocity.y * step_s, max(0.0, at.z - 0.05)),
-            carla.Rotation(yaw=rotation.yaw + self.angular_velocity.z * step_s),
-        )
-
-
-class Sensor:
-    def __init__(self, module: StandIn, world: World, parent: Vehicle) -> None:
-        self._module, self._world, self.parent = module, world, parent
-        self.callback: Callable[[Any], None] | None = None
-
-    def listen(self, callback: Callable[[Any], None]) -> None:
-        self.callback = callback
-
-    def stop(self) -> None:
-        self._module.note("stop", self.parent.id)
-        self.callback = None
-
-    def destroy(self) -> bool:
-        self._module.note("destroy_sensor", self.parent.id)
-        self._world.sensors.remove(self)
-        return True
+        require("BlueprintLibrary.find", (name, str))
+        found = next((blueprint for blueprint in self if blueprint.id == name), None)
+        if found is None:
+            raise IndexError(f"blueprint '{name}' not found")
+        return found

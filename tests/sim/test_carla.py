@@ -13,7 +13,7 @@ carla = pytest.importorskip("carla", reason="the carla extra is not installed")
 from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
-from tests.sim.carla_stand_in import StandIn  # noqa: E402
+from tests.sim.carla_stand_in import TIME_OUT, StandIn  # noqa: E402
 from tests.sim.motions import CAR, TRUCK, driven, participant, straight  # noqa: E402
 from trace_dag.crash.record import VehicleClass  # noqa: E402
 from trace_dag.errors import Failure, TransientFailure, UserError  # noqa: E402
@@ -33,6 +33,7 @@ from trace_dag.sim.carla_frame import (  # noqa: E402
 from trace_dag.sim.log_io import logs_from_files, logs_to_files  # noqa: E402
 from trace_dag.sim.plan import tracking_errors  # noqa: E402
 from trace_dag.sim.types import SimulationLog, Termination  # noqa: E402
+from trace_dag.states.types import Trajectory  # noqa: E402
 from trace_dag.units import wrap_angle  # noqa: E402
 
 XODR = b"<OpenDRIVE/>"
@@ -139,13 +140,123 @@ def test_nothing_is_left_behind() -> None:
     assert len(module.named("stop")) == 2
 
 
-@pytest.mark.parametrize("fails_at", [0, 10, 40])
-def test_nothing_is_left_behind_when_the_server_times_out(fails_at: int) -> None:
+@pytest.mark.parametrize(
+    ("call", "which"),
+    [
+        ("apply_settings", 1),
+        ("try_spawn_actor", 1),
+        ("try_spawn_actor", 2),
+        ("get_physics_control", 1),
+        ("apply_physics_control", 2),
+        ("tick", 1),
+        ("tick", 11),
+        ("tick", 41),
+        ("set_transform", 1),
+        ("set_target_velocity", 30),
+        ("set_target_angular_velocity", 2),
+        ("apply_control", 60),
+        ("get_snapshot", 3),
+        ("spawn_actor", 2),
+        ("listen", 1),
+    ],
+)
+@pytest.mark.parametrize("error", [RuntimeError(TIME_OUT), KeyboardInterrupt()], ids=["time-out", "Ctrl-C"])
+def test_nothing_is_left_behind_wherever_a_run_breaks(call: str, which: int, error: BaseException) -> None:
     module = StandIn()
-    module.world.fails_at_tick = fails_at
-    with pytest.raises(TransientFailure, match="time-out"):
+    module.breaks = call, which, error
+    with pytest.raises(TransientFailure if isinstance(error, RuntimeError) else KeyboardInterrupt):
+        run(module)
+    # A vehicle whose spawning breaks within the call itself is known to the server alone.
+    unknown = call == "try_spawn_actor"
+    assert len(module.world.actors) == (1 if unknown else 0)
+    assert not module.world.sensors
+    assert not module.world.settings.synchronous_mode
+
+
+@pytest.mark.parametrize("call", ["stop", "destroy_sensor", "destroy"])
+def test_cleaning_up_goes_on_where_a_part_of_it_breaks(call: str) -> None:
+    module = StandIn()
+    module.breaks = call, 1, RuntimeError(TIME_OUT)
+    with pytest.raises(TransientFailure, match="cleaning up"):
         run(module)
     assert left_clean(module)
+
+
+def test_settings_of_before_are_the_settings_after() -> None:
+    """Of a server that another client runs in synchronous mode."""
+    module = StandIn()
+    simulation = CarlaBackend(SETTINGS, module).load(NETWORK, XODR, friction=0.75)
+    module.world.apply_settings(carla.WorldSettings(synchronous_mode=True, fixed_delta_seconds=0.1))
+    simulation.run(HEAD_ON, time_limit_s=5.0)
+    assert module.world.settings.synchronous_mode
+    assert module.world.settings.fixed_delta_seconds == pytest.approx(0.1)
+
+
+def test_a_vehicle_that_is_gone_is_said_to_be() -> None:
+    module = StandIn()
+    simulation = CarlaBackend(SETTINGS, module).load(NETWORK, XODR, friction=0.75)
+    tick = module.world.tick
+
+    def tick_and_lose_one() -> int:
+        if module.world.ticks == 50:
+            list(module.world.actors.values())[1].vanish()
+        return tick()
+
+    module.world.tick = tick_and_lose_one
+    with pytest.raises(Failure, match="vehicle 2 is gone"):
+        simulation.run(HEAD_ON, time_limit_s=5.0)
+    assert not module.world.settings.synchronous_mode
+
+
+def test_sensors_may_speak_late() -> None:
+    """They have their own thread: in synchronous mode too, what they saw in a tick may arrive after it."""
+    at_once, late = StandIn(), StandIn()
+    late.world.sensors_late = True
+    contacts = [run(module).first_contact for module in (at_once, late)]
+    assert contacts[1].time_s == pytest.approx(contacts[0].time_s, abs=1e-3)
+    assert (contacts[1].x_m, contacts[1].y_m) == pytest.approx((contacts[0].x_m, contacts[0].y_m), abs=0.01)
+    assert contacts[1].impulse_ns == pytest.approx(contacts[0].impulse_ns)
+
+
+@pytest.mark.parametrize("grade", [-0.08, 0.0, 0.08])
+def test_vehicles_stay_on_a_road_with_a_grade(grade: float) -> None:
+    def plan(x_m: float, heading_rad: float, speed_mps: float) -> Trajectory:
+        level = straight(x_m, 0.0, heading_rad, speed_mps)
+        return replace(level, z_m=20.0 + grade * level.x_m)
+
+    module = StandIn()
+    module.world.road_height_m = lambda x, y: 20.0 + grade * x
+    log = run(module, participant(1, plan(-60.0, 0.0, 20.0)), participant(2, plan(60.0, math.pi, 20.0)))
+    assert log.first_contact is not None
+    assert log.first_contact.z_m == pytest.approx(20.0 + grade * log.first_contact.x_m, abs=0.15)
+    spawned = [call.arguments[1].location for call in module.named("try_spawn_actor")]
+    for each, vehicle in zip(spawned, log.vehicles, strict=True):
+        assert 0.0 < each.z - (20.0 + grade * each.x) < 0.5  # above the road, not in it, and not to fall far
+        assert vehicle.z_m == pytest.approx(20.0 + grade * vehicle.x_m, abs=0.15)
+
+
+def test_the_stand_in_refuses_what_carla_refuses() -> None:
+    module = StandIn()
+    world = module.Client("localhost", 2000).generate_opendrive_world(
+        XODR.decode(), carla.OpendriveGenerationParameters()
+    )
+    blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
+    vehicle = world.try_spawn_actor(blueprint, carla.Transform())
+    for call, wrong in (
+        (vehicle.set_target_velocity, (1.0, 0.0, 0.0)),
+        (vehicle.apply_control, {"brake": 1.0}),
+        (vehicle.set_transform, carla.Location()),
+        (world.apply_settings, {"synchronous_mode": True}),
+        (world.get_blueprint_library().find, 7),
+    ):
+        with pytest.raises(TypeError, match=r"did not match C\+\+ signature"):
+            call(wrong)
+    with pytest.raises(RuntimeError, match="time-out"):
+        world.tick()  # in asynchronous mode
+    assert vehicle.destroy()
+    assert not vehicle.destroy()
+    with pytest.raises(RuntimeError, match="destroyed actor"):
+        vehicle.get_transform()
 
 
 def test_nothing_is_left_behind_when_a_vehicle_cannot_be_spawned() -> None:
@@ -176,7 +287,12 @@ def test_plans_nobody_can_drive_are_refused_before_anything_is_spawned() -> None
 
 # --- connections -------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("server", "package", "says"), [("0.9.13", "0.9.16", "0.9.15 and 0.9.16"), ("0.9.15", "0.9.16", "must be the same")]
+    ("server", "package", "says"),
+    [
+        ("0.9.13", "0.9.16", "0.9.15 and 0.9.16"),
+        ("0.10.0", "0.9.16", "0.9.15 and 0.9.16"),
+        ("0.9.15-dirty", "0.9.16", "install carla 0.9.15"),
+    ],
 )
 def test_other_versions_are_refused(server: str, package: str, says: str) -> None:
     with pytest.raises(Failure, match=says):

@@ -1,8 +1,9 @@
-"""A participant in CARLA's world: spawned, carried along its plan, let go, watched; and contacts of two of them."""
+"""A participant in CARLA's world: spawned, carried along its plan, let go, watched."""
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,9 +21,9 @@ from trace_dag.sim.carla_frame import (
     yaw_rate_to_carla,
 )
 from trace_dag.sim.driving import BodyState, Pedals
-from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
+from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.plan import Plan, resample
-from trace_dag.sim.types import PULSE_S, Body, BodyKind, Contact, Participant, VehicleLog
+from trace_dag.sim.types import Body, BodyKind, Participant, VehicleLog
 
 _SPAWN_ABOVE_M = 0.3
 _POSITION_GAIN = 4.0  # 1/s: target velocity for each metre off the plan
@@ -48,6 +49,7 @@ class CarlaActor:
     plan: Plan
     actor: Any
     body: Body
+    step_s: float
     max_steer_rad: float
     sensor: Any = None
     crashed: bool = False
@@ -73,6 +75,24 @@ class CarlaActor:
                 f"CARLA could not spawn vehicle {participant.number} ({blueprint.id}) at x {pose.x_m:.1f} m, "
                 f"y {pose.y_m:.1f} m: something is in its place or there is no road under it"
             )
+        try:
+            return cls._with_physics(carla, world, participant, actor, friction, step_s, time_limit_s)
+        except BaseException:
+            with suppress(RuntimeError):  # the server may be gone
+                actor.destroy()
+            raise
+
+    @classmethod
+    def _with_physics(
+        cls,
+        carla: Any,
+        world: Any,
+        participant: Participant,
+        actor: Any,
+        friction: float,
+        step_s: float,
+        time_limit_s: float,
+    ) -> CarlaActor:
         control = actor.get_physics_control()
         control.mass = participant.body.mass_kg
         wheels = control.wheels
@@ -95,6 +115,7 @@ class CarlaActor:
                 height_m=2 * extent.z,
                 mass_kg=participant.body.mass_kg,
             ),
+            step_s=step_s,
             max_steer_rad=max(
                 (math.radians(wheel.max_steer_angle) for wheel in wheels if wheel.max_steer_angle > 0),
                 default=_STANDARD_MAX_STEER_RAD,
@@ -116,6 +137,12 @@ class CarlaActor:
         x, y, _, heading = self.rows[tick][:4]
         return Outline(x, y, heading, self.body.length_m / 2, self.body.width_m / 2)
 
+    def meets(self, other: CarlaActor) -> bool:
+        """Whether the two boxes overlap, as last seen."""
+        one_z, two_z = self.rows[-1][2], other.rows[-1][2]
+        same_level = one_z < two_z + other.body.height_m and two_z < one_z + self.body.height_m
+        return same_level and separation(self.outline(-1), other.outline(-1))[0] <= 0
+
     def velocity(self, tick: int) -> tuple[float, float]:
         """Velocity x, y as seen after a tick."""
         return self.rows[tick][4], self.rows[tick][5]
@@ -133,22 +160,37 @@ class CarlaActor:
         """Stand on all brakes."""
         self.actor.apply_control(self.carla.VehicleControl(brake=1.0, hand_brake=True))
 
-    def put_at_start(self, step_s: float) -> None:
-        """Move the settled vehicle one step short of its start, so that the next tick brings it there at its speed."""
+    def put_at_start(self) -> None:
+        """Move the settled vehicle one step short of its start, so that the next tick brings it there at its speed.
+
+        It keeps the height, pitch and roll at which it settled on the road.
+        """
         start = self.participant.initial_pose
-        back_m = self._ahead_m + self.participant.initial_speed_mps * step_s
+        back_m = self._ahead_m + self.participant.initial_speed_mps * self.step_s
+        settled = self.actor.get_transform()
         origin = Pose(
             start.x_m - back_m * math.cos(start.heading_rad),
             start.y_m - back_m * math.sin(start.heading_rad),
             start.heading_rad,
-            self.actor.get_transform().location.z,
+            settled.location.z - self._climb_mps(0) * self.step_s,
         )
-        self.actor.set_transform(transform_to_carla(self.carla, origin))
+        placed = transform_to_carla(self.carla, origin)
+        placed.rotation.pitch, placed.rotation.roll = settled.rotation.pitch, settled.rotation.roll
+        self.actor.set_transform(placed)
         self.actor.apply_control(self.carla.VehicleControl())
         self.carry(0)
 
+    def _climb_mps(self, tick: int) -> float:
+        """How fast the road under the plan rises from a tick to the next."""
+        last = len(self.plan.rows) - 1
+        here, there = min(tick, last), min(tick + 1, last)
+        return (self.plan.rows[there][9] - self.plan.rows[here][9]) / self.step_s
+
     def carry(self, tick: int) -> None:
-        """Target velocities for the plan at a tick, and wheels that match them."""
+        """Target velocities for the plan at a tick, and wheels that match them.
+
+        The vertical one is the road's: a target velocity without it would hold the vehicle up where the road falls.
+        """
         last = len(self.plan.rows) - 1
         _, _, vx, vy, _, _, speed, curvature, _, _ = self.plan.rows[min(tick, last)]
         off_x = off_y = turn = 0.0
@@ -158,7 +200,7 @@ class CarlaActor:
             turn = math.remainder(before[8] - self.rows[-1][3], math.tau)
         x, y = location_to_carla(vx + _POSITION_GAIN * off_x, vy + _POSITION_GAIN * off_y)
         yaw_rate = yaw_rate_to_carla(curvature * speed + _HEADING_GAIN * turn)
-        self.actor.set_target_velocity(self.carla.Vector3D(x, y, 0.0))
+        self.actor.set_target_velocity(self.carla.Vector3D(x, y, self._climb_mps(tick)))
         self.actor.set_target_angular_velocity(self.carla.Vector3D(0.0, 0.0, yaw_rate))
         self.steer = math.atan(_WHEELBASE * self.body.length_m * curvature)
         self.throttle, self.brake = (_CRUISE_THROTTLE, 0.0) if abs(speed) > _REST_MPS else (0.0, 1.0)
@@ -201,6 +243,10 @@ class CarlaActor:
     def observe(self) -> None:
         """Keep the state after a tick."""
         seen = self.world.get_snapshot().find(self.actor.id)
+        if seen is None:
+            raise Failure(
+                f"vehicle {self.number} is gone from CARLA's world: it fell off the map, or another client removed it"
+            )
         origin = pose_from_carla(seen.get_transform())
         velocity = seen.get_velocity()
         vx, vy = location_from_carla(velocity.x, velocity.y)
@@ -249,56 +295,4 @@ class CarlaActor:
             steer_rad=steer,
             throttle=throttle,
             brake=brake,
-        )
-
-
-@dataclass
-class CarlaContact:
-    """A contact of two actors under way, by the ticks in which sensors reported it."""
-
-    one: CarlaActor
-    two: CarlaActor
-    first_tick: int
-    last_tick: int
-    impulse_ns: float = 0.0
-
-    def add(self, tick: int, impulse_ns: float, step_s: float) -> None:
-        """Another report of the first one's sensor."""
-        self.last_tick = max(self.last_tick, tick)
-        if (tick - self.first_tick) * step_s <= PULSE_S:
-            self.impulse_ns += impulse_ns
-
-    def contact(self, step_s: float) -> Contact:
-        """The contact, its place from the two boxes between the tick before it and its own."""
-        one, two = self.one, self.two
-        last = len(one.rows) - 1
-        after = min(self.first_tick, last)
-        before = max(after - 1, 0)
-        start, end = (one.outline(before), two.outline(before)), (one.outline(after), two.outline(after))
-        fraction = first_touch(start, end) if separation(*end)[0] <= 0 < separation(*start)[0] else 1.0
-        touching = between(start[0], end[0], fraction), between(start[1], end[1], fraction)
-        _, nx, ny = separation(*touching)
-        x, y = contact_point(*touching)
-        v1, v2 = one.velocity(before), two.velocity(before)
-        settled = min(self.first_tick + round(PULSE_S / step_s), self.last_tick + 1, last)
-        w1, w2 = one.velocity(settled), two.velocity(settled)
-        z1, z2 = one.rows[before][2], two.rows[before][2]
-        return Contact(
-            time_s=(before + fraction) * step_s,
-            duration_s=(self.last_tick - self.first_tick) * step_s,
-            x_m=x,
-            y_m=y,
-            z_m=(z1 + z2) / 2,
-            normal_x=nx,
-            normal_y=ny,
-            impulse_ns=self.impulse_ns,
-            closing_speed_mps=(v1[0] - v2[0]) * nx + (v1[1] - v2[1]) * ny,
-            number_1=one.number,
-            number_2=two.number,
-            pose_1=Pose(touching[0].x_m, touching[0].y_m, touching[0].heading_rad, z1),
-            pose_2=Pose(touching[1].x_m, touching[1].y_m, touching[1].heading_rad, z2),
-            velocity_1_mps=v1,
-            velocity_2_mps=v2,
-            delta_v_1_mps=(w1[0] - v1[0], w1[1] - v1[1]),
-            delta_v_2_mps=(w2[0] - v2[0], w2[1] - v2[1]),
         )
