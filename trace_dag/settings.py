@@ -22,7 +22,7 @@ _NOT_IN_PROVENANCE: dict[str, Any] = {"provenance": False}  # says how a service
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class CrashSettings(_Section):
@@ -100,9 +100,9 @@ class SimSettings(_Section):
     """Simulation (stage ``simulation_log``)."""
 
     backend: Literal["embedded", "carla"] = "embedded"
-    step_s: float = Field(0.005, gt=0, le=0.05, description="Integration step.")
-    log_step_s: float = Field(0.02, gt=0, description="Step of the log.")
-    time_limit_s: float = Field(20.0, gt=0)
+    step_s: float = Field(0.005, ge=0.0001, le=0.05, description="Integration step.")
+    log_step_s: float = Field(0.02, ge=0.001, le=1.0, description="Step of the log.")
+    time_limit_s: float = Field(20.0, gt=0, le=600, description="Simulated time at which a run ends at the latest.")
     friction: float = Field(0.75, gt=0, description="Tyre-road friction, dry asphalt; scaled by VSURCOND.")
     restitution: float = Field(0.1, ge=0, le=1, description="Between bodies, along the contact normal.")
     contact_friction: float = Field(0.5, ge=0, description="Between bodies, along the contact; 0.3 to 0.6 in tests.")

@@ -8,14 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from tests.sim.motions import CAR, TRUCK, driven, meeting, participant, straight
+from tests.verdict.crashes import STREET, estimate, simulated
 from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import Failure
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
 from trace_dag.sim.plan import tracking_errors
+from trace_dag.sim.run import simulate
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, Participant, SimulationLog, Termination
 from trace_dag.states.types import Trajectory
@@ -161,6 +164,56 @@ def test_one_point_is_enough_to_stand_on() -> None:
     assert log.first_contact.pose_2.x_m == pytest.approx(15.0, abs=0.01)
 
 
+@pytest.mark.parametrize("count", [0, 1])
+def test_with_fewer_than_two_there_is_nothing_to_collide_with(count: int) -> None:
+    log = run(*[participant(1, straight(0.0, 0.0, 0.0, 10.0, until_s=2.0))][:count])
+    assert log.termination is Termination.NO_CONTACT
+    assert "fewer than two" in log.reason
+    assert len(log.vehicles) == count
+
+
+@pytest.mark.parametrize("speed", [1e3, 1e9, 1e300])
+def test_speeds_beyond_all_bounds_end_a_run_at_once(speed: float) -> None:
+    log = run(participant(1, straight(0.0, 0.0, 0.0, speed)), participant(2, straight(50.0, 0.0, math.pi, 0.0)))
+    assert log.termination is Termination.DIVERGED
+    assert log.reason.startswith("vehicle 1 left all bounds")
+    assert log.duration_s == 0.0
+
+
+def test_the_fastest_crash_there_can_be_still_ends_at_rest() -> None:
+    """Two vehicles at 149 m/s: within one step they close by more than a metre, and do not pass through each other."""
+    log = run(participant(1, straight(-300.0, 0.0, 0.0, 149.0)), participant(2, straight(300.0, 0.0, math.pi, 149.0)))
+    assert log.termination is Termination.AT_REST
+    assert log.first_contact.x_m == pytest.approx(0.0, abs=0.02)
+    assert log.first_contact.closing_speed_mps == pytest.approx(298.0, rel=1e-3)
+    one, two = log.vehicles
+    assert (one.x_m < two.x_m).all()
+
+
+@pytest.mark.parametrize("step_s", [0.0001, 0.05])
+def test_the_smallest_and_the_largest_step_see_the_same_crash(step_s: float) -> None:
+    crash = participant(1, straight(-6.0, 0.0, 0.0, 20.0)), participant(2, straight(6.0, 0.0, math.pi, 20.0))
+    log = run(*crash, settings=SimSettings(step_s=step_s, time_limit_s=0.5))
+    assert log.first_contact.time_s == pytest.approx((12.0 - CAR.length_m) / 40.0, abs=2e-4)
+    assert log.first_contact.x_m == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "setting", [{"step_s": 1e-5}, {"step_s": 0.0}, {"time_limit_s": math.inf}, {"time_limit_s": 1e9}, {"log_step_s": 0}]
+)
+def test_settings_that_would_never_end_are_refused(setting: dict[str, float]) -> None:
+    with pytest.raises(ValidationError):
+        SimSettings(**setting)
+
+
+def test_an_estimate_that_leaves_all_bounds_is_a_failure_and_no_rejection() -> None:
+    fast = straight(0.0, 0.0, 0.0, 400.0), straight(50.0, 0.0, math.pi, 0.0)
+    hypothesis = simulated(*fast)[0]
+    settings = SimSettings()
+    with pytest.raises(Failure, match="left all bounds"):
+        simulate(EmbeddedBackend(settings), STREET, b"", estimate(hypothesis), settings)
+
+
 def _with(trajectory: Trajectory, **changes: object) -> Participant:
     return replace(participant(1, trajectory), trajectory=replace(trajectory, **changes))
 
@@ -185,3 +238,8 @@ NAN = np.where(np.arange(len(PLAN.time_s)) == 7, np.nan, PLAN.x_m)
 def test_plans_nobody_can_drive_are_refused_by_name(broken: Participant, says: str) -> None:
     with pytest.raises(Failure, match=says):
         run(broken, participant(2, straight(100.0, 0.0, math.pi, 10.0)))
+
+
+def test_participants_need_numbers_of_their_own() -> None:
+    with pytest.raises(Failure, match=r"\[1, 1\]: every number once"):
+        run(participant(1, PLAN), participant(1, straight(100.0, 0.0, math.pi, 10.0)))

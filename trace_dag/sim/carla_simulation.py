@@ -19,7 +19,7 @@ from trace_dag.sim.carla_actors import CarlaActor
 from trace_dag.sim.carla_contacts import CarlaContact
 from trace_dag.sim.carla_frame import location_to_carla
 from trace_dag.sim.driving import Driver, Pedals
-from trace_dag.sim.plan import check_trajectory
+from trace_dag.sim.plan import check_participants
 from trace_dag.sim.types import Participant, SimulationLog, Termination
 
 BACKEND_NAME = "carla"
@@ -72,8 +72,7 @@ class CarlaSimulation:
         Raises :class:`Failure` for a plan nobody can drive or a vehicle that cannot be spawned,
         :class:`TransientFailure` if the server goes away.
         """
-        for participant in participants:
-            check_trajectory(participant)
+        check_participants(participants)
         began = time.perf_counter()
         with server_errors("reading its settings"):
             original = self._world.get_settings()

@@ -21,7 +21,7 @@ from trace_dag.sim.commanded import CommandedVehicle
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
-from trace_dag.sim.plan import check_trajectory, resample
+from trace_dag.sim.plan import check_participants, resample
 from trace_dag.sim.recorder import ContactEpisode, StateRecorder
 from trace_dag.sim.rigid import RigidBodies
 from trace_dag.sim.surface import NetworkSurface, Surface
@@ -72,8 +72,7 @@ class EmbeddedSimulation:
         after_contact_s: float | None = None,
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; :class:`trace_dag.errors.Failure` for a plan nobody can drive."""
-        for participant in participants:
-            check_trajectory(participant)
+        check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
         run = _Run(self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,16 @@ class Plan:
     end_s: float
 
 
-def check_trajectory(participant: Participant) -> None:
+def check_participants(participants: Sequence[Participant]) -> None:
+    """Raise :class:`Failure` for what no back-end can run: two of one number, or a plan nobody can drive."""
+    numbers = [participant.number for participant in participants]
+    if len(set(numbers)) != len(numbers):
+        raise Failure(f"participants are told apart by their numbers, found {numbers}: every number once")
+    for participant in participants:
+        _check_plan(participant)
+
+
+def _check_plan(participant: Participant) -> None:
     """Raise :class:`Failure` for a plan nobody can drive, with the vehicle and what is wrong with it."""
     who = f"vehicle {participant.number}"
     t = participant.trajectory

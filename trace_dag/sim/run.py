@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Failure
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Backend, Body, BodyKind, Participant, SimulationLog
+from trace_dag.sim.types import Backend, Body, BodyKind, Participant, SimulationLog, Termination
 from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
 
 _RELATIVE_FRICTION = {
@@ -66,10 +67,14 @@ def simulate(
 
     ``record`` gives the road's surface; without it the road is dry. All hypotheses are simulated, so that thresholds
     of the verdict can change without simulating again. Raises :class:`trace_dag.errors.Failure` for an estimate that
-    cannot be driven; that vehicles do not meet is no error but a termination.
+    cannot be driven, or none of whose hypotheses stayed within all bounds; that vehicles do not meet is no error but a
+    termination.
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
-    return tuple(
+    logs = tuple(
         simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
         for hypothesis in estimate.hypotheses
     )
+    if logs and all(log.termination is Termination.DIVERGED for log in logs):
+        raise Failure(f"{estimate.key}: no hypothesis could be simulated; the first: {logs[0].reason}")
+    return logs
