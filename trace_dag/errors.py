@@ -28,11 +28,14 @@ class Stage(StrEnum):
     @property
     def position(self) -> int:
         """Position in the flow, 0 for ``raw_report``."""
-        return list(Stage).index(self)
+        return _POSITIONS[self]
 
     def and_later(self) -> tuple[Stage, ...]:
         """This stage and every one after it."""
         return tuple(Stage)[self.position :]
+
+
+_POSITIONS = {stage: position for position, stage in enumerate(Stage)}
 
 
 class PublishedCategory(StrEnum):

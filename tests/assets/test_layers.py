@@ -13,7 +13,7 @@ import trace_dag
 
 PACKAGE = Path(trace_dag.__file__).parent
 MAY_KNOW_DAGSTER = {"assets", "resources", "definitions"}
-FLOW = ["crash", "osm", "roads", "states", "sim", "verdict", "scenario"]
+FLOW = ["crash", "osm", "roads", "states", "sim", "evaluation", "variations", "verdict", "scenario"]
 
 
 def modules(*parts: str) -> list[Path]:

@@ -11,11 +11,13 @@ import click
 from trace_dag import __version__
 from trace_dag.cli.asking import sql, status
 from trace_dag.cli.cohorts import cohort
+from trace_dag.cli.evaluating import evaluate
 from trace_dag.cli.ingesting import ingest
 from trace_dag.cli.judging import controls, peer, replay
 from trace_dag.cli.running import rerun, run
 from trace_dag.cli.sample import demo, score_truth
 from trace_dag.cli.serving import ui
+from trace_dag.cli.varying import vary
 from trace_dag.cli.verifying import verify
 from trace_dag.errors import Failure, UserError
 
@@ -42,7 +44,23 @@ def cli(context: click.Context, root: str | None) -> None:
     context.obj = storage_root(root)
 
 
-for command in (ingest, cohort, run, rerun, status, verify, sql, replay, controls, peer, score_truth, demo, ui):
+for command in (
+    ingest,
+    cohort,
+    run,
+    rerun,
+    status,
+    verify,
+    sql,
+    replay,
+    controls,
+    peer,
+    evaluate,
+    vary,
+    score_truth,
+    demo,
+    ui,
+):
     cli.add_command(command)
 
 

@@ -314,7 +314,7 @@ def simulation_log(crash: CrashFiles) -> StageProduct:
 
     settings = crash.settings.sim
     logs = simulate(
-        _backend(settings),
+        backend(settings),
         network_of(crash),
         crash.read(Stage.ROAD_MAP, "xodr"),
         estimate_of(crash),
@@ -346,7 +346,7 @@ def simulation_log(crash: CrashFiles) -> StageProduct:
 
 
 @lru_cache(maxsize=1)
-def _backend(settings: SimSettings) -> Backend:
+def backend(settings: SimSettings) -> Backend:
     """The back-end the settings name, connected once per process."""
     if settings.backend == "embedded":
         from trace_dag.sim.embedded import EmbeddedBackend

@@ -10,23 +10,26 @@ from __future__ import annotations
 import logging
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Failure, Stage
+from trace_dag.errors import Failure
 from trace_dag.pipeline.comparisons import CONTROLS, FOLDER, PUBLISHED
-from trace_dag.pipeline.home import WAREHOUSE_FILE
+from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
 from trace_dag.pipeline.registry import Registry
+from trace_dag.processes import temporary_prefix
 from trace_dag.storage import Storage
-from trace_dag.warehouse.outcomes import read_outcomes
+from trace_dag.warehouse.documents import JSON_DOCUMENTS, DocumentTables, execute_sql, local_files
+from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.reports import state_names, unread_reports
+from trace_dag.warehouse.snapshot import read_snapshots
 
 if TYPE_CHECKING:
     import duckdb
+    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
@@ -59,18 +62,13 @@ TABLES = (
     "benchmark_comparison",
 )
 
-# The parts of the JSON artefacts that the tables need, read once into temporary tables (``sql/documents``).
-_DOCUMENTS = {
-    "map_report": Stage.ROAD_MAP,
-    "estimate": Stage.STATE_ESTIMATE,
-    "simulation": Stage.SIMULATION_LOG,
-    "verdict": Stage.VERDICT,
+# Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
+_COMPARISONS = {
+    "control_files": CONTROLS,
+    "comparison_files": PUBLISHED,
 }
-# Comparisons of whole cohorts that the SQL reads: variable, beginning of the file's name.
-_COMPARISONS = (("control_files", f"{FOLDER}/{CONTROLS}-"), ("comparison_files", f"{FOLDER}/{PUBLISHED}-"))
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
-_READ_AT_ONCE = 500  # documents, so that a cohort of any size needs the same memory
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def build_warehouse(storage: Storage, local_folder: Path) -> BuildReport:
     """
     started = time.monotonic()
     for attempt in range(1, _BUILD_ATTEMPTS + 1):
-        with tempfile.TemporaryDirectory(prefix=".building-", dir=local_folder) as folder:
+        with tempfile.TemporaryDirectory(prefix=temporary_prefix(BUILDING), dir=local_folder) as folder:
             try:
                 return _build(storage, Path(folder), local_folder / WAREHOUSE_FILE, started)
             except FileNotFoundError as error:
@@ -103,24 +101,23 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     import duckdb
 
     cohorts = Registry(storage).cohorts().values()
-    outcomes = read_outcomes(storage, {key: cohort.name for cohort in cohorts for key in cohort.reports})
+    cohort_of = {key: cohort.name for cohort in cohorts for key in cohort.reports}
     path = folder / WAREHOUSE_FILE
     with duckdb.connect(str(path)) as connection:
         connection.execute("SET enable_progress_bar = false")
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
-        for name, rows_of_records in outcomes.tables.items():
-            connection.register(name, rows_of_records)
-        connection.register("listing", unread_reports(storage, cohorts, outcomes.tables["standing"]))
-        connection.register("state", state_names())
-        parquet = _local(storage, outcomes.files.get((Stage.CRASH_RECORD, "parquet"), ()), "parquet", folder)
-        connection.execute("SET VARIABLE record_files = $files", {"files": parquet})
-        for variable, beginning in _COMPARISONS:
-            names = [name for name in storage.list(FOLDER) if name.startswith(beginning)]
-            connection.execute(f"SET VARIABLE {variable} = $files", {"files": _local(storage, names, "json", folder)})
-        for document, stage in _DOCUMENTS.items():
-            _read_documents(connection, storage, document, outcomes.files.get((stage, "json"), ()), folder)
+        connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
+        tables = _read(storage, cohort_of, connection, folder)
+        tables |= {"listing": unread_reports(storage, cohorts, tables["standing"]), "state": state_names()}
+        for name, table in tables.items():
+            connection.register(name, table)
+        comparisons = list(storage.list(FOLDER))
+        for variable, kind in _COMPARISONS.items():
+            names = [name for name in comparisons if name.startswith(f"{FOLDER}/{kind}-")]
+            files = local_files(storage, names, folder, "json")
+            connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
         for table in TABLES:
-            _execute(connection, table, _sql(table))
+            execute_sql(connection, table)
         rows = {table: _count(connection, table) for table in TABLES}
         connection.execute("CHECKPOINT")
     size = path.stat().st_size
@@ -130,64 +127,27 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     return BuildReport(rows, size, time.monotonic() - started)
 
 
-def _sql(table: str) -> str:
-    return resources.files("trace_dag.warehouse").joinpath("sql", f"{table}.sql").read_text()
+def _read(
+    storage: Storage, cohort_of: Mapping[str, str], connection: duckdb.DuckDBPyConnection, folder: Path
+) -> dict[str, pa.Table]:
+    """Everything stored, chunk by chunk: DuckDB takes one over while the next is read."""
+    outcomes = OutcomeTables()
+    documents = DocumentTables(connection, storage, folder)
+    with ThreadPoolExecutor(max_workers=1) as duckdb_thread:
+        taken: Future[None] | None = None
+        for crashes in read_snapshots(storage, list(cohort_of), JSON_DOCUMENTS.values()):
+            if taken is not None:
+                taken.result()
+            taken = duckdb_thread.submit(documents.add, crashes)
+            outcomes.add(crashes, cohort_of)
+        if taken is not None:
+            taken.result()
+    return outcomes.finished()
 
 
 def _count(connection: duckdb.DuckDBPyConnection, table: str) -> int:
     row = connection.execute(f'SELECT count(*) FROM "{table}"').fetchone()  # noqa: S608 - a name of ours
     return int(row[0]) if row else 0
-
-
-def _read_documents(
-    connection: duckdb.DuckDBPyConnection, storage: Storage, document: str, names: Sequence[str], folder: Path
-) -> None:
-    """One temporary table of what a kind of JSON artefact says, some hundred files at a time."""
-    select = _sql(f"documents/{document}")
-    for start in range(0, max(1, len(names)), _READ_AT_ONCE):
-        files = _local(storage, names[start : start + _READ_AT_ONCE], "json", folder)
-        connection.execute("SET VARIABLE files = $files", {"files": files})
-        into = f"INSERT INTO {document}" if start else f"CREATE TEMP TABLE {document} AS"
-        _execute(connection, f"documents/{document}", f"{into} {select}")
-        for file in files[1:]:  # the first is the empty one, which others read too
-            if Path(file).is_relative_to(folder):
-                Path(file).unlink()
-
-
-def _execute(connection: duckdb.DuckDBPyConnection, name: str, sql: str) -> None:
-    import duckdb
-
-    try:
-        connection.execute(sql)
-    except duckdb.IOException as error:
-        raise FileNotFoundError(str(error)) from error
-    except duckdb.Error as error:
-        raise Failure(f"{name}.sql: {error}") from error
-
-
-def _local(storage: Storage, names: Sequence[str], extension: str, folder: Path) -> list[str]:
-    """Local paths of stored files. DuckDB needs at least one file: an empty one is always among them."""
-    paths = [str(_empty_file(folder, extension))]
-    if storage.local_root is not None:
-        return paths + [storage.path(name) for name in names]
-    for start in range(0, len(names), _READ_AT_ONCE):
-        for name, data in storage.read_many(names[start : start + _READ_AT_ONCE]).items():
-            copy = folder / name
-            copy.parent.mkdir(exist_ok=True)
-            copy.write_bytes(data)
-            paths.append(str(copy))
-    return paths
-
-
-def _empty_file(folder: Path, extension: str) -> Path:
-    path = folder / f"empty.{extension}"
-    if extension == "json":
-        path.write_text("[]")
-    else:
-        import pyarrow.parquet as pq
-
-        pq.write_table(CRASH_RECORD.arrow().empty_table(), path)
-    return path
 
 
 def table_documentation(connection: duckdb.DuckDBPyConnection) -> dict[str, list[tuple[str, str, str]]]:

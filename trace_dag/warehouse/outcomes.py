@@ -1,27 +1,19 @@
-"""The outcome records of all crashes as Arrow tables: where each stands, what each stage said, which files it left.
-
-Some hundred crashes at a time are read and only rows are kept, so that memory does not grow with the records.
-"""
+"""The outcome records of all crashes as Arrow tables: where each stands, what each stage said, which files it left."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.errors import Stage
-from trace_dag.pipeline.records import Records, read_records
-from trace_dag.pipeline.standing import standing, valid_records
+from trace_dag.pipeline.standing import standing
 from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
-from trace_dag.storage import Storage
+from trace_dag.warehouse.snapshot import CrashSnapshot
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 Row = dict[str, Any]
-
-_CRASHES_AT_ONCE = 500
 
 _TEXT, _INTEGER, _BIG, _REAL, _BOOLEAN = "string", "int32", "int64", "float64", "bool"
 _COLUMNS: Mapping[str, Mapping[str, str]] = {
@@ -44,54 +36,44 @@ _COLUMNS: Mapping[str, Mapping[str, str]] = {
 }
 
 
-@dataclass(frozen=True)
-class Outcomes:
-    """The tables by name, and the names of the artefacts that still count by stage and extension (``"json"``)."""
+class OutcomeTables:
+    """Rows of the tables, crash by crash, and the Arrow tables made of them."""
 
-    tables: Mapping[str, pa.Table]
-    files: Mapping[tuple[Stage, str], Sequence[str]]
+    def __init__(self) -> None:
+        import pyarrow as pa
 
+        self._schemas = {
+            table: pa.schema([(name, pa.type_for_alias(alias)) for name, alias in columns.items()])
+            for table, columns in _COLUMNS.items()
+        }
+        self._parts: dict[str, list[pa.Table]] = {
+            table: [schema.empty_table()] for table, schema in self._schemas.items()
+        }
 
-def read_outcomes(storage: Storage, cohort_of: Mapping[str, str]) -> Outcomes:
-    """Everything the stored records say of some crashes, given by key with their cohorts."""
-    import pyarrow as pa
+    def add(self, crashes: Sequence[CrashSnapshot], cohort_of: Mapping[str, str]) -> None:
+        """Take over some crashes."""
+        import pyarrow as pa
 
-    schemas = {
-        table: pa.schema([(name, pa.type_for_alias(alias)) for name, alias in columns.items()])
-        for table, columns in _COLUMNS.items()
-    }
-    parts: dict[str, list[pa.Table]] = {table: [schema.empty_table()] for table, schema in schemas.items()}
-    files: dict[tuple[Stage, str], list[str]] = {}
-    keys = list(cohort_of)
-    for start in range(0, len(keys), _CRASHES_AT_ONCE):
-        rows: dict[str, list[Row]] = {table: [] for table in schemas}
-        for key, records in read_records(storage, keys[start : start + _CRASHES_AT_ONCE]).items():
-            valid = valid_records(records)
-            rows["standing"].append(_standing_row(key, cohort_of[key], records))
-            rows["outcome"].extend(_outcome_row(record) for record in valid.values())
-            rows["known_outcome"].extend(_known_rows(records, valid))
-            for record in valid.values():
-                for file in record.artefacts:
-                    rows["artefact"].append(
-                        {
-                            "key": key,
-                            "stage": record.stage.value,
-                            "file": file.name,
-                            "sha256": file.sha256,
-                            "bytes": file.size,
-                        }
-                    )
-                    extension = file.name.rpartition("/")[2].partition(".")[2]
-                    files.setdefault((record.stage, extension), []).append(file.name)
-        for table, schema in schemas.items():
-            parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
-    return Outcomes({table: pa.concat_tables(each) for table, each in parts.items()}, files)
+        rows: dict[str, list[Row]] = {table: [] for table in self._schemas}
+        for crash in crashes:
+            rows["standing"].append(_standing_row(crash, cohort_of[crash.key]))
+            rows["outcome"].extend(_outcome_row(record) for record in crash.valid.values())
+            rows["known_outcome"].extend(_known_rows(crash))
+            rows["artefact"].extend(_artefact_rows(crash))
+        for table, schema in self._schemas.items():
+            self._parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
+
+    def finished(self) -> dict[str, pa.Table]:
+        """The tables by name."""
+        import pyarrow as pa
+
+        return {table: pa.concat_tables(parts) for table, parts in self._parts.items()}
 
 
-def _standing_row(key: str, cohort: str, records: Records) -> Row:
-    stands = standing(key, records)
+def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
+    stands = standing(crash.key, crash.valid)
     return {
-        "key": key,
+        "key": crash.key,
         "cohort": cohort,
         "final_state": stands.final_state.value,
         "stage_reached": stands.stage_reached.value if stands.stage_reached else None,
@@ -125,14 +107,26 @@ def _outcome_row(record: OutcomeRecord) -> Row:
     }
 
 
-def _known_rows(records: Records, valid: Records) -> Iterator[Row]:
+def _artefact_rows(crash: CrashSnapshot) -> Iterator[Row]:
+    for stage, record in crash.valid.items():
+        for file in record.artefacts:
+            yield {
+                "key": crash.key,
+                "stage": stage.value,
+                "file": file.name,
+                "sha256": file.sha256,
+                "bytes": file.size,
+            }
+
+
+def _known_rows(crash: CrashSnapshot) -> Iterator[Row]:
     """Every outcome that is known of a crash, stage by stage in order: those replaced since, and the last."""
-    for stage, record in records.items():
+    for stage, record in crash.records.items():
         known: list[EarlierOutcome | OutcomeRecord] = [*record.history, record]
         known = [each for each in known if each.outcome is not Outcome.STARTED]
         for number, each in enumerate(known, start=1):
             yield {
-                "key": record.key,
+                "key": crash.key,
                 "stage": stage.value,
                 "stage_number": stage.position + 1,
                 "number": number,
@@ -142,5 +136,5 @@ def _known_rows(records: Records, valid: Records) -> Iterator[Row]:
                 "started_at": each.started_at,
                 "run_id": each.run_id,
                 "fingerprint": each.fingerprint,
-                "standing": each is record and stage in valid,
+                "standing": each is record and stage in crash.valid,
             }

@@ -30,7 +30,7 @@ SELECT
     len(record.contradictions) AS contradictions,
     record.summary
 FROM standing
-LEFT JOIN read_parquet(getvariable('record_files')) AS record USING (key)
+LEFT JOIN crash_record AS record USING (key)
 LEFT JOIN listing USING (key)
 LEFT JOIN state ON state.code = CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000
 ORDER BY case_year, state_case;

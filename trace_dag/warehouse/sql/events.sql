@@ -8,7 +8,7 @@ SELECT
     event.area_1.clock_h AS clock_1_h,
     event.vehicle_2,
     event.area_2.clock_h AS clock_2_h
-FROM (SELECT key, unnest(events) AS event FROM read_parquet(getvariable('record_files'))) AS record
+FROM (SELECT key, unnest(events) AS event FROM crash_record) AS record
 ORDER BY key, event_number;
 
 COMMENT ON TABLE events IS 'The sequence of events of every crash whose report was read';

@@ -19,7 +19,7 @@ SELECT
     vehicle.impact.clock_h AS impact_clock_h,
     vehicle.surface_condition_code,
     vehicle.trailers
-FROM (SELECT key, unnest(vehicles) AS vehicle FROM read_parquet(getvariable('record_files'))) AS record
+FROM (SELECT key, unnest(vehicles) AS vehicle FROM crash_record) AS record
 ORDER BY key, vehicle_number;
 
 COMMENT ON TABLE vehicles IS 'The motor vehicles of every crash whose report was read';

@@ -1,7 +1,7 @@
 -- Every state estimate without its trajectories.
 SELECT
+    key,
     unnest(from_json(content, '{
-        "key": "VARCHAR",
         "ambiguity": "DOUBLE",
         "run": {
             "estimator": "VARCHAR", "version": "VARCHAR", "model": "VARCHAR", "prompt_version": "VARCHAR",
@@ -19,5 +19,4 @@ SELECT
             }]
         }]
     }'))
-FROM read_text(getvariable('files'))
-WHERE size > 2
+FROM document

@@ -1,6 +1,6 @@
 -- What lies beside every road map, the parts the tables need.
 SELECT
-    regexp_extract(filename, '([^/]+)\.json$', 1) AS key,
+    key,
     unnest(from_json(content, '{
         "converter": "VARCHAR",
         "roads": "INTEGER",
@@ -16,5 +16,4 @@ SELECT
             "detail": "VARCHAR"
         }]
     }'))
-FROM read_text(getvariable('files'))
-WHERE size > 2
+FROM document

@@ -2,7 +2,7 @@
 SELECT key, unnest(run)
 FROM (
     SELECT
-        regexp_extract(filename, '([^/]+)\.json$', 1) AS key,
+        key,
         unnest(from_json(content, '[{
             "hypothesis": "INTEGER", "backend": "VARCHAR", "backend_version": "VARCHAR", "step_s": "DOUBLE",
             "duration_s": "DOUBLE", "termination": "VARCHAR", "reason": "VARCHAR",
@@ -12,6 +12,5 @@ FROM (
                 "delta_v_1_mps": ["DOUBLE"], "delta_v_2_mps": ["DOUBLE"]
             }]
         }]')) AS run
-    FROM read_text(getvariable('files'))
-    WHERE size > 2
+    FROM document
 )

@@ -1,11 +1,11 @@
 -- Every verdict with its criteria.
 SELECT
+    key,
     unnest(from_json(content, '{
-        "key": "VARCHAR", "accepted": "BOOLEAN", "hypothesis": "INTEGER", "rule_set": "VARCHAR",
+        "accepted": "BOOLEAN", "hypothesis": "INTEGER", "rule_set": "VARCHAR",
         "criteria": [{
             "name": "VARCHAR", "value": "DOUBLE", "threshold": "DOUBLE", "unit": "VARCHAR", "passed": "BOOLEAN",
             "reason": "VARCHAR", "detail": "VARCHAR", "vehicle_number": "INTEGER"
         }]
     }'))
-FROM read_text(getvariable('files'))
-WHERE size > 2
+FROM document

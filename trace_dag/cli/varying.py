@@ -1,0 +1,96 @@
+"""Families of crashes for tests: ``vary``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.printing import print_table
+
+_ERRORS_SHOWN = 5
+
+
+@click.command(cls=ManyValuesCommand)
+@click.option("--count", type=click.IntRange(1, 999), default=10, show_default=True, help="Variations of each crash.")
+@click.option("--seed", default=1, show_default=True, help="The same crash, seed and bounds give the same variations.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@click.option("--speed", "speed_rel", default=0.15, show_default=True, help="Speeds, share more or less.")
+@click.option("--timing", "timing_s", default=0.4, show_default=True, help="Earlier or later, s.")
+@click.option("--lateral", "lateral_m", default=0.4, show_default=True, help="To the left or right, m.")
+@click.option(
+    "--friction", "friction_low", default=0.6, show_default=True, help="Least friction, share of the crash's."
+)
+@click.option("--reaction", "reaction_s", default=1.2, show_default=True, help="Longest braking before the impact, s.")
+@click.option("--collisions-only", is_flag=True, help="Keep no near misses.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Write a package of each there, too.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
+@click.pass_obj
+def vary(
+    root: str,
+    count: int,
+    seed: int,
+    cohort: str | None,
+    only: tuple[str, ...],
+    speed_rel: float,
+    timing_s: float,
+    lateral_m: float,
+    friction_low: float,
+    reaction_s: float,
+    collisions_only: bool,
+    output: Path | None,
+    workers: int | None,
+) -> None:
+    """Make a family of each verified crash: perturbed, simulated, kept if it is drivable and still a conflict.
+
+    A variation is kept if the two still collide within 15 m of where they did, or miss each other by a metre at most,
+    and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
+    variations.
+    """
+    from trace_dag.cli.evaluating import progress_of
+    from trace_dag.errors import UserError
+    from trace_dag.pipeline.evaluations import verified_cases
+    from trace_dag.pipeline.home import Home
+    from trace_dag.pipeline.stages import FLOW
+    from trace_dag.pipeline.variations import FamilyRequest, make_families, package_of, stored_variations
+    from trace_dag.scenario.package import zip_files
+    from trace_dag.variations.family import Criteria
+    from trace_dag.variations.perturbation import Bounds
+    from trace_dag.warehouse.build import build_warehouse
+
+    if not (0 <= speed_rel < 1 and 0 < friction_low <= 1 and min(timing_s, lateral_m, reaction_s) >= 0):
+        raise UserError("--speed is from 0 to 1, --friction above 0 to 1, --timing, --lateral and --reaction 0 or more")
+    home = Home(root, FLOW)
+    pipeline = home.pipeline({"execution": {"workers": workers}} if workers else None)
+    cases = verified_cases(pipeline, cohort, only)
+    request = FamilyRequest(
+        count,
+        seed,
+        Bounds(speed_rel, timing_s, lateral_m, friction_low, reaction_s),
+        Criteria(near_miss_m=-1.0 if collisions_only else Criteria.near_miss_m),
+    )
+    with progress_of("families", len(cases)) as tell:
+        reports = make_families(pipeline, cases, request, tell=lambda report: tell(report.key))
+    build_warehouse(pipeline.storage, home.local_folder)
+    kept = sum(report.kept for report in reports)
+    near_misses = sum(report.near_misses for report in reports)
+    drawn = sum(report.drawn for report in reports)
+    print_table(
+        ["crashes", "variations", "collisions", "near misses", "drawn"],
+        [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+    )
+    broken = [report for report in reports if report.error]
+    for report in broken[:_ERRORS_SHOWN]:
+        click.echo(f"failed: {report.key}: {report.error.strip().splitlines()[-1]}", err=True)
+    if output is not None and kept:
+        output.mkdir(parents=True, exist_ok=True)
+        stored = stored_variations(pipeline, cases)
+        with progress_of("packages", len(stored)) as tell:
+            for case in stored:
+                archive = zip_files(package_of(pipeline, case), folder=case.case_id)
+                (output / f"{case.case_id}.zip").write_bytes(archive)
+                tell(case.case_id)
+    sys.exit(1 if broken else 0)

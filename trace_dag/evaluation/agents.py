@@ -1,0 +1,118 @@
+"""What an agent is: it is told about a scenario, then sees and acts, many times a second.
+
+The whole interface of an agent under test, in the project's one frame (local, x east, y north, metres, radians
+counter-clockwise from east, m/s)::
+
+    class Polite:
+        def reset(self, scenario: Scenario) -> None: ...
+        def act(self, observation: Observation) -> Action: ...
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from trace_dag.evaluation.lane_map import LaneMap
+from trace_dag.geometry import FloatArray
+from trace_dag.sim.driving import Pedals
+from trace_dag.sim.types import Body
+from trace_dag.sim.vehicles import VehicleModel
+from trace_dag.states.paths import Path
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What an agent may know before it drives: its vehicle, the map, where it is going. Nothing about the crash.
+
+    ``route`` follows lanes as far as the vehicle went along them; ``recorded_path`` is where it really went, without
+    the crash. ``period_s`` is the time between two calls of ``act``.
+    """
+
+    vehicle: VehicleModel
+    lane_map: LaneMap
+    route: Path
+    recorded_path: Path
+    period_s: float
+    friction: float
+    seed: int
+
+    @property
+    def body(self) -> Body:
+        """The body the agent drives."""
+        return self.vehicle.body
+
+
+@dataclass(frozen=True, slots=True)
+class RoadUser:
+    """A body as seen: centre (m), heading (rad), velocity (m/s), size (m). Others' values carry the sensor's noise."""
+
+    number: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnState:
+    """The agent's own vehicle, exactly: centre (m), heading (rad), speed along the body (m/s, negative backward)."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    speed_mps: float
+    yaw_rate_rps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What an agent sees: the time since the scenario began (s), itself, and the others it can see."""
+
+    time_s: float
+    own: OwnState
+    others: tuple[RoadUser, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """A wish that the vehicle's own controller turns into pedals: how fast, and where.
+
+    Either a target speed (m/s, 0 or more) or an acceleration (m/s2); where neither is given the speed is kept. The
+    wheels are turned to ``steer_rad`` if that is given, else along ``path_m`` (x and y, shape (n, 2), two points or
+    more), else along the scenario's route.
+    """
+
+    target_speed_mps: float | None = None
+    acceleration_mps2: float | None = None
+    steer_rad: float | None = None
+    path_m: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Let the vehicle do what was recorded for this time: the human driver goes on."""
+
+
+Action = Pedals | Motion | Recorded
+"""What an agent answers: pedals, a motion, or the recorded driver. Anything else is a fault."""
+
+
+class Agent(Protocol):
+    """Something that drives. One instance drives many scenarios, one after the other."""
+
+    def reset(self, scenario: Scenario) -> None:
+        """A new scenario begins; nothing of an earlier one may play a part."""
+
+    def act(self, observation: Observation) -> Action:
+        """What to do until the next call."""
+
+
+class AgentFault(Exception):  # noqa: N818 - a finding about an agent, counted, not an error of ours
+    """The agent broke its side of the interface; the message says how. It scores as faulty for the scenario."""

@@ -1,0 +1,197 @@
+"""The agents that every other is compared with. Registered as entry points of the group ``trace_dag.agents``.
+
+They are simple on purpose, each one idea from the literature with its published constants, and none is tuned to these
+crashes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trace_dag.evaluation.agents import Action, Motion, Observation, OwnState, Recorded, RoadUser, Scenario
+from trace_dag.evaluation.conflicts import time_to_contact_s
+from trace_dag.evaluation.lane_map import PathFollower
+from trace_dag.geometry import FloatArray
+from trace_dag.sim.outlines import Outline
+from trace_dag.states.paths import Path
+from trace_dag.units import GRAVITY_MPS2
+
+_BESIDE_M = 0.3  # room left beside others
+_STEP_S = 0.25  # of prediction
+_LOOK_AGAIN_M = 10.0  # for the lane's speed limit
+_LEAST_LIMIT_MPS = 5.0
+_LEAST_GAP_M = 0.1
+
+
+class Replay:
+    """Drives as was recorded. What it scores is the crash itself."""
+
+    def reset(self, scenario: Scenario) -> None:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+
+    def act(self, observation: Observation) -> Action:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        return Recorded()
+
+
+class BrakeOnTimeToCollision:
+    """The recorded driver with automatic emergency braking: full brakes, along the recorded path, from the moment the
+    time to collision with somebody ahead falls to 1.5 s (both keeping their velocity), until it stands."""
+
+    trigger_s = 1.5
+
+    def reset(self, scenario: Scenario) -> None:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        self._scenario = scenario
+        self._path = points_of(scenario.recorded_path)
+        self._brakes = False
+
+    def act(self, observation: Observation) -> Action:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        self._brakes = self._brakes or time_to_collision_ahead_s(observation, self._scenario) <= self.trigger_s
+        if not self._brakes:
+            return Recorded()
+        return Motion(acceleration_mps2=-GRAVITY_MPS2, path_m=self._path)
+
+
+class IdmLaneKeeper:
+    """Keeps to the lanes of its route at the speed limit and its distance from whoever is in its way ahead.
+
+    Treiber, Hennecke and Helbing, Phys. Rev. E 62 (2000) 1805, with Treiber and Kesting's constants for cars on a
+    highway (Traffic Flow Dynamics, 2nd ed., table 11.2). It sees nobody who is not yet in its way.
+    """
+
+    share_of_limit = 1.0
+    time_gap_s = 1.0
+    least_gap_m = 2.0
+    acceleration_mps2 = 1.0
+    comfortable_braking_mps2 = 1.5
+    lateral_mps2 = 2.5  # what a bend is taken with
+
+    def reset(self, scenario: Scenario) -> None:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        self._scenario = scenario
+        self._body = scenario.body
+        self._route = PathFollower(scenario.route)
+        self._limit_mps: float | None = None
+        self._limit_at_m = 0.0
+
+    def act(self, observation: Observation) -> Action:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        own = observation.own
+        at_m, _ = self._route.locate(own.x_m, own.y_m)
+        free = self._free(own, at_m)
+        acceleration = min(
+            (self._behind(own, free, gap_m, speed_mps) for gap_m, speed_mps in self._in_the_way(observation, at_m)),
+            default=free,
+        )
+        if own.speed_mps < 0.1 and acceleration <= 0:
+            return Motion(target_speed_mps=0.0)
+        return Motion(acceleration_mps2=acceleration)
+
+    def _free(self, own: OwnState, at_m: float) -> float:
+        """The model's acceleration on a free road (m/s2); above the desired speed it brakes as is comfortable."""
+        ratio = max(own.speed_mps, 0.0) / self._desired_mps(own, at_m)
+        return max(self.acceleration_mps2 * (1 - ratio**4), -self.comfortable_braking_mps2)
+
+    def _behind(self, own: OwnState, free_mps2: float, gap_m: float, leader_mps: float) -> float:
+        """The model's acceleration behind somebody (m/s2), full brakes at most."""
+        speed = max(own.speed_mps, 0.0)
+        root = 2 * math.sqrt(self.acceleration_mps2 * self.comfortable_braking_mps2)
+        wanted_m = self.least_gap_m + max(0.0, speed * self.time_gap_s + speed * (speed - leader_mps) / root)
+        interaction = self.acceleration_mps2 * (wanted_m / max(gap_m, _LEAST_GAP_M)) ** 2
+        return max(free_mps2 - interaction, -GRAVITY_MPS2)
+
+    def _desired_mps(self, own: OwnState, at_m: float) -> float:
+        """The lane's limit, less in bends; where the map has no limit, the speed it came with."""
+        if self._limit_mps is None or abs(at_m - self._limit_at_m) > _LOOK_AGAIN_M:
+            lane_map = self._scenario.lane_map
+            match = lane_map.lane_at(own.x_m, own.y_m, own.heading_rad)
+            limit = lane_map.speed_limit_mps(match.lane) if match is not None else None
+            self._limit_mps = limit or self._limit_mps or max(own.speed_mps, _LEAST_LIMIT_MPS)
+            self._limit_at_m = at_m
+        stretch_m = own.speed_mps**2 / (2 * self.comfortable_braking_mps2) + 5.0
+        bend = math.sqrt(self.lateral_mps2 / max(self._route.sharpest_1pm(at_m, at_m + stretch_m), 1e-3))
+        return max(min(self.share_of_limit * self._limit_mps, bend), 1.0)
+
+    def _in_the_way(self, observation: Observation, at_m: float) -> list[tuple[float, float]]:
+        """Gap (m) and speed along the route (m/s) of everyone whose body is in the way ahead."""
+        return [
+            (float(gap[0]), float(along[0]))
+            for other in observation.others
+            for gap, along, there in (self._encounter(other, np.zeros(1), at_m),)
+            if there[0]
+        ]
+
+    def _encounter(
+        self, other: RoadUser, times_s: FloatArray, at_m: float
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """At times from now, the other keeping its velocity: gap to it along the route (m), its speed along the route
+        (m/s), and whether its body is in the way ahead; each shape (n,)."""
+        velocity = np.array([other.velocity_x_mps, other.velocity_y_mps])
+        s_m, offset_m, course = self._route.locate_many(np.array([other.x_m, other.y_m]) + times_s[:, None] * velocity)
+        c, s = np.abs(np.cos(other.heading_rad - course)), np.abs(np.sin(other.heading_rad - course))
+        half_across = (other.length_m * s + other.width_m * c) / 2
+        half_along = (other.length_m * c + other.width_m * s) / 2
+        there = (s_m > at_m) & (np.abs(offset_m) <= self._body.width_m / 2 + half_across + _BESIDE_M)
+        along = velocity[0] * np.cos(course) + velocity[1] * np.sin(course)
+        return s_m - at_m - half_along - self._body.length_m / 2, along, there
+
+
+class CautiousLaneKeeper(IdmLaneKeeper):
+    """The lane keeper, slower and farther off, which also gives way: it looks four seconds ahead, takes others to keep
+    their velocity, and stops short of where one of them will be in its way when it could be there."""
+
+    share_of_limit = 0.85
+    time_gap_s = 2.0
+    horizon_s = 4.0
+    margin_s = 1.0
+    emergency_s = 1.5
+    _times_s = np.arange(0.0, horizon_s + _STEP_S / 2, _STEP_S)
+
+    def act(self, observation: Observation) -> Action:
+        """See :class:`trace_dag.evaluation.agents.Agent`."""
+        if time_to_collision_ahead_s(observation, self._scenario) <= self.emergency_s:
+            return Motion(acceleration_mps2=-GRAVITY_MPS2)
+        return super().act(observation)
+
+    def _in_the_way(self, observation: Observation, at_m: float) -> list[tuple[float, float]]:
+        found = []
+        speed = max(observation.own.speed_mps, 1.0)
+        for other in observation.others:
+            gap, along, there = self._encounter(other, self._times_s, at_m)
+            if gap[0] < 0 and along[0] > 0:
+                continue  # follows or overtakes: to keep off is up to it
+            if there[0]:
+                found.append((float(gap[0]), float(along[0])))
+            meets = there & (np.abs(gap / speed - self._times_s) <= self.margin_s)
+            if meets.any():
+                first = int(meets.argmax())
+                found.append((float(gap[first]), min(float(along[first]), 0.0)))
+        return found
+
+
+def time_to_collision_ahead_s(observation: Observation, scenario: Scenario) -> float:
+    """Least time to collision with anybody ahead if all keep velocity and heading, s; infinity if there is none.
+
+    Whoever comes from behind is not looked at: braking would make that worse.
+    """
+    own, body = observation.own, scenario.body
+    mine = Outline(own.x_m, own.y_m, own.heading_rad, body.length_m / 2, body.width_m / 2)
+    velocity = own.velocity_x_mps, own.velocity_y_mps
+    ahead_x, ahead_y = math.cos(own.heading_rad), math.sin(own.heading_rad)
+    least_s = math.inf
+    for other in observation.others:
+        if (other.x_m - own.x_m) * ahead_x + (other.y_m - own.y_m) * ahead_y <= 0:
+            continue
+        theirs = Outline(other.x_m, other.y_m, other.heading_rad, other.length_m / 2, other.width_m / 2)
+        least_s = min(least_s, time_to_contact_s(mine, velocity, theirs, (other.velocity_x_mps, other.velocity_y_mps)))
+    return least_s
+
+
+def points_of(path: Path) -> FloatArray:
+    """The points of a path, shape (n, 2), as a motion takes them."""
+    return np.column_stack([path.x_m, path.y_m])

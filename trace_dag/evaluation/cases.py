@@ -1,0 +1,108 @@
+"""What is evaluated: a crash, or a variation of one, as a scenario that any participant can be taken out of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trace_dag.evaluation.agents import Scenario
+from trace_dag.evaluation.lane_map import LaneMap
+from trace_dag.geometry import Pose
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.sim.types import Contact, Participant, SimulationLog
+from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.states.paths import Path, straight, through_points
+from trace_dag.states.types import Trajectory
+
+BEYOND_IMPACT_S = 5.0
+"""How long after the recorded impact a scenario goes on: what was avoided by then is avoided."""
+
+_STANDING_M = 1.0
+_STANDING_ROUTE_M = 50.0
+_SMOOTHING_M = 0.5
+_EXTENSION_STEP_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
+    had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
+    variation's."""
+
+    case_id: str
+    key: str
+    network: RoadNetwork
+    xodr: bytes
+    friction: float
+    participants: tuple[Participant, ...]
+    impact_time_s: float
+    recorded: SimulationLog
+
+    @property
+    def contact(self) -> Contact | None:
+        """The recorded first contact; None for a variation that is a near miss."""
+        return self.recorded.first_contact
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Numbers of the two that collided first, the lower one first; of a near miss the first two participants."""
+        contact = self.contact
+        numbers = (contact.number_1, contact.number_2) if contact else [each.number for each in self.participants[:2]]
+        low, high = sorted(numbers)
+        return low, high
+
+    @property
+    def end_s(self) -> float:
+        """When an evaluation ends."""
+        return self.impact_time_s + BEYOND_IMPACT_S
+
+    def going_on(self) -> tuple[Participant, ...]:
+        """All participants with plans that reach the end of an evaluation."""
+        return tuple(
+            replace(each, trajectory=extended(each.trajectory, self.end_s + _EXTENSION_STEP_S))
+            for each in self.participants
+        )
+
+    def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
+        """What the agent in a participant's place is told."""
+        own = next(each for each in self.participants if each.number == ego)
+        recorded = path_of(own.trajectory, own.initial_pose)
+        lane_map = LaneMap(self.network)
+        return Scenario(
+            vehicle=vehicle_model(own.body),
+            lane_map=lane_map,
+            route=lane_map.route_along(recorded, own.initial_pose),
+            recorded_path=recorded,
+            period_s=period_s,
+            friction=self.friction,
+            seed=seed,
+        )
+
+
+def extended(trajectory: Trajectory, until_s: float) -> Trajectory:
+    """The same motion, going on straight at its last speed until a time; unchanged where it lasts that long or is one
+    point to stand on."""
+    t = trajectory
+    if len(t.time_s) < 2 or float(t.time_s[-1]) >= until_s:
+        return t
+    steps = math.ceil((until_s - float(t.time_s[-1])) / _EXTENSION_STEP_S)
+    more = np.arange(1, steps + 1) * _EXTENSION_STEP_S
+    heading, speed = float(t.heading_rad[-1]), float(t.speed_mps[-1])
+    return Trajectory(
+        time_s=np.concatenate([t.time_s, t.time_s[-1] + more]),
+        x_m=np.concatenate([t.x_m, t.x_m[-1] + more * speed * math.cos(heading)]),
+        y_m=np.concatenate([t.y_m, t.y_m[-1] + more * speed * math.sin(heading)]),
+        z_m=np.concatenate([t.z_m, np.full(steps, t.z_m[-1])]),
+        heading_rad=np.concatenate([t.heading_rad, np.full(steps, heading)]),
+        speed_mps=np.concatenate([t.speed_mps, np.full(steps, speed)]),
+    )
+
+
+def path_of(trajectory: Trajectory, start: Pose) -> Path:
+    """Where a motion goes, in its direction of travel; straight ahead for one that goes nowhere."""
+    points = np.column_stack([trajectory.x_m, trajectory.y_m, trajectory.z_m])
+    if float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()) < _STANDING_M:
+        return straight(start, back_m=0.0, ahead_m=_STANDING_ROUTE_M)
+    return through_points(points, sigma_m=_SMOOTHING_M)

@@ -1,0 +1,93 @@
+"""One evaluation: a case, a participant, an agent, and how it sees; a run in a back-end, measured."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+
+from trace_dag.errors import UserError
+from trace_dag.evaluation.agents import Agent, AgentFault
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.loop import AgentDriver
+from trace_dag.evaluation.metrics import Metrics, Outcome, measure, outcome_of
+from trace_dag.evaluation.observation import Sensing, Sensor
+from trace_dag.sim.types import Simulation, SimulationLog
+
+LEAST_RATE_HZ, MOST_RATE_HZ = 20.0, 100.0
+_AFTER_CONTACT_S = 0.5  # delta-v is known a quarter of a second after the contact
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How agents are evaluated: how often they act (20 to 100 Hz), how well they see, and the seed of the noise.
+
+    Raises :class:`UserError` for a rate out of bounds.
+    """
+
+    rate_hz: float = 20.0
+    sensing: Sensing = field(default_factory=Sensing)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not LEAST_RATE_HZ <= self.rate_hz <= MOST_RATE_HZ:
+            raise UserError(
+                f"a rate of {self.rate_hz:g} Hz; agents act {LEAST_RATE_HZ:g} to {MOST_RATE_HZ:g} times a second"
+            )
+
+    @property
+    def suffix(self) -> str:
+        """What tells these conditions from the usual ones, as part of a file's name; empty for the usual ones."""
+        usual, parts = Conditions(), []
+        if self.rate_hz != usual.rate_hz:
+            parts.append(f"{self.rate_hz:g}hz")
+        if self.sensing.range_m != usual.sensing.range_m:
+            parts.append(f"range{self.sensing.range_m:g}")
+        if self.sensing.noise_m != usual.sensing.noise_m:
+            parts.append(f"noise{self.sensing.noise_m:g}")
+        if self.sensing.occlusion:
+            parts.append("occlusion")
+        if self.seed != usual.seed:
+            parts.append(f"seed{self.seed}")
+        return "".join(f"-{part}" for part in parts)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty."""
+
+    case_id: str
+    key: str
+    ego: int
+    outcome: Outcome
+    metrics: Metrics | None = None
+    fault: str = ""
+
+
+def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulation: Simulation) -> Evaluation:
+    """Run a case with an agent at the wheel of participant ``ego`` and measure it. A fault of the agent is a result."""
+    try:
+        log = run(case, ego, agent, conditions, simulation, after_contact_s=_AFTER_CONTACT_S)
+    except AgentFault as fault:
+        return Evaluation(case.case_id, case.key, ego, Outcome.FAULTY, fault=str(fault))
+    metrics = measure(case, ego, log)
+    return Evaluation(case.case_id, case.key, ego, outcome_of(metrics), metrics)
+
+
+def run(
+    case: Case,
+    ego: int,
+    agent: Agent,
+    conditions: Conditions,
+    simulation: Simulation,
+    *,
+    after_contact_s: float | None = None,
+) -> SimulationLog:
+    """The log of a case with an agent at the wheel; to rest, or so long after the first contact. Raises
+    :class:`AgentFault`."""
+    seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
+    scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)
+    bodies = {each.number: each.body for each in case.participants}
+    driver = AgentDriver(agent, scenario, Sensor(ego, bodies, conditions.sensing, seed))
+    return simulation.run(
+        case.going_on(), time_limit_s=case.end_s, drivers={ego: driver}, after_contact_s=after_contact_s
+    )

@@ -1,0 +1,167 @@
+"""What one evaluation amounts to, measured from its log beside the recorded crash; and the one word for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.conflicts import post_encroachment_time_s, time_to_contact_s
+from trace_dag.evaluation.rules import measure_rules
+from trace_dag.sim.outlines import Outline
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+
+_TTC_STEP_S = 0.1
+_SMOOTHED_S = 0.2  # accelerations are means over so long
+OFF_ROAD_S = 0.5
+"""Who is off the road for longer has left it."""
+_SAME_REL, _SAME_MPS = 0.1, 0.5
+
+
+class Outcome(StrEnum):
+    """What became of the crash. Severity is the larger delta-v of the two that collide first."""
+
+    AVOIDED = "avoided"  # nobody touched anybody
+    SOFTENED = "softened"  # a delta-v lower by more than a tenth (and by more than 0.5 m/s)
+    SAME = "same"
+    WORSE = "worse"  # higher by as much
+    FAULTY = "faulty"  # the agent broke its side of the interface
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Measures of one run; None where there is nothing to measure (no contact, no shared place).
+
+    ``delta_v_mps`` is the larger one of the first contact's two bodies, ``own_delta_v_mps`` the agent's own.
+    ``contact_shift_s`` and ``contact_shift_m`` say how far its first contact is from the recorded one. ``min_ttc_s``
+    takes bodies to keep their velocity; it and the post-encroachment time are 0 for those that touch. The comfort
+    measures are of the time before any contact.
+    """
+
+    collided: bool
+    contact_time_s: float | None
+    contact_shift_s: float | None
+    contact_shift_m: float | None
+    closing_speed_mps: float | None
+    delta_v_mps: float
+    own_delta_v_mps: float
+    recorded_delta_v_mps: float
+    recorded_own_delta_v_mps: float
+    min_ttc_s: float | None
+    post_encroachment_time_s: float | None
+    off_road_s: float
+    wrong_way_s: float
+    over_limit_mps: float
+    stop_signs_passed: int
+    max_deceleration_mps2: float
+    max_lateral_mps2: float
+    max_jerk_mps3: float
+
+
+def outcome_of(metrics: Metrics) -> Outcome:
+    """The word for a run."""
+    if not metrics.collided:
+        return Outcome.AVOIDED
+    more_mps = metrics.delta_v_mps - metrics.recorded_delta_v_mps
+    if abs(more_mps) <= max(_SAME_MPS, _SAME_REL * metrics.recorded_delta_v_mps):
+        return Outcome.SAME
+    return Outcome.WORSE if more_mps > 0 else Outcome.SOFTENED
+
+
+def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
+    """Measures of a run of a case with an agent at the wheel of participant ``ego``."""
+    contact, recorded = log.first_contact, case.contact
+    until_s = log.duration_s if contact is None else contact.time_s
+    own = next(vehicle for vehicle in log.vehicles if vehicle.number == ego)
+    others = [vehicle for vehicle in log.vehicles if vehicle.number != ego]
+    rules = measure_rules(case.network, own, until_s)
+    shift_s = shift_m = None
+    if contact and recorded:
+        shift_s = contact.time_s - recorded.time_s
+        shift_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
+    least_ttc_s, least_pet_s = (0.0, 0.0) if contact else _nearest_miss(own, others, log.bodies)
+    return Metrics(
+        collided=contact is not None,
+        contact_time_s=contact.time_s if contact else None,
+        contact_shift_s=shift_s,
+        contact_shift_m=shift_m,
+        closing_speed_mps=contact.closing_speed_mps if contact else None,
+        delta_v_mps=_largest_delta_v_mps(contact),
+        own_delta_v_mps=_own_delta_v_mps(contact, ego),
+        recorded_delta_v_mps=_largest_delta_v_mps(recorded),
+        recorded_own_delta_v_mps=_own_delta_v_mps(recorded, ego),
+        min_ttc_s=least_ttc_s,
+        post_encroachment_time_s=least_pet_s,
+        off_road_s=rules.off_road_s,
+        wrong_way_s=rules.wrong_way_s,
+        over_limit_mps=rules.over_limit_mps,
+        stop_signs_passed=rules.stop_signs_passed,
+        **_comfort(own, until_s),
+    )
+
+
+def _delta_v_mps(contact: Contact) -> tuple[float, float]:
+    return math.hypot(*contact.delta_v_1_mps), math.hypot(*contact.delta_v_2_mps)
+
+
+def _largest_delta_v_mps(contact: Contact | None) -> float:
+    return max(_delta_v_mps(contact)) if contact else 0.0
+
+
+def _own_delta_v_mps(contact: Contact | None, ego: int) -> float:
+    if contact is None or ego not in (contact.number_1, contact.number_2):
+        return 0.0
+    return _delta_v_mps(contact)[0 if ego == contact.number_1 else 1]
+
+
+def _nearest_miss(
+    own: VehicleLog, others: list[VehicleLog], bodies: dict[int, Body]
+) -> tuple[float | None, float | None]:
+    """Least time to contact and least post-encroachment time with anybody; None if never on a collision course, or
+    never in a place where another was."""
+    body = bodies[own.number]
+    times = [_min_ttc_s(own, body, other, bodies[other.number]) for other in others]
+    gaps = [post_encroachment_time_s(own, body, other, bodies[other.number]) for other in others]
+    return (
+        min((time_s for time_s in times if not math.isinf(time_s)), default=None),
+        min((gap_s for gap_s in gaps if gap_s is not None), default=None),
+    )
+
+
+def _min_ttc_s(one: VehicleLog, body_1: Body, two: VehicleLog, body_2: Body) -> float:
+    """Least time to contact over a run; infinity if the two are never on a collision course."""
+    step_s = float(one.time_s[1] - one.time_s[0]) if len(one.time_s) > 1 else _TTC_STEP_S
+    least_s = math.inf
+    for k in range(0, len(one.time_s), max(1, round(_TTC_STEP_S / step_s))):
+        (outline_1, velocity_1), (outline_2, velocity_2) = _at(one, body_1, k), _at(two, body_2, k)
+        least_s = min(least_s, time_to_contact_s(outline_1, velocity_1, outline_2, velocity_2))
+    return least_s
+
+
+def _at(log: VehicleLog, body: Body, k: int) -> tuple[Outline, tuple[float, float]]:
+    outline = Outline(
+        float(log.x_m[k]), float(log.y_m[k]), float(log.heading_rad[k]), body.length_m / 2, body.width_m / 2
+    )
+    return outline, (float(log.velocity_x_mps[k]), float(log.velocity_y_mps[k]))
+
+
+def _comfort(log: VehicleLog, until_s: float) -> dict[str, float]:
+    """Hardest braking and cornering (m/s2) and sharpest change of acceleration along the body (m/s3), from means over
+    a fifth of a second."""
+    count = int(np.searchsorted(log.time_s, until_s, side="right"))
+    step_s = float(log.time_s[1] - log.time_s[0]) if len(log.time_s) > 1 else _SMOOTHED_S
+    window = max(1, round(_SMOOTHED_S / step_s))
+    if count < 2 * window:
+        return {"max_deceleration_mps2": 0.0, "max_lateral_mps2": 0.0, "max_jerk_mps3": 0.0}
+    kernel = np.full(window, 1 / window)
+    along = np.convolve(log.acceleration_mps2[:count] * np.sign(log.speed_mps[:count] + 1e-9), kernel, mode="valid")
+    across = np.convolve(log.yaw_rate_rps[:count] * log.speed_mps[:count], kernel, mode="valid")
+    jerk = (along[window:] - along[:-window]) / (window * step_s)
+    return {
+        "max_deceleration_mps2": float(max(0.0, -along.min())),
+        "max_lateral_mps2": float(np.abs(across).max()),
+        "max_jerk_mps3": float(np.abs(jerk).max(initial=0.0)),
+    }

@@ -1,0 +1,297 @@
+"""Agents evaluated on stored crashes, in parallel, each evaluation with a time limit; and where the results lie.
+
+``ROOT/evaluations/<agent>.parquet`` holds every evaluation of an agent, one row per case and vehicle (an evaluation
+made again replaces its row), ``<agent>.json`` beside it how the latest were made. Belongs here: which crashes, the
+workers, storage. Does not belong here: driving and measuring (:mod:`trace_dag.evaluation`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from trace_dag.errors import Failure, Stage, UserError
+from trace_dag.evaluation.agents import Agent, AgentFault
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
+from trace_dag.evaluation.metrics import Outcome
+from trace_dag.evaluation.registry import label, make_agent, resolve
+from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
+from trace_dag.pipeline import stages
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.deadlines import DeadlinePool, StepLost, Task
+from trace_dag.pipeline.executors import available_cores
+from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.registry import CrashSource
+from trace_dag.pipeline.selection import registered
+from trace_dag.pipeline.standing import FinalState, standing, valid_records
+from trace_dag.provenance import code_version, now
+from trace_dag.settings import Settings
+from trace_dag.sim.types import Simulation
+from trace_dag.storage import Storage
+
+FOLDER = "evaluations"
+_CODE = ("trace_dag.evaluation.evaluate", "trace_dag.evaluation.baselines", "trace_dag.sim.embedded")
+
+
+class Role(StrEnum):
+    """Whose place an agent takes, of the two that collided first."""
+
+    FIRST = "first"  # by their numbers in the report
+    SECOND = "second"
+    STRIKING = "striking"  # the one that closes in faster at the contact
+    STRUCK = "struck"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one evaluation may take: wall-clock time, and memory beyond what the worker needs itself."""
+
+    time_s: float = 20.0
+    memory_mb: int = 4096
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """Where a case comes from: a verified crash, and a variation of it if ``variation`` names one."""
+
+    key: str
+    source: CrashSource
+    records: Records
+    variation: str | None = None
+
+    @property
+    def case_id(self) -> str:
+        """The crash's key or the variation's."""
+        return self.variation or self.key
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the verdict it rests on."""
+        return self.records[Stage.VERDICT].fingerprint
+
+    def files(self, settings: Settings, storage: Storage) -> CrashFiles:
+        """The artefacts of the crash."""
+        files = CrashFiles(self.key, self.source, settings, storage)
+        for record in self.records.values():
+            files.accept(record)
+        return files
+
+
+@dataclass(frozen=True)
+class Step:
+    """One evaluation: an agent, as ``module:Class``, in somebody's place."""
+
+    name: str
+    reference: str
+    role: Role
+
+
+@dataclass
+class LoadedCase:
+    """What the evaluations of one case share in a worker."""
+
+    case: Case
+    simulation: Simulation
+
+
+@dataclass
+class EvaluationWork:
+    """What the workers do; agents are made once per worker."""
+
+    storage: Storage
+    settings: Settings
+    cases: Mapping[str, StoredCase]
+    conditions: Conditions
+    _agents: dict[str, Agent] = field(default_factory=dict)
+
+    def prepare(self, name: str) -> LoadedCase:
+        """The case, and its map made ready. Raises :class:`Failure`."""
+        try:
+            case = load_case(self.cases[name], self.settings, self.storage)
+            return LoadedCase(
+                case, stages.backend(self.settings.sim).load(case.network, case.xodr, friction=case.friction)
+            )
+        except Failure:
+            raise
+        except Exception as error:
+            raise Failure(f"{name} cannot be loaded for evaluation: {type(error).__name__}: {error}") from error
+
+    def do(self, shared: LoadedCase, step: Step) -> Evaluation:
+        """One evaluation; whatever the agent does wrong is its result."""
+        case = shared.case
+        ego = number_of(case, step.role)
+        try:
+            if step.reference not in self._agents:
+                self._agents[step.reference] = make_agent(step.reference)
+            found = evaluate(case, ego, self._agents[step.reference], self.conditions, shared.simulation)
+        except AgentFault as fault:
+            return Evaluation(case.case_id, case.key, ego, Outcome.FAULTY, fault=str(fault))
+        if found.outcome is Outcome.FAULTY:
+            del self._agents[step.reference]  # in no state to go on with
+        return found
+
+
+def load_case(stored: StoredCase, settings: Settings, storage: Storage) -> Case:
+    """A case as it is evaluated."""
+    from trace_dag.sim.run import participants, surface_friction
+
+    files = stored.files(settings, storage)
+    network, xodr = stages.network_of(files), files.read(Stage.ROAD_MAP, "xodr")
+    if stored.variation is not None:
+        from trace_dag.pipeline.variations import read_variation
+
+        varied = read_variation(storage, stored.variation)
+        hypothesis, log, friction = varied.hypothesis, varied.log, varied.about.friction
+    else:
+        verdict = stages.verdict_of(files)
+        hypothesis = stages.estimate_of(files).hypotheses[verdict.hypothesis]
+        log = stages.logs_of(files)[verdict.hypothesis]
+        friction = surface_friction(settings.sim, stages.record_of(files))
+    return Case(
+        case_id=stored.case_id,
+        key=stored.key,
+        network=network,
+        xodr=xodr,
+        friction=friction,
+        participants=participants(hypothesis),
+        impact_time_s=hypothesis.impact_time_s,
+        recorded=log,
+    )
+
+
+def number_of(case: Case, role: Role) -> int:
+    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one."""
+    first, second = case.pair
+    if role is Role.FIRST:
+        return first
+    if role is Role.SECOND:
+        return second
+    contact = case.contact
+    striking, struck = first, second
+    if contact is not None:
+        nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
+        toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
+        toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
+        striking, struck = contact.number_1, contact.number_2
+        if toward_1 > toward_2:
+            striking, struck = struck, striking
+    return striking if role is Role.STRIKING else struck
+
+
+def verified_cases(pipeline: Pipeline, cohort: str | None, only: Collection[str]) -> list[StoredCase]:
+    """The verified ones of the crashes asked for; :class:`UserError` if there are none."""
+    keys = registered(pipeline, cohort, only)
+    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
+    cases = [
+        StoredCase(key, sources[key], valid_records(records[key]))
+        for key in keys
+        if standing(key, records[key]).final_state is FinalState.VERIFIED
+    ]
+    if not cases:
+        raise UserError(
+            f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
+        )
+    return cases
+
+
+def evaluate_agents(
+    pipeline: Pipeline,
+    cases: Sequence[StoredCase],
+    agents: Sequence[str],
+    roles: Sequence[Role],
+    conditions: Conditions,
+    limits: Limits,
+    *,
+    tell: Callable[[Row], None] = lambda _: None,
+) -> list[Row]:
+    """Every agent in every role of every case, as rows in a fixed order, stored under the root.
+
+    ``tell`` hears of each evaluation as it is done. Raises :class:`UserError` for agents that are not there,
+    :class:`Failure` where a crash cannot be loaded.
+    """
+    references = {name: resolve(name) for name in agents}
+    by_id = {case.case_id: case for case in cases}
+    work = EvaluationWork(pipeline.storage, pipeline.settings, by_id, conditions)
+    steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
+    one_server = pipeline.settings.sim.backend == "carla"
+    workers = 1 if one_server else pipeline.settings.execution.workers or available_cores()
+    pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
+        work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
+    )
+    code = code_version(_CODE)
+    results = _Results(pipeline.storage, {name: label(name) + conditions.suffix for name in agents})
+    try:
+        for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
+            stored = by_id[answer.task]
+            found = answer.result
+            if isinstance(found, StepLost):
+                ego = number_of(load_case(stored, pipeline.settings, pipeline.storage), answer.step.role)
+                found = Evaluation(stored.case_id, stored.key, ego, Outcome.FAULTY, fault=found.detail)
+            made = row(
+                results.labels[answer.step.name],
+                found,
+                conditions,
+                code_version=code,
+                verdict_fingerprint=stored.fingerprint,
+            )
+            results.add(answer.step.name, made)
+            tell(made)
+    finally:
+        results.store(references)
+    return results.in_order()
+
+
+class _Results:
+    """Rows as they come; stored at the end, however it comes, so that an interrupted batch keeps what was done."""
+
+    def __init__(self, storage: Storage, labels: Mapping[str, str]) -> None:
+        self.labels = labels
+        self._storage = storage
+        self._rows: dict[str, list[Row]] = {name: [] for name in labels}
+
+    def add(self, name: str, made: Row) -> None:
+        self._rows[name].append(made)
+
+    def in_order(self) -> list[Row]:
+        return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
+
+    def store(self, references: Mapping[str, str]) -> None:
+        """Merge what came with what is stored: a row for the same case and vehicle replaces the one before."""
+        for name, rows in self._rows.items():
+            if not rows:
+                continue
+            file = f"{FOLDER}/{self.labels[name]}.parquet"
+            merged = {_identity(each): each for each in stored_rows(self._storage, file)}
+            merged |= {_identity(each): each for each in rows}
+            self._storage.write(file, rows_to_parquet(merged[each] for each in sorted(merged)))
+            first = rows[0]
+            about = {
+                "agent": self.labels[name],
+                "reference": references[name],
+                "evaluated_at": now(),
+                "evaluations": len(rows),
+                **{key: first[key] for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "code_version")},
+            }
+            self._storage.write(f"{FOLDER}/{self.labels[name]}.json", json.dumps(about, indent=1).encode())
+
+
+def _identity(row_of_table: Row) -> tuple[str, int]:
+    return row_of_table["case_id"], row_of_table["vehicle_number"]
+
+
+def stored_rows(storage: Storage, file: str) -> list[Row]:
+    """The rows of one agent's file; none if it is not there."""
+    try:
+        return rows_from_parquet(storage.read(file))
+    except FileNotFoundError:
+        return []
+
+
+def all_rows(storage: Storage) -> list[Row]:
+    """Every stored evaluation, of all agents."""
+    names = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
+    return [each for data in storage.read_many(names).values() for each in rows_from_parquet(data)]

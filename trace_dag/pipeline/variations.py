@@ -1,0 +1,315 @@
+"""Families of stored crashes: made in parallel, kept under the root, read back as scenarios like the crashes.
+
+``ROOT/variations/<key>.family.parquet`` lists a crash's family; each variation ``<key>-v001`` has, in the formats of
+the crash's own artefacts, ``.estimate.json`` (the plan), ``.steps.parquet`` and ``.log.json`` (the simulation), and
+``.json`` (what was changed and how it was made). A family is made anew as a whole. Belongs here: which crashes, the
+workers, storage. Does not belong here: what a variation is (:mod:`trace_dag.variations`).
+"""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trace_dag.errors import Failure, Stage, UserError
+from trace_dag.evaluation.table import Row, rows_from_parquet, rows_to_parquet
+from trace_dag.geometry import Pose
+from trace_dag.pipeline import stages
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.evaluations import StoredCase, load_case
+from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
+from trace_dag.provenance import code_version
+from trace_dag.settings import Settings
+from trace_dag.sim.log_io import logs_from_files, logs_to_files
+from trace_dag.sim.types import Participant, SimulationLog
+from trace_dag.states.json_io import estimate_from_json, estimate_to_json
+from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+from trace_dag.storage import Storage
+from trace_dag.variations.family import Criteria, Kind, Variation, family
+from trace_dag.variations.perturbation import Bounds, Perturbation
+from trace_dag.variations.table import VARIATIONS, row
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+FOLDER = "variations"
+_CODE = ("trace_dag.variations.family", "trace_dag.sim.embedded")
+
+
+@dataclass(frozen=True)
+class FamilyRequest:
+    """How families are made: members asked for, seed, how far they may go, and what they have to meet."""
+
+    count: int = 10
+    seed: int = 1
+    bounds: Bounds = field(default_factory=Bounds)
+    criteria: Criteria = field(default_factory=Criteria)
+
+
+@dataclass(frozen=True)
+class FamilyReport:
+    """What came of one crash: how many were kept of how many drawn, and an error if it broke."""
+
+    key: str
+    kept: int = 0
+    near_misses: int = 0
+    drawn: int = 0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class AboutVariation:
+    """What a variation is, beside its plan and log."""
+
+    variation_id: str
+    key: str
+    number: int
+    kind: Kind
+    gap_m: float
+    friction: float
+    perturbation: Perturbation
+    request: FamilyRequest
+    code_version: str
+    verdict_fingerprint: str
+
+
+@dataclass(frozen=True, eq=False)
+class StoredVariation:
+    """A variation as read: a scenario in the terms of any crash."""
+
+    about: AboutVariation
+    estimate: StateEstimate
+    log: SimulationLog
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The plan of all vehicles."""
+        return self.estimate.best
+
+
+@dataclass(frozen=True)
+class _Task:
+    storage: Storage
+    settings: Settings
+    case: StoredCase
+    request: FamilyRequest
+
+
+def make_families(
+    pipeline: Pipeline,
+    cases: Sequence[StoredCase],
+    request: FamilyRequest,
+    *,
+    tell: Callable[[FamilyReport], None] = lambda _: None,
+) -> list[FamilyReport]:
+    """The families of some verified crashes, stored; in their order. ``tell`` hears of each crash as it is done."""
+    settings = pipeline.settings
+    tasks = [_Task(pipeline.storage, settings, case, request) for case in cases]
+    executor = make_executor(settings.execution)
+    reports: dict[str, FamilyReport] = {}
+    try:
+        for answer in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
+            found = answer.result
+            key = answer.task.case.key
+            reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, WorkerLost) else found
+            tell(reports[key])
+    finally:
+        executor.close()
+    return [reports[case.key] for case in cases]
+
+
+def _make(task: _Task) -> FamilyReport:
+    try:
+        return _make_family(task)
+    except Exception as error:
+        # One crash without a family keeps no other from having one.
+        return FamilyReport(task.case.key, error="".join(traceback.format_exception(error)))
+
+
+def _make_family(task: _Task) -> FamilyReport:
+    request, storage, stored = task.request, task.storage, task.case
+    case = load_case(stored, task.settings, storage)
+    contact = case.contact
+    if contact is None:
+        raise Failure(f"{stored.key}: its simulation has no contact; run it again")
+    kept, drawn = family(
+        case,
+        stages.backend(task.settings.sim),
+        count=request.count,
+        seed=request.seed,
+        bounds=request.bounds,
+        criteria=request.criteria,
+    )
+    files = stored.files(task.settings, storage)
+    recorded = stages.estimate_of(files).hypotheses[stages.verdict_of(files).hypothesis]
+    before = {each["variation_id"] for each in _family_rows(storage, stored.key)}
+    code = code_version(_CODE)
+    rows = []
+    for variation in kept:
+        _store(storage, variation, recorded, request, code, stored.fingerprint)
+        rows.append(
+            row(
+                variation,
+                (contact.x_m, contact.y_m),
+                seed=request.seed,
+                code_version=code,
+                verdict_fingerprint=stored.fingerprint,
+            )
+        )
+    storage.write(_family_name(stored.key), rows_to_parquet(rows, VARIATIONS))
+    for gone in before - {each["variation_id"] for each in rows}:
+        for extension in _EXTENSIONS:
+            storage.delete(f"{FOLDER}/{gone}.{extension}")
+    near_misses = sum(variation.kind is Kind.NEAR_MISS for variation in kept)
+    return FamilyReport(stored.key, len(kept), near_misses, drawn)
+
+
+_EXTENSIONS = ("json", "estimate.json", "steps.parquet", "log.json")
+
+
+def _store(
+    storage: Storage, variation: Variation, recorded: Hypothesis, request: FamilyRequest, code: str, fingerprint: str
+) -> None:
+    case, name = variation.case, f"{FOLDER}/{variation.variation_id}"
+    about = AboutVariation(
+        variation.variation_id,
+        case.key,
+        variation.number,
+        variation.kind,
+        variation.gap_m,
+        case.friction,
+        variation.perturbation,
+        request,
+        code,
+        fingerprint,
+    )
+    estimate = StateEstimate(case.key, (_as_hypothesis(recorded, variation),), EstimatorRun("variation", "1"))
+    steps, summary = logs_to_files([case.recorded])
+    storage.write(f"{name}.estimate.json", estimate_to_json(estimate))
+    storage.write(f"{name}.steps.parquet", steps)
+    storage.write(f"{name}.log.json", summary)
+    storage.write(f"{name}.json", _abouts().dump_json(about, indent=1))
+
+
+def _as_hypothesis(recorded: Hypothesis, variation: Variation) -> Hypothesis:
+    """The variation's plan in the terms of an estimate; where it was planned to hit, it does not say."""
+    case, contact = variation.case, variation.case.contact
+    by_number = {each.number: each for each in case.participants}
+    return replace(
+        recorded,
+        name=f"{recorded.name}, {variation.variation_id}",
+        participants=tuple(
+            _as_state(state, by_number[state.vehicle_number], case.impact_time_s) for state in recorded.participants
+        ),
+        impact_time_s=case.impact_time_s,
+        impact_point_xy_m=recorded.impact_point_xy_m if contact is None else (contact.x_m, contact.y_m),
+        checks=(),
+    )
+
+
+def _as_state(state: ParticipantState, participant: Participant, impact_time_s: float) -> ParticipantState:
+    t = participant.trajectory
+    x, y, z, heading, speed = (
+        float(np.interp(impact_time_s, t.time_s, values))
+        for values in (t.x_m, t.y_m, t.z_m, np.unwrap(t.heading_rad), t.speed_mps)
+    )
+    return replace(
+        state,
+        initial_pose=participant.initial_pose,
+        initial_speed_mps=participant.initial_speed_mps,
+        trajectory=t,
+        impact_pose=Pose(x, y, math.remainder(heading, math.tau), z),
+        impact_speed_mps=speed,
+        impact_clock_h=None,
+    )
+
+
+# --- reading -------------------------------------------------------------------------------------------------------
+def read_variation(storage: Storage, name: str) -> StoredVariation:
+    """A stored variation by its id. Raises :class:`UserError` if there is none."""
+    try:
+        about = _abouts().validate_json(storage.read(f"{FOLDER}/{name}.json"))
+        estimate = estimate_from_json(storage.read(f"{FOLDER}/{name}.estimate.json"), name=name)
+        files = (storage.read(f"{FOLDER}/{name}.{extension}") for extension in ("steps.parquet", "log.json"))
+        (log,) = logs_from_files(*files)
+    except FileNotFoundError as error:
+        raise UserError(f"there is no variation {name}; trace-dag vary makes them") from error
+    return StoredVariation(about, estimate, log)
+
+
+def stored_variations(pipeline: Pipeline, cases: Sequence[StoredCase]) -> list[StoredCase]:
+    """The stored variations of some crashes that were made of them as they are now.
+
+    Raises :class:`UserError` if there are none.
+    """
+    names = {_family_name(case.key): case for case in cases}
+    found = [
+        replace(names[file], variation=each["variation_id"])
+        for file, data in pipeline.storage.read_many(names).items()
+        for each in rows_from_parquet(data)
+        if each["verdict_fingerprint"] == names[file].fingerprint
+    ]
+    if not found:
+        raise UserError(f"no variation of the {len(cases)} crashes asked for is stored; trace-dag vary makes them")
+    return found
+
+
+def all_rows(storage: Storage) -> list[Row]:
+    """Every stored variation as a row."""
+    names = [name for name in storage.list(FOLDER) if name.endswith(".family.parquet")]
+    return [each for data in storage.read_many(names).values() for each in rows_from_parquet(data)]
+
+
+def _family_name(key: str) -> str:
+    return f"{FOLDER}/{key}.family.parquet"
+
+
+def _family_rows(storage: Storage, key: str) -> list[Row]:
+    try:
+        return rows_from_parquet(storage.read(_family_name(key)))
+    except FileNotFoundError:
+        return []
+
+
+@cache
+def _abouts() -> TypeAdapter[AboutVariation]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(AboutVariation)
+
+
+# --- packages ------------------------------------------------------------------------------------------------------
+def package_of(pipeline: Pipeline, stored: StoredCase) -> Mapping[str, bytes]:
+    """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
+    report."""
+    from trace_dag.scenario.package import PackageInput, package_files
+    from trace_dag.verdict.judge import judge
+
+    if stored.variation is None:
+        raise ValueError(f"{stored.key} is no variation")
+    files = stored.files(pipeline.settings, pipeline.storage)
+    varied = read_variation(pipeline.storage, stored.variation)
+    record, network, map_report = stages.record_of(files), stages.network_of(files), stages.map_report_of(files)
+    about: dict[str, Any] = _abouts().dump_python(varied.about, mode="json")
+    verdict = judge(record, network, map_report, varied.estimate, [varied.log], pipeline.settings.verdict)
+    return package_files(
+        PackageInput(
+            record=record,
+            report_xml=files.read(Stage.RAW_REPORT, "xml"),
+            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
+            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
+            provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
+            network=network,
+            map_report=map_report,
+            estimate=varied.estimate,
+            log=varied.log,
+            verdict=verdict,
+            variation=about,
+        )
+    )

@@ -1,0 +1,102 @@
+"""The parts of the artefacts that the tables need, as temporary tables of DuckDB, one per kind: ``sql/documents``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trace_dag.crash.tables import CRASH_RECORD
+from trace_dag.errors import Failure, Stage
+from trace_dag.storage import Storage
+from trace_dag.warehouse.snapshot import CrashSnapshot
+
+if TYPE_CHECKING:
+    import duckdb
+
+JSON_DOCUMENTS = {
+    "map_report": Stage.ROAD_MAP,
+    "estimate": Stage.STATE_ESTIMATE,
+    "simulation": Stage.SIMULATION_LOG,
+    "verdict": Stage.VERDICT,
+}
+_RECORD = "crash_record"
+
+
+class DocumentTables:
+    """Takes over the artefacts of some crashes at a time. ``folder`` is for copies of what is not a local file."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection, storage: Storage, folder: Path) -> None:
+        self._connection = connection
+        self._storage = storage
+        self._folder = folder
+        self._made = False
+        self.add([])
+
+    def add(self, crashes: Sequence[CrashSnapshot]) -> None:
+        """Take over some crashes. Raises ``FileNotFoundError`` if a record was deleted meanwhile."""
+        import pyarrow as pa
+
+        for name, stage in JSON_DOCUMENTS.items():
+            found = [(crash.key, crash.documents[stage]) for crash in crashes if stage in crash.documents]
+            keys, contents = ([each[column] for each in found] for column in (0, 1))
+            table = pa.table({"key": pa.array(keys, pa.string()), "content": pa.array(contents, pa.string())})
+            self._connection.register("document", table)
+            self._take(name)
+            self._connection.unregister("document")
+        files = [
+            file.name
+            for crash in crashes
+            if Stage.CRASH_RECORD in crash.valid
+            and (file := crash.valid[Stage.CRASH_RECORD].artefact("parquet")) is not None
+        ]
+        paths = local_files(self._storage, files, self._folder, "parquet")
+        self._connection.execute("SET VARIABLE record_files = $paths", {"paths": paths})
+        self._take(_RECORD)
+        self._made = True
+
+    def _take(self, name: str) -> None:
+        into = f"INSERT INTO {name}" if self._made else f"CREATE TEMP TABLE {name} AS"
+        execute_sql(self._connection, f"documents/{name}", prefix=into)
+
+
+def local_files(storage: Storage, names: Sequence[str], folder: Path, extension: str) -> list[str]:
+    """Paths of stored files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
+
+    DuckDB needs at least one file to know the columns by: an empty one is always the first.
+    """
+    empty = folder / f"empty.{extension}"
+    if not empty.exists():
+        _write_empty(empty)
+    paths = [str(empty)]
+    if storage.local_root is not None:
+        return paths + [storage.path(name) for name in names]
+    for name, data in storage.read_many(names).items():
+        copy = folder / name
+        copy.parent.mkdir(exist_ok=True)
+        copy.write_bytes(data)
+        paths.append(str(copy))
+    return paths
+
+
+def execute_sql(connection: duckdb.DuckDBPyConnection, name: str, *, prefix: str = "") -> None:
+    """Run one of the ``.sql`` files. Raises ``FileNotFoundError`` for files that are gone, :class:`Failure` else."""
+    import duckdb
+
+    sql = resources.files("trace_dag.warehouse").joinpath("sql", f"{name}.sql").read_text()
+    try:
+        connection.execute(f"{prefix} {sql}")
+    except duckdb.IOException as error:
+        raise FileNotFoundError(str(error)) from error
+    except duckdb.Error as error:
+        raise Failure(f"{name}.sql: {error}") from error
+
+
+def _write_empty(path: Path) -> None:
+    if path.suffix == ".json":
+        path.write_text("[]")
+        return
+    import pyarrow.parquet as pq
+
+    pq.write_table(CRASH_RECORD.arrow().empty_table(), path)

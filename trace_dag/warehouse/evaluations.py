@@ -1,0 +1,23 @@
+"""What agents did and which variations there are, as the Arrow tables the warehouse's SQL reads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.evaluation.table import EVALUATIONS
+from trace_dag.pipeline import evaluations, variations
+from trace_dag.storage import Storage
+from trace_dag.variations.table import VARIATIONS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def evaluation_tables(storage: Storage) -> dict[str, pa.Table]:
+    """The stored rows of both by the names the SQL knows them by, those of crashes that have changed since included."""
+    import pyarrow as pa
+
+    return {
+        "evaluation": pa.Table.from_pylist(evaluations.all_rows(storage), schema=EVALUATIONS.arrow()),
+        "variation": pa.Table.from_pylist(variations.all_rows(storage), schema=VARIATIONS.arrow()),
+    }

@@ -1,0 +1,33 @@
+-- Agents side by side, over all verified crashes they drove in (not their variations), best first.
+CREATE VIEW leaderboard AS
+SELECT
+    agent,
+    count(*) AS runs,
+    count(*) FILTER (outcome = 'avoided') AS avoided,
+    count(*) FILTER (outcome = 'softened') AS softened,
+    count(*) FILTER (outcome = 'same') AS same,
+    count(*) FILTER (outcome = 'worse') AS worse,
+    count(*) FILTER (outcome = 'faulty') AS faulty,
+    count(*) FILTER (off_road_s > 0.5) AS off_road,
+    count(*) FILTER (wrong_way_s > 0.5) AS wrong_way,
+    sum(recorded_delta_v_mps - delta_v_mps) / sum(recorded_delta_v_mps) AS delta_v_saved_rel,
+    median(max_deceleration_mps2) AS max_deceleration_median_mps2,
+    median(max_jerk_mps3) AS max_jerk_median_mps3
+FROM evaluations
+WHERE case_id = key
+GROUP BY agent
+ORDER BY avoided / runs DESC, delta_v_saved_rel DESC, agent;
+
+COMMENT ON VIEW leaderboard IS 'Agents side by side, over the verified crashes they drove in';
+COMMENT ON COLUMN leaderboard.agent IS 'Name of the agent, and of conditions other than the usual';
+COMMENT ON COLUMN leaderboard.runs IS 'Evaluations: crashes times places it took';
+COMMENT ON COLUMN leaderboard.avoided IS 'Runs in which nobody touched anybody';
+COMMENT ON COLUMN leaderboard.softened IS 'Runs with a lower delta-v than the crash';
+COMMENT ON COLUMN leaderboard.same IS 'Runs with the crash''s delta-v, within a tenth or 0.5 m/s';
+COMMENT ON COLUMN leaderboard.worse IS 'Runs with a higher delta-v than the crash';
+COMMENT ON COLUMN leaderboard.faulty IS 'Runs in which the agent broke its side of the interface';
+COMMENT ON COLUMN leaderboard.off_road IS 'Runs with more than half a second off the road';
+COMMENT ON COLUMN leaderboard.wrong_way IS 'Runs with more than half a second in lanes of the other direction';
+COMMENT ON COLUMN leaderboard.delta_v_saved_rel IS 'Share of the crashes'' delta-v that it saved, over all runs but faulty ones';
+COMMENT ON COLUMN leaderboard.max_deceleration_median_mps2 IS 'Hardest braking of a run, median, m/s2';
+COMMENT ON COLUMN leaderboard.max_jerk_median_mps3 IS 'Sharpest change of acceleration of a run, median, m/s3';
