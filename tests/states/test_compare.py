@@ -8,9 +8,11 @@ import pytest
 from cases import SETTINGS, sample_case
 
 from trace_dag.roads.network import LaneRef
-from trace_dag.states.compare import compare_estimators, summarise
+from trace_dag.states.compare import Against, Attempt, EstimatorRow, compare_estimators, summarise
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import EstimatorRun, StateEstimate
+
+RUN = EstimatorRun("llm", "1", model="m", attempts=3, prompt_tokens=900, cost_usd=0.02, fallback=True)
 
 
 @pytest.fixture(scope="module")
@@ -19,21 +21,24 @@ def analytic() -> StateEstimate:
     return estimate(case.record, case.network, case.report, SETTINGS.states)
 
 
-def by_llm(made: StateEstimate, lane: LaneRef | None = None) -> StateEstimate:
+def attempt(made: StateEstimate, lane: LaneRef | None = None, **changes: object) -> Attempt:
+    """A model's estimate: the same, but that the first vehicle starts in ``lane``."""
     best = made.best
     if lane is not None:
         first, *rest = best.participants
         moved = dataclasses.replace(first, initial_lane=dataclasses.replace(first.initial_lane, lane=lane))
         best = dataclasses.replace(best, participants=(moved, *rest))
-    run = EstimatorRun("llm", "1", model="m", attempts=3, cost_usd=0.02, fallback=True)
-    return dataclasses.replace(made, hypotheses=(best,), run=run)
+    return Attempt(dataclasses.replace(made, hypotheses=(best,), run=RUN), RUN, **changes)
 
 
-def test_agreement_is_counted_against_the_reference(analytic):
-    key = analytic.key
+def compared(one: Attempt, two: Attempt) -> tuple[EstimatorRow, ...]:
+    return compare_estimators("k", {"analytic": one, "llm": two}, reference="analytic")
+
+
+def test_agreement_is_with_the_reference(analytic):
     lane = analytic.best.participants[0].initial_lane.lane
     same, beside, facing = (
-        compare_estimators({"analytic": {key: analytic}, "llm": {key: by_llm(analytic, changed)}})
+        compared(Attempt(analytic, analytic.run), attempt(analytic, changed))
         for changed in (None, lane._replace(lane_id=lane.lane_id * 2), lane._replace(lane_id=-lane.lane_id))
     )
     agreement = [(rows[1].approach_agrees, rows[1].lane_agrees) for rows in (same, beside, facing)]
@@ -42,24 +47,38 @@ def test_agreement_is_counted_against_the_reference(analytic):
     assert same[1].impact_apart_m == 0
 
 
+def test_what_came_of_no_estimate_is_a_row_too(analytic):
+    refused = Attempt(None, RUN, "no usable answer in 3 attempts")
+    broken = Attempt(None, detail="the provider is down", failed=True)
+    rows = compared(refused, broken)
+    assert [(row.outcome, row.detail, row.attempts) for row in rows] == [
+        ("rejected", "no usable answer in 3 attempts", 3),
+        ("failed", "the provider is down", 0),
+    ]
+    assert all(row.approach_agrees is None and row.hypothesis is None for row in rows)
+    after_rejection = compared(refused, attempt(analytic))
+    assert after_rejection[1].outcome == "estimated"
+    assert after_rejection[1].approach_agrees is None
+
+
 def test_the_summary_adds_up(analytic):
-    key = analytic.key
-    rows = compare_estimators(
-        {"llm": {key: by_llm(analytic)}, "analytic": {key: analytic}},
-        accepted={"analytic": {key: True}, "llm": {key: False}},
+    right = Against(True, True, 0.5, 3.0, 1.0)
+    wrong = Against(False, False, 2.5, 5.0, None)
+    rows = (
+        *compared(Attempt(analytic, analytic.run, accepted=True, truth=right), attempt(analytic, accepted=False)),
+        *compared(Attempt(analytic, analytic.run, accepted=False, truth=wrong), Attempt(None, RUN, "refused")),
     )
     one, two = summarise(rows)
-    assert (one.estimator, one.accepted, one.cost_usd, one.fallbacks, one.approach_agreement) == (
-        "analytic",
-        1.0,
-        0.0,
-        0,
-        None,
-    )
-    assert (two.estimator, two.accepted, two.cost_usd, two.fallbacks, two.mean_attempts) == ("llm", 0.0, 0.02, 1, 3.0)
+    assert (one.estimator, one.crashes, one.estimated, one.accepted) == ("analytic", 2, 2, 0.5)
+    assert (one.cost_usd, one.tokens, one.fallbacks, one.approach_agreement) == (0.0, 0, 0, None)
+    assert (one.approach_correct, one.lane_correct, one.median_impact_point_error_m) == (0.5, 0.5, 1.5)
+    assert (one.median_heading_error_deg, one.median_initial_position_error_m) == (4.0, 1.0)
+    assert (two.estimator, two.crashes, two.estimated, two.rejected, two.failed) == ("llm", 2, 1, 1, 0)
+    assert (two.accepted, two.cost_usd, two.tokens, two.fallbacks, two.mean_attempts) == (0.0, 0.04, 1800, 2, 3)
     assert two.approach_agreement == two.lane_agreement == 1.0
+    assert two.approach_correct is None
 
 
 def test_nothing_to_compare_is_no_rows():
-    assert compare_estimators({}) == ()
+    assert compare_estimators("k", {}, reference="analytic") == ()
     assert summarise(()) == ()

@@ -96,6 +96,23 @@ def test_what_will_never_be_answered_is_a_failure_and_shows_no_key(monkeypatch, 
     assert KEY not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("model", "key"),
+    [
+        ("gemini/gemini-3-flash-preview", "GEMINI_API_KEY"),
+        ("openai/gpt-4o", "OPENAI_API_KEY"),
+        ("anthropic/claude-sonnet-4-5", "ANTHROPIC_API_KEY"),
+    ],
+)
+def test_a_missing_key_is_named_and_not_waited_for(monkeypatch, case, model, key):
+    for name in ("GEMINI_API_KEY", "GOOGLE_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY", "OPENAI_API_BASE"):
+        monkeypatch.delenv(name, raising=False)
+    chosen = llm_settings(llm_model=model)
+    with pytest.raises(Failure, match=f"the environment lacks .*{key}") as caught:
+        estimate(case.record, case.network, case.report, chosen, llm=llm_client(chosen))
+    assert not isinstance(caught.value, TransientFailure)
+
+
 def test_a_model_nobody_serves_is_a_failure(monkeypatch, case):
     with pytest.raises(Failure, match=r"nobody/nothing: .*check states\.llm_model"):
         asking(monkeypatch, case, in_turn(completion("")), llm_model="nobody/nothing")

@@ -11,6 +11,7 @@ import click
 from trace_dag import __version__
 from trace_dag.cli.asking import sql, status
 from trace_dag.cli.cohorts import cohort
+from trace_dag.cli.comparing import compare
 from trace_dag.cli.evaluating import evaluate
 from trace_dag.cli.ingesting import ingest
 from trace_dag.cli.judging import controls, peer, replay
@@ -57,6 +58,7 @@ for command in (
     peer,
     evaluate,
     vary,
+    compare,
     score_truth,
     demo,
     ui,

@@ -32,6 +32,7 @@ from trace_dag.verdict.peer import ComparisonRow, compare
 FOLDER = "comparisons"
 CONTROLS = "controls"
 PUBLISHED = "published"
+ESTIMATORS = "estimators"
 _PEER_TIME_LIMIT_S = 45.0  # the slowest published vehicle takes half a minute to the crash
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from trace_dag.settings import Settings, SimSettings, StateSettings
     from trace_dag.sim.types import Backend, SimulationLog
     from trace_dag.states.llm.client import LlmClient
-    from trace_dag.states.types import StateEstimate
+    from trace_dag.states.types import EstimatorRun, StateEstimate
     from trace_dag.verdict.types import Verdict
 
 _THUMBNAIL_WIDTH_PX = 640
@@ -274,7 +274,7 @@ def road_map(crash: CrashFiles) -> StageProduct:
 
 
 @lru_cache(maxsize=1)
-def _llm_client(settings: StateSettings, storage: Storage, run_id: str) -> LlmClient:
+def llm_client_of(settings: StateSettings, storage: Storage, run_id: str) -> LlmClient:
     """One client per process and run; answers, budget and rate are kept in storage, where all workers find them."""
     from trace_dag.states.estimate import llm_client
 
@@ -284,27 +284,41 @@ def _llm_client(settings: StateSettings, storage: Storage, run_id: str) -> LlmCl
 def state_estimate(crash: CrashFiles) -> StageProduct:
     """Where the vehicles came from and how fast: hypotheses, best first."""
     from trace_dag.states.estimate import estimate
-    from trace_dag.states.json_io import estimate_to_json
+    from trace_dag.states.json_io import estimate_to_json, run_to_json
+    from trace_dag.states.llm.estimator import UnusableAnswers
 
     settings = crash.settings.states
-    llm = _llm_client(settings, crash.storage, crash.run_id) if settings.estimator == "llm" else None
-    made = estimate(record_of(crash), network_of(crash), map_report_of(crash), settings, llm=llm)
-    best, run = made.best, made.run
+    llm = llm_client_of(settings, crash.storage, crash.run_id) if settings.estimator == "llm" else None
+    try:
+        made = estimate(record_of(crash), network_of(crash), map_report_of(crash), settings, llm=llm)
+    except UnusableAnswers as unusable:
+        return StageProduct({"answers.json": run_to_json(unusable.run)}, _run_figures(unusable.run), unusable)
+    best = made.best
     figures: dict[str, Figure] = {
-        "estimator": run.estimator,
+        **_run_figures(made.run),
         "hypotheses": len(made.hypotheses),
         "best": best.name,
         "ambiguity": made.ambiguity,
         "impact_time_s": best.impact_time_s,
-        "attempts": run.attempts,
-        "cost_usd": run.cost_usd,
-        "fallback": run.fallback,
     }
     for state in best.participants:
         figures[f"vehicle_{state.vehicle_number}"] = (
             f"{state.manoeuvre}, {state.initial_speed_mps:.1f} m/s ({state.speed_source})"
         )
     return StageProduct({"json": estimate_to_json(made)}, figures)
+
+
+def _run_figures(run: EstimatorRun) -> dict[str, Figure]:
+    figures: dict[str, Figure] = {"estimator": run.estimator}
+    if run.model is not None:
+        figures |= {
+            "model": run.model,
+            "attempts": run.attempts,
+            "fallback": run.fallback,
+            "tokens": run.prompt_tokens + run.completion_tokens,
+            "cost_usd": run.cost_usd,
+        }
+    return figures
 
 
 def simulation_log(crash: CrashFiles) -> StageProduct:

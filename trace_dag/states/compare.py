@@ -1,120 +1,163 @@
-"""Estimators side by side on one cohort: who agrees with whom, what it took, and what the verdicts said.
+"""Estimators side by side: what each made of a crash, who agrees with whom, what it took, what became of it.
 
-Pure: takes estimates (and verdicts, where there are any) and returns rows. Errors against a known truth are
-:mod:`trace_dag.pipeline.truth`'s.
+Pure: takes what the estimators made and returns rows. Running them, their verdicts and their errors against a known
+truth are :mod:`trace_dag.pipeline.estimators`'s.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from statistics import mean, median
 
-from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
+from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+
+
+@dataclass(frozen=True)
+class Against:
+    """Errors of a best hypothesis against the truth, of the worse vehicle: metres, degrees."""
+
+    approach_correct: bool
+    lane_correct: bool
+    impact_point_error_m: float
+    heading_error_deg: float
+    initial_position_error_m: float | None  # None unless both speeds are reported
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What one estimator made of one crash: an estimate and its verdict, or the sentence that says why there is none.
+
+    ``failed``: not the crash's doing, but the estimator's or a service's.
+    """
+
+    estimate: StateEstimate | None
+    run: EstimatorRun | None = None  # of the estimate, or of what was tried without one coming of it
+    detail: str = ""
+    failed: bool = False
+    accepted: bool | None = None
+    reason: str | None = None
+    truth: Against | None = None
 
 
 @dataclass(frozen=True)
 class EstimatorRow:
-    """One estimator's estimate of one crash, beside the reference estimator's.
+    """One estimator's estimate of one crash, beside the reference estimator's; None for what there is not.
 
-    ``approach_agrees``: both vehicles start on the same road in the same direction as in the reference's best
-    hypothesis; ``lane_agrees``: in the same lane too; None without a reference or off the lanes. Distances in metres,
-    costs in US dollars.
+    ``outcome``: estimated, rejected or failed, ``detail`` says why. ``approach_agrees``: both vehicles start on the
+    same road in the same direction as in the reference's best hypothesis; ``lane_agrees``: in the same lane too.
+    ``accepted`` and ``reason`` are the verdict's. Errors are against the truth, see :class:`Against`. Distances in
+    metres, costs in US dollars.
     """
 
     key: str
     estimator: str
-    hypothesis: str
-    hypotheses: int
-    ambiguity: float
-    checks_failed: int
-    approach_agrees: bool | None
-    lane_agrees: bool | None
-    impact_apart_m: float | None
-    attempts: int
-    fallback: bool
-    prompt_tokens: int
-    completion_tokens: int
-    cost_usd: float
-    latency_s: float
-    accepted: bool | None  # by the verdict, None where there is none
+    outcome: str
+    detail: str = ""
+    hypothesis: str | None = None
+    hypotheses: int = 0
+    ambiguity: float | None = None
+    checks_failed: int | None = None
+    approach_agrees: bool | None = None
+    lane_agrees: bool | None = None
+    impact_apart_m: float | None = None
+    accepted: bool | None = None
+    reason: str | None = None
+    model: str | None = None
+    prompt_version: str | None = None
+    attempts: int = 0
+    fallback: bool = False
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float = 0.0
+    latency_s: float = 0.0
+    approach_correct: bool | None = None
+    lane_correct: bool | None = None
+    impact_point_error_m: float | None = None
+    heading_error_deg: float | None = None
+    initial_position_error_m: float | None = None
 
 
 @dataclass(frozen=True)
 class EstimatorSummary:
-    """One estimator over the cohort; shares are of the crashes where the question has an answer, None if of none."""
+    """One estimator over a cohort; shares and medians are over the crashes that have an answer, None if none has."""
 
     estimator: str
     crashes: int
+    estimated: int
+    rejected: int
+    failed: int
     approach_agreement: float | None
     lane_agreement: float | None
-    all_checks_passed: float
+    all_checks_passed: float | None
     accepted: float | None
-    mean_attempts: float
+    mean_attempts: float | None
     fallbacks: int
+    tokens: int
     cost_usd: float
+    approach_correct: float | None
+    lane_correct: float | None
+    median_impact_point_error_m: float | None
+    median_heading_error_deg: float | None
+    median_initial_position_error_m: float | None
 
 
-def compare_estimators(
-    estimates: Mapping[str, Mapping[str, StateEstimate]],
-    *,
-    reference: str = "analytic",
-    accepted: Mapping[str, Mapping[str, bool]] | None = None,
-) -> tuple[EstimatorRow, ...]:
-    """Rows by key and estimator, sorted. ``estimates`` and ``accepted``: by estimator, then by key."""
-    rows = []
-    for estimator, by_key in estimates.items():
-        for key, made in by_key.items():
-            other = estimates.get(reference, {}).get(key) if estimator != reference else None
-            verdict = (accepted or {}).get(estimator, {}).get(key)
-            rows.append(_row(estimator, made, other, verdict))
-    return tuple(sorted(rows, key=lambda row: (row.key, row.estimator)))
+def compare_estimators(key: str, attempts: Mapping[str, Attempt], *, reference: str) -> tuple[EstimatorRow, ...]:
+    """Rows of one crash in the order of ``attempts`` (by estimator); ``reference`` is the one the others are set to."""
+    against = attempts[reference].estimate if reference in attempts else None
+    return tuple(_row(key, name, attempt, against if name != reference else None) for name, attempt in attempts.items())
 
 
-def summarise(rows: tuple[EstimatorRow, ...]) -> tuple[EstimatorSummary, ...]:
-    """One line per estimator, sorted by name."""
+def summarise(rows: Iterable[EstimatorRow]) -> tuple[EstimatorSummary, ...]:
+    """One line per estimator, in order of first mention."""
     by_estimator: dict[str, list[EstimatorRow]] = {}
     for row in rows:
         by_estimator.setdefault(row.estimator, []).append(row)
-    return tuple(
-        EstimatorSummary(
-            estimator=estimator,
-            crashes=len(own),
-            approach_agreement=_share([row.approach_agrees for row in own]),
-            lane_agreement=_share([row.lane_agrees for row in own]),
-            all_checks_passed=sum(row.checks_failed == 0 for row in own) / len(own),
-            accepted=_share([row.accepted for row in own]),
-            mean_attempts=sum(row.attempts for row in own) / len(own),
-            fallbacks=sum(row.fallback for row in own),
-            cost_usd=round(sum(row.cost_usd for row in own), 8),
-        )
-        for estimator, own in sorted(by_estimator.items())
-    )
+    return tuple(_summary(estimator, own) for estimator, own in by_estimator.items())
 
 
-def _row(estimator: str, made: StateEstimate, other: StateEstimate | None, accepted: bool | None) -> EstimatorRow:
-    best, run = made.best, made.run
+def _row(key: str, estimator: str, attempt: Attempt, other: StateEstimate | None) -> EstimatorRow:
+    run, truth = attempt.run, attempt.truth
+    took = {} if run is None else {name: getattr(run, name) for name in _TAKEN_OVER}
+    errors = {} if truth is None else vars(truth)
+    if attempt.estimate is None:
+        outcome = "failed" if attempt.failed else "rejected"
+        return EstimatorRow(key, estimator, outcome, attempt.detail, **took)
+    best = attempt.estimate.best
     return EstimatorRow(
-        key=made.key,
-        estimator=estimator,
+        key,
+        estimator,
+        "estimated",
         hypothesis=best.name,
-        hypotheses=len(made.hypotheses),
-        ambiguity=made.ambiguity,
+        hypotheses=len(attempt.estimate.hypotheses),
+        ambiguity=attempt.estimate.ambiguity,
         checks_failed=sum(not check.passed for check in best.checks),
         approach_agrees=_agree(best, other.best, _approach) if other else None,
         lane_agrees=_agree(best, other.best, _lane) if other else None,
         impact_apart_m=math.dist(best.impact_point_xy_m, other.best.impact_point_xy_m) if other else None,
-        attempts=run.attempts,
-        fallback=run.fallback,
-        prompt_tokens=run.prompt_tokens,
-        completion_tokens=run.completion_tokens,
-        cost_usd=run.cost_usd,
-        latency_s=run.latency_s,
-        accepted=accepted,
+        accepted=attempt.accepted,
+        reason=attempt.reason,
+        **took,
+        **errors,
     )
 
 
-def _agree(one: Hypothesis, two: Hypothesis, place: _Place) -> bool | None:
+_TAKEN_OVER = (
+    "model",
+    "prompt_version",
+    "attempts",
+    "fallback",
+    "prompt_tokens",
+    "completion_tokens",
+    "cost_usd",
+    "latency_s",
+)
+
+_Place = tuple[str, int]
+
+
+def _agree(one: Hypothesis, two: Hypothesis, place: Callable[[ParticipantState], _Place | None]) -> bool | None:
     others = {state.vehicle_number: place(state) for state in two.participants}
     pairs = [(place(state), others.get(state.vehicle_number)) for state in one.participants]
     if any(mine is None or theirs is None for mine, theirs in pairs):
@@ -122,22 +165,48 @@ def _agree(one: Hypothesis, two: Hypothesis, place: _Place) -> bool | None:
     return all(mine == theirs for mine, theirs in pairs)
 
 
-class _Place:
-    """Where a vehicle starts, at some fineness; None off the lanes."""
-
-    def __init__(self, *, lane: bool) -> None:
-        self._lane = lane
-
-    def __call__(self, state: ParticipantState) -> tuple[str, int] | None:
-        if state.initial_lane is None:
-            return None
-        ref = state.initial_lane.lane
-        return ref.road_id, ref.lane_id if self._lane else (1 if ref.lane_id > 0 else -1)
+def _approach(state: ParticipantState) -> _Place | None:
+    """The road a vehicle starts on, and in which of its two directions; None off the lanes."""
+    lane = _lane(state)
+    return None if lane is None else (lane[0], 1 if lane[1] > 0 else -1)
 
 
-_approach, _lane = _Place(lane=False), _Place(lane=True)
+def _lane(state: ParticipantState) -> _Place | None:
+    if state.initial_lane is None:
+        return None
+    return state.initial_lane.lane.road_id, state.initial_lane.lane.lane_id
 
 
-def _share(values: list[bool | None]) -> float | None:
+def _summary(estimator: str, rows: list[EstimatorRow]) -> EstimatorSummary:
+    made = [row for row in rows if row.outcome == "estimated"]
+    asked = [row.attempts for row in rows if row.attempts]
+    return EstimatorSummary(
+        estimator=estimator,
+        crashes=len(rows),
+        estimated=len(made),
+        rejected=sum(row.outcome == "rejected" for row in rows),
+        failed=sum(row.outcome == "failed" for row in rows),
+        approach_agreement=_share(row.approach_agrees for row in made),
+        lane_agreement=_share(row.lane_agrees for row in made),
+        all_checks_passed=_share(row.checks_failed == 0 for row in made),
+        accepted=_share(row.accepted for row in made),
+        mean_attempts=mean(asked) if asked else None,
+        fallbacks=sum(row.fallback for row in rows),
+        tokens=sum(row.prompt_tokens + row.completion_tokens for row in rows),
+        cost_usd=round(sum(row.cost_usd for row in rows), 8),
+        approach_correct=_share(row.approach_correct for row in made),
+        lane_correct=_share(row.lane_correct for row in made),
+        median_impact_point_error_m=_median(row.impact_point_error_m for row in made),
+        median_heading_error_deg=_median(row.heading_error_deg for row in made),
+        median_initial_position_error_m=_median(row.initial_position_error_m for row in made),
+    )
+
+
+def _share(values: Iterable[bool | None]) -> float | None:
     known = [value for value in values if value is not None]
     return sum(known) / len(known) if known else None
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return median(known) if known else None

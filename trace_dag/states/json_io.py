@@ -11,7 +11,7 @@ from functools import lru_cache
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.errors import Failure
-from trace_dag.states.types import StateEstimate
+from trace_dag.states.types import EstimatorRun, StateEstimate
 
 
 @lru_cache(maxsize=1)
@@ -22,6 +22,16 @@ def _adapter() -> TypeAdapter[StateEstimate]:
 def estimate_to_json(estimate: StateEstimate) -> bytes:
     """The estimate as UTF-8 JSON, ending with a newline."""
     return _adapter().dump_json(estimate) + b"\n"
+
+
+def run_to_json(run: EstimatorRun) -> bytes:
+    """How an estimate was sought where none came of it, as UTF-8 JSON, ending with a newline."""
+    return _runs().dump_json(run, indent=1) + b"\n"
+
+
+@lru_cache(maxsize=1)
+def _runs() -> TypeAdapter[EstimatorRun]:
+    return TypeAdapter(EstimatorRun)
 
 
 def estimate_from_json(data: bytes, *, name: str = "state estimate") -> StateEstimate:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.errors import Failure
-from trace_dag.pipeline.comparisons import CONTROLS, FOLDER, PUBLISHED
+from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PUBLISHED
 from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
 from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import temporary_prefix
@@ -60,12 +60,14 @@ TABLES = (
     "run_summary",
     "negative_controls",
     "benchmark_comparison",
+    "estimator_comparison",
 )
 
 # Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
 _COMPARISONS = {
     "control_files": CONTROLS,
     "comparison_files": PUBLISHED,
+    "estimator_files": ESTIMATORS,
 }
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"

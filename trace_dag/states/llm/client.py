@@ -28,6 +28,8 @@ _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECA
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
 _SHORTEST_SECRET = 6
 _LONGEST_MESSAGE = 300
+_KEY_WANTED = re.compile(r"api.?key", re.IGNORECASE)
+_ITS_TRACEBACK = "Traceback (most recent call last)"  # litellm quotes one in some of its messages
 
 log = logging.getLogger(__name__)
 
@@ -108,8 +110,11 @@ class LlmClient:
         except litellm.exceptions.ContentPolicyViolationError as error:
             return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
         except Exception as error:  # litellm's own, its HTTP clients', and what it lets through from either
-            said = " ".join(without_secrets(str(error)).split())[:_LONGEST_MESSAGE]
-            what = f"{self.model}: {type(error).__name__}: {said}"
+            said = without_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
+            what = f"{self.model}: {type(error).__name__}: {' '.join(said.split())[:_LONGEST_MESSAGE]}"
+            if _KEY_WANTED.search(said) and (missing := _missing_keys(litellm, self.model)):
+                # Without a key some of litellm's providers look as if they could not be reached.
+                raise Failure(f"{what}; the environment lacks {', '.join(missing)}") from None
             if _may_pass(litellm, error):
                 raise _NoAnswer(what, _retry_after_s(error)) from None
             raise Failure(f"{what}; check states.llm_model and the provider's environment variables") from None
@@ -152,6 +157,15 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if it stays
     def __init__(self, message: str, wait_s: float | None) -> None:
         super().__init__(message)
         self.wait_s = wait_s
+
+
+def _missing_keys(litellm: Any, model: str) -> list[str]:
+    """The environment variables with keys that litellm knows the model's provider to need and does not find."""
+    try:
+        missing = litellm.validate_environment(model)["missing_keys"]
+    except Exception:  # it raises for what it does not know
+        return []
+    return [name for name in missing if _SECRET_NAME.search(name)]
 
 
 def _may_pass(litellm: Any, error: Exception) -> bool:

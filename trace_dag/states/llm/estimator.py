@@ -25,6 +25,14 @@ _TRUNCATED = "length"
 _MOST_CHECKS = 4
 
 
+class UnusableAnswers(Rejection):
+    """The model gave no usable answer; ``run`` is what it said, and what that took."""
+
+    def __init__(self, detail: str, run: EstimatorRun, *, threshold: float) -> None:
+        super().__init__(Reason.NO_FEASIBLE_STATE, detail, measured=run.attempts, threshold=threshold)
+        self.run = run
+
+
 @dataclass
 class _Tally:
     """What asking took so far, for the provenance of the estimate."""
@@ -82,7 +90,7 @@ def estimate_llm(
 
     Raises:
         Rejection: ``no_feasible_state``: no approach lets the vehicles meet, or no answer was usable and the fallback
-            is "reject".
+            is "reject" (:class:`UnusableAnswers`).
         TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
         UserError: no such prompt.
     """
@@ -110,10 +118,9 @@ def estimate_llm(
         return StateEstimate(record.key, hypotheses, tally.run(settings, fallback=False), ambiguity)
     if settings.llm_fallback == "reject":
         last = "; ".join(str(each) for each in _complaints(tally))
-        raise Rejection(
-            Reason.NO_FEASIBLE_STATE,
+        raise UnusableAnswers(
             f"{settings.llm_model} gave no usable answer in {len(tally.answers)} attempts; the last: {last}",
-            measured=len(tally.answers),
+            tally.run(settings, fallback=False),
             threshold=settings.llm_max_attempts,
         )
     fallback = estimate_analytic(record, network, report, settings)
