@@ -135,12 +135,15 @@ class _Cutter:
 
 def _inside_span(a: tuple[float, float], b: tuple[float, float], box: BoundingBox) -> tuple[float, float] | None:
     """The part of segment a-b in the box as fractions of it, None if it misses (Liang and Barsky 1984)."""
+    west, south, east, north = box.west_deg, box.south_deg, box.east_deg, box.north_deg
+    if west <= a[0] <= east and west <= b[0] <= east and south <= a[1] <= north and south <= b[1] <= north:
+        return 0.0, 1.0
     if math.isnan(a[0]) or math.isnan(b[0]):
         return None
     enters, leaves = 0.0, 1.0
     for start, end, low, high in (
-        (a[0], b[0], box.west_deg, box.east_deg),
-        (a[1], b[1], box.south_deg, box.north_deg),
+        (a[0], b[0], west, east),
+        (a[1], b[1], south, north),
     ):
         delta = end - start
         if delta == 0:
@@ -149,8 +152,6 @@ def _inside_span(a: tuple[float, float], b: tuple[float, float], box: BoundingBo
             continue
         near, far = sorted(((low - start) / delta, (high - start) / delta))
         enters, leaves = max(enters, near), min(leaves, far)
-    if a == b:
-        return 0.0, 1.0
     return (enters, leaves) if enters < leaves else None
 
 

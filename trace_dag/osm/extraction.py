@@ -1,10 +1,10 @@
 """All sites of a batch out of one OSM file, in one pass over it.
 
-Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters and
-locates in C++, before Python sees an object; Python sees only ways with a ``highway`` tag, tests their bounding box
-against a grid of the sites and keeps the few that touch one. The time is therefore close to that of reading the file
-and hardly depends on how many sites there are. What is kept of a file in memory is its node locations (16 bytes
-each) and the ways around the sites.
+Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters,
+locates and copies what passed to a file of lines, all in C++; Python is called once per way with a ``highway`` tag, for
+its geometry alone. Which of them come near a site is found out for ten thousands of ways at once, and only the lines of
+those are read. The time is therefore close to that of reading the file and hardly depends on how many sites
+there are. What is kept of a file in memory is its node locations (16 bytes each) and the ways around the sites.
 
 Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing the file :mod:`trace_dag.osm.catalog`'s.
 """
@@ -13,16 +13,19 @@ from __future__ import annotations
 
 import gc
 import math
-import struct
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import floor
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+import shapely
+
 from trace_dag.errors import UserError
+from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.types import BoundingBox, OsmRelation
@@ -30,10 +33,11 @@ from trace_dag.osm.types import BoundingBox, OsmRelation
 # Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
 # addresses and trees that share a node with a way say nothing about the road.
 _NODE_KEYS: Final = ("highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele")
-_CELL_DEG: Final = 0.005
-_LONG_WAY_CELLS: Final = 400  # a way whose box covers more cells than this is compared with every site instead
 _WKB_HEADER_BYTES: Final = 9  # byte order, geometry type, number of points
+_WKB_POINT_BYTES: Final = 16
+_BATCH: Final = 50_000  # ways whose geometry is held at a time
 
+_IntArray = npt.NDArray[np.int64]
 _Bounds = tuple[float, float, float, float]  # west, south, east, north, degrees
 
 
@@ -99,43 +103,59 @@ def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *,
 
     with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder, _reading(path), no_garbage_collection():
         kept = Path(folder) / "kept.opl"
-        with osmium.SimpleWriter(str(kept)) as writer:
-            collector = _Collector(boxes, writer, measure_bounds=header.box is None)
-            locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
-            locations.ignore_errors()
-            # The order matters: locations are looked up only for ways that have passed the filter before them, and
-            # every node is located before most of them are dropped.
-            handlers = (
-                _only_with(("highway",), osmium.osm.WAY),
-                _only_with(("restriction",), osmium.osm.RELATION),
-                locations,
-                _only_with(_NODE_KEYS, osmium.osm.NODE),
-                collector,
-            )
-            osmium.apply(osmium.io.Reader(str(path)), *handlers)
-            if collector.incomplete and not header.sorted_by_type:
-                # Again, now that every node of the file is located.
-                osmium.apply(osmium.io.Reader(str(path), osmium.osm.WAY), *handlers)
+        collector = _Collector(boxes, measure_bounds=header.box is None)
+        locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
+        locations.ignore_errors()
+        writer = osmium.WriteHandler(str(kept))
+        # The order matters: locations are looked up only for ways that have passed the filter before them, and every
+        # node is located before most of them are dropped.
+        handlers = (
+            _only_with(("highway",), osmium.osm.WAY),
+            _only_with(("restriction",), osmium.osm.RELATION),
+            locations,
+            _only_with(_NODE_KEYS, osmium.osm.NODE),
+            writer,
+            collector,
+        )
+        osmium.apply(osmium.io.Reader(str(path)), *handlers)
+        if collector.incomplete and not header.sorted_by_type:
+            # Again, now that every node of the file is located.
+            collector.restart()
+            osmium.apply(osmium.io.Reader(str(path), osmium.osm.WAY), *handlers)
+        writer.close()
         return _read_kept(kept, collector, service_roads=service_roads)
 
 
 def _read_kept(kept: Path, collector: _Collector, *, service_roads: bool) -> FilePass:
+    places = collector.near_sites()
     found = FilePass([{} for _ in range(collector.sites)], road_bounds=collector.road_bounds)
+    node_lines: list[str] = []
+    way_number = -collector.way_lines_before
     with kept.open(encoding="utf-8", newline="\n") as lines:
         for line in lines:
-            kind, object_id, tags, last = opl.read_line(line)
-            if kind == "n":
-                found.node_tags[object_id] = tags
-            elif kind == "r":
+            if line[0] == "n":
+                node_lines.append(line)
+            elif line[0] == "w":
+                if (place := places.get(way_number)) is not None:
+                    _keep_way(line, place, found, service_roads=service_roads)
+                way_number += 1
+            elif line[0] == "r":
+                _, object_id, tags, last = opl.read_line(line)
                 found.restrictions[object_id] = OsmRelation(object_id, opl.members(last), tags)
-            elif is_drivable(tags, service_roads=service_roads):
-                place = collector.ways[object_id]
-                way = RawWay(
-                    object_id, opl.node_ids(last), place.longitudes_deg, place.latitudes_deg, place.bounds_deg, tags
-                )
-                for index in place.sites:
-                    found.ways[index][object_id] = way
+    wanted = {f"n{node_id}" for ways in found.ways for way in ways.values() for node_id in way.node_ids}
+    for line in node_lines:
+        if line[: line.index(" ")] in wanted:
+            _, object_id, tags, _ = opl.read_line(line)
+            found.node_tags[object_id] = tags
     return found
+
+
+def _keep_way(line: str, place: _WayPlace, found: FilePass, *, service_roads: bool) -> None:
+    _, way_id, tags, last = opl.read_line(line)
+    if is_drivable(tags, service_roads=service_roads):
+        way = RawWay(way_id, opl.node_ids(last), place.longitudes_deg, place.latitudes_deg, place.bounds_deg, tags)
+        for index in place.sites:
+            found.ways[index][way_id] = way
 
 
 def _only_with(keys: Sequence[str], entity: Any) -> Any:
@@ -179,23 +199,25 @@ class _WayPlace(NamedTuple):
 
 
 class _Collector:
-    """The handler libosmium calls with what has passed the filters: hands what is near a site to ``writer``.
+    """The handler libosmium calls with every road of the file: notes where it is, and which sites it is near.
 
-    ``way`` is called for every road of the file, so it does the least that tells whether a site is near. ``ways`` holds
-    where those are that were written, by id.
+    Ways are known by their number, in the order in which libosmium passes them on (and writes them).
     """
 
-    def __init__(self, boxes: Sequence[BoundingBox], writer: Any, *, measure_bounds: bool) -> None:
+    def __init__(self, boxes: Sequence[BoundingBox], *, measure_bounds: bool) -> None:
         import osmium
 
         self.incomplete = 0  # ways of which some node was not located
-        self.ways: dict[int, _WayPlace] = {}
+        self.way_lines_before = 0  # ways passed on before the last restart
         self.sites = len(boxes)
         self._boxes = [(box.west_deg, box.south_deg, box.east_deg, box.north_deg) for box in boxes]
-        self._grid = _grid(self._boxes)
-        self._writer = writer
+        self._areas = shapely.STRtree([shapely.box(*box) for box in self._boxes])
         self._measure_bounds = measure_bounds
         self._bounds: _Bounds = (math.inf, math.inf, -math.inf, -math.inf)
+        self._ways = 0  # passed on since the last restart
+        self._numbers: list[int] = []  # of the ways in the batch
+        self._lines_wkb: list[str] = []
+        self._near: dict[int, _WayPlace] = {}
         self._unlocated = (RuntimeError, osmium.InvalidLocationError)
         self._all_nodes = osmium.geom.ALL
         self._create_linestring = osmium.geom.WKBFactory().create_linestring
@@ -206,82 +228,76 @@ class _Collector:
         west, south, east, north = self._bounds
         return BoundingBox(south, west, north, east) if west <= east else None
 
-    def node(self, node: Any) -> None:
-        location = node.location
-        if location.valid() and (floor(location.lon / _CELL_DEG), floor(location.lat / _CELL_DEG)) in self._grid:
-            self._writer.add_node(node)
-
-    def relation(self, relation: Any) -> None:
-        self._writer.add_relation(relation)
+    def restart(self) -> None:
+        """Forget the ways: they will all be passed on once more."""
+        self.way_lines_before += self._ways
+        self._ways = 0
+        self._numbers, self._lines_wkb, self._near = [], [], {}
 
     def way(self, way: Any) -> None:
         # Well-known binary is by far the fastest way to a way's coordinates: one call instead of one per node.
         try:
-            wkb = bytes.fromhex(self._create_linestring(way, self._all_nodes))
+            self._lines_wkb.append(self._create_linestring(way, self._all_nodes))
+            self._numbers.append(self._ways)
         except self._unlocated:  # fewer than two nodes, or one without a location
-            x_deg, y_deg = self._partly_located(way)
-            known_x, known_y = [x for x in x_deg if x == x], [y for y in y_deg if y == y]
-            if not known_x:
-                return
-            bounds = min(known_x), min(known_y), max(known_x), max(known_y)
-        else:
-            values = struct.unpack_from(f"<{(len(wkb) - _WKB_HEADER_BYTES) // 8}d", wkb, _WKB_HEADER_BYTES)
-            x_deg, y_deg = values[::2], values[1::2]
-            bounds = min(x_deg), min(y_deg), max(x_deg), max(y_deg)
-        if self._measure_bounds and not _within(bounds, self._bounds):
-            self._bounds = _union(bounds, self._bounds)
-        near = self._sites_near(bounds)
-        if near:
-            self._writer.add_way(way)
-            self.ways[way.id] = _WayPlace(x_deg, y_deg, bounds, near)
+            self._add_partly_located(way)
+        self._ways += 1
+        if len(self._numbers) >= _BATCH:
+            self._look_for_sites()
 
-    def _partly_located(self, way: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def near_sites(self) -> dict[int, _WayPlace]:
+        """The ways whose bounds overlap a box, by number."""
+        self._look_for_sites()
+        return self._near
+
+    def _look_for_sites(self) -> None:
+        """Empty the batch, keeping the ways whose bounds overlap a box."""
+        if not self._numbers:
+            return
+        points, first = _read_linestrings(self._lines_wkb)
+        low, high = np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)
+        if self._measure_bounds:
+            self._extend_bounds((*low.min(axis=0).tolist(), *high.max(axis=0).tolist()))
+        sites_of: dict[int, list[int]] = {}
+        for index, site in self._areas.query(shapely.box(*low.T, *high.T)).T.tolist():
+            sites_of.setdefault(index, []).append(site)
+        ends = [*first[1:].tolist(), len(points)]
+        for index, sites in sites_of.items():
+            x_deg, y_deg = points[first[index] : ends[index]].T.tolist()
+            (west, south), (east, north) = low[index].tolist(), high[index].tolist()
+            self._near[self._numbers[index]] = _WayPlace(tuple(x_deg), tuple(y_deg), (west, south, east, north), sites)
+        self._numbers, self._lines_wkb = [], []
+
+    def _add_partly_located(self, way: Any) -> None:
         places = [node.location for node in way.nodes]
         self.incomplete += not all(place.valid() for place in places)
-        return (
-            tuple(place.lon_without_check() if place.valid() else math.nan for place in places),
-            tuple(place.lat_without_check() if place.valid() else math.nan for place in places),
-        )
+        known = [place for place in places if place.valid()]
+        if not known:
+            return
+        x_deg = tuple(place.lon_without_check() if place.valid() else math.nan for place in places)
+        y_deg = tuple(place.lat_without_check() if place.valid() else math.nan for place in places)
+        known_x, known_y = [place.lon for place in known], [place.lat for place in known]
+        bounds = (min(known_x), min(known_y), max(known_x), max(known_y))
+        if self._measure_bounds:
+            self._extend_bounds(bounds)
+        near = [index for index, box in enumerate(self._boxes) if _overlap(bounds, box)]
+        if near:
+            self._near[self._ways] = _WayPlace(x_deg, y_deg, bounds, near)
 
-    def _sites_near(self, bounds: _Bounds) -> list[int]:
-        """Indices of the boxes that a way's bounds overlap."""
-        west, south, east, north = bounds
-        first_x, last_x = floor(west / _CELL_DEG), floor(east / _CELL_DEG)
-        first_y, last_y = floor(south / _CELL_DEG), floor(north / _CELL_DEG)
-        candidates: Iterable[int]
-        if first_x == last_x and first_y == last_y:
-            candidates = self._grid.get((first_x, first_y), ())
-            if not candidates:
-                return []
-        elif (last_x - first_x + 1) * (last_y - first_y + 1) > _LONG_WAY_CELLS:
-            candidates = range(self.sites)
-        else:
-            cells = ((x, y) for x in range(first_x, last_x + 1) for y in range(first_y, last_y + 1))
-            candidates = {index for cell in cells for index in self._grid.get(cell, ())}
-        boxes = self._boxes
-        return [
-            index
-            for index in candidates
-            if west <= boxes[index][2]
-            and east >= boxes[index][0]
-            and south <= boxes[index][3]
-            and north >= boxes[index][1]
-        ]
+    def _extend_bounds(self, bounds: _Bounds) -> None:
+        a, b = self._bounds, bounds
+        self._bounds = min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
 
 
-def _within(inner: _Bounds, outer: _Bounds) -> bool:
-    return inner[0] >= outer[0] and inner[1] >= outer[1] and inner[2] <= outer[2] and inner[3] <= outer[3]
+def _read_linestrings(hexadecimal: Sequence[str]) -> tuple[FloatArray, _IntArray]:
+    """Points of many lines in well-known binary, (n, 2), and where each line's begin. Much faster than one by one."""
+    sizes = np.array([len(text) // 2 for text in hexadecimal])
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    data = np.frombuffer(bytes.fromhex("".join(hexadecimal)), np.uint8)
+    header = (starts[:, None] + np.arange(_WKB_HEADER_BYTES)).ravel()
+    points = np.delete(data, header).view("<f8").reshape(-1, 2)
+    return points, (starts - _WKB_HEADER_BYTES * np.arange(len(starts))) // _WKB_POINT_BYTES
 
 
-def _union(a: _Bounds, b: _Bounds) -> _Bounds:
-    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
-
-
-def _grid(boxes: Sequence[_Bounds]) -> dict[tuple[int, int], tuple[int, ...]]:
-    """Indices of the boxes that touch each cell of a grid of ``_CELL_DEG``."""
-    cells: dict[tuple[int, int], tuple[int, ...]] = {}
-    for index, (west, south, east, north) in enumerate(boxes):
-        for x in range(floor(west / _CELL_DEG), floor(east / _CELL_DEG) + 1):
-            for y in range(floor(south / _CELL_DEG), floor(north / _CELL_DEG) + 1):
-                cells[x, y] = (*cells.get((x, y), ()), index)
-    return cells
+def _overlap(a: _Bounds, b: _Bounds) -> bool:
+    return a[0] <= b[2] and a[2] >= b[0] and a[1] <= b[3] and a[3] >= b[1]

@@ -20,9 +20,9 @@ _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 
 def read_line(line: str) -> tuple[str, int, dict[str, str], str]:
     """Kind ("n", "w" or "r"), id, tags, and the last field: a way's nodes, a relation's members."""
-    fields = line.rstrip("\n").split(" ")
-    tags = next(field for field in fields[1:] if field.startswith("T"))
-    return line[0], int(fields[0][1:]), _tags(tags[1:]), fields[-1][1:]
+    head, _, rest = line.rstrip("\n").partition(" T")
+    tags, _, last = rest.partition(" ")
+    return line[0], int(head[1:].partition(" ")[0]), _tags(tags), last.rpartition(" ")[2][1:]
 
 
 def node_ids(field: str) -> tuple[int, ...]:
