@@ -23,6 +23,7 @@ from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import temporary_prefix
 from trace_dag.storage import Storage
 from trace_dag.warehouse.documents import JSON_DOCUMENTS, DocumentTables, execute_sql, local_files
+from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.reports import state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
@@ -60,6 +61,10 @@ TABLES = (
     "run_summary",
     "negative_controls",
     "benchmark_comparison",
+    "evaluations",
+    "leaderboard",
+    "leaderboard_by_class",
+    "variations",
     "estimator_comparison",
 )
 
@@ -118,6 +123,8 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             names = [name for name in comparisons if name.startswith(f"{FOLDER}/{kind}-")]
             files = local_files(storage, names, folder, "json")
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
+        for name, rows_of_agents in evaluation_tables(storage).items():
+            connection.register(name, rows_of_agents)
         for table in TABLES:
             execute_sql(connection, table)
         rows = {table: _count(connection, table) for table in TABLES}
