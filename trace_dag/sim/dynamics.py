@@ -1,6 +1,7 @@
 """Planar single-track vehicle: its state, its tyres, its driver up to the first contact and what it does after it.
 
-The body is a rigid body that MuJoCo integrates; this module gives the forces the road exerts on it at each step. Both
+The body is a rigid body, which MuJoCo moves where bodies can touch; this module gives the forces the road exerts on it
+at each step and moves it where nothing else does. Both
 axles carry their static load (no load transfer, no suspension, no roll). Frame of forces: the local frame, at the
 centre of gravity.
 
@@ -159,6 +160,17 @@ class Vehicle:
             weight = self._mass * GRAVITY_MPS2
             return fx - weight * self.ground.slope_x, fy - weight * self.ground.slope_y, moment
         return fx, fy, moment
+
+    def advance(self, force: tuple[float, float, float], step_s: float) -> None:
+        """Move by one step under a force x, y (N) and a moment (Nm): semi-implicit Euler, as MuJoCo's."""
+        fx, fy, moment = force
+        per_mass = step_s / self._mass
+        self.vx = vx = self.vx + fx * per_mass
+        self.vy = vy = self.vy + fy * per_mass
+        self.yaw_rate = yaw_rate = self.yaw_rate + moment * step_s / self.model.yaw_inertia_kgm2
+        self.x += vx * step_s
+        self.y += vy * step_s
+        self.heading += yaw_rate * step_s
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
         if self.crashed:

@@ -3,7 +3,7 @@
 Everything moves by one fixed step (semi-implicit Euler, forces held over the step). From the step in which two bodies
 could come to touch until their crash pulse is over, MuJoCo takes the step in parts of half a millisecond at most, so
 that the first touch is located within that time and then, by bisection between those two states, to the micrometre.
-Nothing is random: equal input gives equal bits.
+While nothing can touch, each body moves by the same scheme by itself. Nothing is random: equal input gives equal bits.
 """
 
 from __future__ import annotations
@@ -14,21 +14,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from trace_dag.geometry import Pose
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.commanded import CommandedVehicle
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
+from trace_dag.sim.outlines import separation
 from trace_dag.sim.plan import check_participants, resample
-from trace_dag.sim.recorder import ContactEpisode, StateRecorder
+from trace_dag.sim.recorder import BodyMotion, ContactEpisode, StateRecorder, begin_contact
 from trace_dag.sim.rigid import RigidBodies
 from trace_dag.sim.surface import NetworkSurface, Surface
 from trace_dag.sim.types import Participant, Simulation, SimulationLog, Termination
 from trace_dag.sim.vehicles import vehicle_model
 
-VERSION = "1"
+VERSION = "2"
 _CONTACT_STEP_S = 0.0005
 _BOUND, _BOUND_MPS = 1.5, 10.0  # a closing speed may grow by so much until it is looked at again
 _MAX_SPEED_MPS = 150.0
@@ -115,18 +114,14 @@ class _Run:
         self._recorder = StateRecorder(self._vehicles)
         self._open: dict[tuple[int, int], ContactEpisode] = {}
         self._closed: list[ContactEpisode] = []
-        self._state: _State = ([], [])
+        self._state: _State | None = None  # as MuJoCo has it; None while bodies move by themselves
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: _State | None = None  # the state a part of a step ago, while steps are taken in parts
         self._pairs = [(i, j) for j in range(len(self._vehicles)) for i in range(j)]
 
     def log(self) -> SimulationLog:
+        self._bodies.set_heights([v.z for v in self._vehicles])
         self._stand_on_surface()
-        vehicles = self._vehicles
-        positions = [value for v in vehicles for value in (v.x, v.y, v.heading)]
-        rates = [value for v in vehicles for value in (v.vx, v.vy, v.yaw_rate)]
-        self._state = positions, rates
-        self._bodies.place(positions, rates, [v.z for v in vehicles])
         termination, reason, step = self._advance_until_end()
         duration_s = step * self._step_s
         self._recorder.record(duration_s)
@@ -162,13 +157,15 @@ class _Run:
             for driven, driver, every in self._driven:
                 if step % every == 0 and not driven.crashed:
                     driven.command(driver.drive(step * self._step_s, {v.number: v.body_state() for v in vehicles}))
-            forces: list[float] = []
-            for vehicle in vehicles:
-                forces += vehicle.road_force(step)
+            forces = [vehicle.road_force(step) for vehicle in vehicles]
             if self._contact_possible(step):
-                self._step_in_parts(step, forces)
+                self._step_in_parts(step, [value for force in forces for value in force])
+            elif self._open:
+                self._step_leaning(step, [value for force in forces for value in force])
             else:
-                self._step_whole(step, forces)
+                self._state = self._before = None
+                for vehicle, force in zip(vehicles, forces, strict=True):
+                    vehicle.advance(force, self._step_s)
         limit_s = self._steps * self._step_s
         if not self._open and not self._closed:
             return Termination.NO_CONTACT, self._no_contact_reason(), self._steps
@@ -205,6 +202,15 @@ class _Run:
         return f"no contact: vehicles {numbers[0]} and {numbers[1]} came to {nearest:.1f} m (centres) at {when:.2f} s"
 
     # --- steps -----------------------------------------------------------------------------------------------
+    def _taken_over(self) -> _State:
+        """The present state, which MuJoCo has from here on."""
+        if self._state is None:
+            positions = [value for v in self._vehicles for value in (v.x, v.y, v.heading)]
+            rates = [value for v in self._vehicles for value in (v.vx, v.vy, v.yaw_rate)]
+            self._bodies.place(positions, rates)
+            self._state = positions, rates
+        return self._state
+
     def _update(self, positions: list[float], rates: list[float]) -> None:
         self._state = positions, rates
         k = 0
@@ -258,7 +264,7 @@ class _Run:
         part_s = self._step_s / self._parts
         for part in range(self._parts):
             start_s = step * self._step_s + part * part_s
-            now = self._state
+            now = self._taken_over()
             positions, rates = self._bodies.step(forces, part_s)
             for pair, (fx, fy) in self._bodies.contact_forces().items():
                 if pair not in self._open:
@@ -269,12 +275,10 @@ class _Run:
             self._update(positions, rates)
         self._close_ended((step + 1) * self._step_s)
 
-    def _step_whole(self, step: int, forces: list[float]) -> None:
+    def _step_leaning(self, step: int, forces: list[float]) -> None:
+        """Bodies that lean on each other: the contact needs its short steps, but nobody needs to look at each."""
         self._before = None
-        if not self._open:
-            self._update(*self._bodies.step(forces, self._step_s))
-            return
-        # Bodies that lean on each other: the contact needs its short steps, but nobody needs to look at each.
+        self._taken_over()
         self._update(*self._bodies.step(forces, self._step_s / self._parts, self._parts))
         end_s = (step + 1) * self._step_s
         for pair in self._bodies.contact_forces():
@@ -292,36 +296,9 @@ class _Run:
     ) -> ContactEpisode:
         """A contact that came about between two states a part of a step from each other."""
         one, two = (self._vehicles[i] for i in pair)
-
-        def outlines(state: _State) -> tuple[Outline, Outline]:
-            positions, _ = state
-            first, second = (v.outline_at(*positions[3 * i : 3 * i + 3]) for v, i in zip((one, two), pair, strict=True))
-            return first, second
-
-        start, end = outlines(before), outlines(now)
-        fraction = first_touch(start, end)
-        touch_1, touch_2 = between(start[0], end[0], fraction), between(start[1], end[1], fraction)
-        _, nx, ny = separation(touch_1, touch_2)
-        px, py = contact_point(touch_1, touch_2)
-        positions, rates = before
-        at_point = []
-        for i in pair:
-            (x, y, _), (vx, vy, yaw_rate) = positions[3 * i : 3 * i + 3], rates[3 * i : 3 * i + 3]
-            at_point.append((vx - yaw_rate * (py - y), vy + yaw_rate * (px - x)))
-        closing = (at_point[0][0] - at_point[1][0]) * nx + (at_point[0][1] - at_point[1][1]) * ny
         one.crashed = two.crashed = True
-        return ContactEpisode(
-            one=one,
-            two=two,
-            start_s=before_s + fraction * part_s,
-            point=(px, py),
-            normal=(nx, ny),
-            poses=(_pose(touch_1, one.z), _pose(touch_2, two.z)),
-            velocities=((rates[3 * pair[0]], rates[3 * pair[0] + 1]), (rates[3 * pair[1]], rates[3 * pair[1] + 1])),
-            closing_speed_mps=closing,
-            last_s=before_s + part_s,
+        (one_before, one_now), (two_before, two_now) = (
+            [BodyMotion(*positions[3 * i : 3 * i + 3], *rates[3 * i : 3 * i + 3]) for positions, rates in (before, now)]
+            for i in pair
         )
-
-
-def _pose(outline: Outline, z_m: float) -> Pose:
-    return Pose(outline.x_m, outline.y_m, math.remainder(outline.heading_rad, math.tau), z_m)
+        return begin_contact(one, two, (one_before, two_before), (one_now, two_now), before_s, part_s)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from trace_dag.geometry import Pose
 from trace_dag.sim.dynamics import Vehicle
+from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
 from trace_dag.sim.types import PULSE_S, Contact, VehicleLog
 
 _LONGEST_GAP_S = 0.05  # bodies that touch again sooner are still in the same contact
@@ -134,3 +136,60 @@ class ContactEpisode:
             delta_v_1_mps=(-px / m1, -py / m1),
             delta_v_2_mps=(px / m2, py / m2),
         )
+
+
+class BodyMotion(NamedTuple):
+    """A body's centre of gravity at one moment: place (m, local frame), heading (rad), and their rates."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    yaw_rate_rps: float
+
+
+def begin_contact(
+    one: Vehicle,
+    two: Vehicle,
+    before: tuple[BodyMotion, BodyMotion],
+    after: tuple[BodyMotion, BodyMotion],
+    before_s: float,
+    step_s: float,
+) -> ContactEpisode:
+    """The contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later, from their first touch.
+
+    Velocities are those before it; the closing speed is that of the points that touch, along the normal.
+    """
+
+    def outlines(motions: tuple[BodyMotion, BodyMotion]) -> tuple[Outline, Outline]:
+        first, second = (v.outline_at(m.x_m, m.y_m, m.heading_rad) for v, m in zip((one, two), motions, strict=True))
+        return first, second
+
+    start, end = outlines(before), outlines(after)
+    fraction = first_touch(start, end)
+    touch_1, touch_2 = between(start[0], end[0], fraction), between(start[1], end[1], fraction)
+    _, nx, ny = separation(touch_1, touch_2)
+    px, py = contact_point(touch_1, touch_2)
+    (vx_1, vy_1), (vx_2, vy_2) = (
+        (m.velocity_x_mps - m.yaw_rate_rps * (py - m.y_m), m.velocity_y_mps + m.yaw_rate_rps * (px - m.x_m))
+        for m in before
+    )
+    return ContactEpisode(
+        one=one,
+        two=two,
+        start_s=before_s + fraction * step_s,
+        point=(px, py),
+        normal=(nx, ny),
+        poses=(_pose(touch_1, one.z), _pose(touch_2, two.z)),
+        velocities=(
+            (before[0].velocity_x_mps, before[0].velocity_y_mps),
+            (before[1].velocity_x_mps, before[1].velocity_y_mps),
+        ),
+        closing_speed_mps=(vx_1 - vx_2) * nx + (vy_1 - vy_2) * ny,
+        last_s=before_s + step_s,
+    )
+
+
+def _pose(outline: Outline, z_m: float) -> Pose:
+    return Pose(outline.x_m, outline.y_m, math.remainder(outline.heading_rad, math.tau), z_m)

@@ -61,11 +61,10 @@ class RigidBodies:
         self._wrench = np.zeros(6)
         self.version = mujoco.mj_versionString()
 
-    def place(self, positions: list[float], velocities: list[float], heights_m: list[float]) -> None:
-        """Set every body's x, y, yaw and their rates, flat lists, and the height of the road under it."""
+    def place(self, positions: list[float], velocities: list[float]) -> None:
+        """Set every body's x, y, yaw and their rates, flat lists."""
         self._data.qpos[:] = positions
         self._data.qvel[:] = velocities
-        self.set_heights(heights_m)
 
     def set_heights(self, heights_m: list[float]) -> None:
         """Heights of the road under the bodies."""
@@ -77,11 +76,6 @@ class RigidBodies:
         self._data.qfrc_applied[:] = forces
         self._mujoco.mj_step(self._model, self._data, count)
         return self._data.qpos.tolist(), self._data.qvel.tolist()
-
-    @property
-    def touching(self) -> bool:
-        """Whether any two bodies were in contact at the beginning of the last step."""
-        return bool(self._data.ncon)
 
     def contact_forces(self) -> dict[tuple[int, int], tuple[float, float]]:
         """Force x, y (N) on the second body of each touching pair over the last step."""
