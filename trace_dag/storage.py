@@ -18,6 +18,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +32,7 @@ T = TypeVar("T")
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
 _TEMPORARY = ".writing-"
 _REMOTE_ATTEMPTS = 4
+_READ_CONCURRENTLY = 16
 _ASKED_ONE_BY_ONE = 20  # files of one folder; for more, a listing is cheaper
 _NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError")  # botocore's, which may not be installed
 _MD5 = re.compile(r"[0-9a-f]{32}")
@@ -217,25 +219,20 @@ class Storage:
         """Contents of those of ``names`` that exist, fetched concurrently from an object store."""
         wanted = [check_name(name) for name in names]
         if self.local_root is not None:
-            contents = {}
-            for name in wanted:
-                try:
-                    contents[name] = self.read(name)
-                except FileNotFoundError:
-                    continue
-            return contents
-        if not wanted:
-            return {}
-        by_path = {self._filesystem._strip_protocol(self.path(name)): name for name in wanted}
-        answers = self._filesystem.cat(list(by_path), on_error="return")
+            found = {name: self._read_if_there(name) for name in wanted}
+            return {name: data for name, data in found.items() if data is not None}
         contents = {}
-        for path, answer in answers.items():
-            name = by_path[self._filesystem._strip_protocol(path)]
-            if isinstance(answer, FileNotFoundError):
-                continue
-            # What failed in the crowd is asked for once more by itself, with the usual patience.
-            contents[name] = self.read(name) if isinstance(answer, Exception) else bytes(answer)
+        with ThreadPoolExecutor(_READ_CONCURRENTLY) as pool:
+            for name, data in zip(wanted, pool.map(self._read_if_there, wanted), strict=True):
+                if data is not None:
+                    contents[name] = data
         return contents
+
+    def _read_if_there(self, name: str) -> bytes | None:
+        try:
+            return self.read(name)
+        except FileNotFoundError:
+            return None
 
     def leftovers(self, folder: str = "") -> tuple[Path, ...]:
         """Temporary files in a folder (in all, by default) whose writer is gone; an object store has none."""

@@ -99,13 +99,16 @@ class CrashFiles:
         return value
 
     def _checked(self, stage: Stage, file: StoredFile) -> bytes:
-        try:
-            data = self.storage.read(file.name)
-        except FileNotFoundError as error:
-            raise DamagedArtefactError(stage, file, "not there") from error
-        if len(data) != file.size or hashlib.sha256(data).hexdigest() != file.sha256:
-            raise DamagedArtefactError(stage, file, f"{len(data)} other bytes")
-        return data
+        found = ""
+        for _ in range(2):  # what was cut short on its way is whole the second time
+            try:
+                data = self.storage.read(file.name)
+            except FileNotFoundError as error:
+                raise DamagedArtefactError(stage, file, "not there") from error
+            if len(data) == file.size and hashlib.sha256(data).hexdigest() == file.sha256:
+                return data
+            found = f"{len(data)} other bytes"
+        raise DamagedArtefactError(stage, file, found)
 
 
 class StageFunction(Protocol):

@@ -14,6 +14,7 @@ import json
 import logging
 from collections.abc import Collection, Iterable, Mapping
 
+from trace_dag.errors import Failure
 from trace_dag.provenance import OutcomeRecord, record_to_json
 from trace_dag.storage import Entry, Storage
 
@@ -24,8 +25,12 @@ log = logging.getLogger(__name__)
 def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord]) -> None:
     """Store the records of a run in one file; nothing where the root is local and reading one by one costs nothing."""
     lines = [json.dumps({"name": each.name, "record": record_to_json(each).decode()}) for each in records]
-    if lines and storage.local_root is None:
+    if not lines or storage.local_root is not None:
+        return
+    try:
         storage.write(f"{FOLDER}/{run_id}.jsonl.gz", gzip.compress("\n".join(lines).encode(), mtime=0))
+    except Failure as error:
+        log.warning("%s; the records of this run will be read one by one", error)
 
 
 def indexed(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:

@@ -1,0 +1,101 @@
+"""An object store and a Dask cluster on loopback, every part a process of its own that a test may kill."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+BUCKET = "crashes"
+
+
+@contextmanager
+def object_store() -> Iterator[dict[str, str]]:
+    """An S3-compatible server with an empty bucket; the environment in which it is found."""
+    pytest.importorskip("moto")
+    pytest.importorskip("s3fs")
+    address = f"http://127.0.0.1:{free_port()}"
+    environment = {
+        "AWS_ENDPOINT_URL": address,
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }
+    port = address.rpartition(":")[2]
+    server = _start([sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", port], {})
+    try:
+        _wait_for(address, server)
+        request = urllib.request.Request(f"{address}/{BUCKET}", method="PUT")
+        urllib.request.urlopen(request).close()
+        yield environment
+    finally:
+        _end(server)
+
+
+class DaskCluster:
+    """A scheduler and workers of one thread each. ``environment`` is that of the workers."""
+
+    def __init__(self, folder: Path, workers: int, environment: Mapping[str, str]) -> None:
+        self.address = f"tcp://127.0.0.1:{free_port()}"
+        port = self.address.rpartition(":")[2]
+        scheduler = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
+        worker = ["distributed.cli.dask_worker", self.address, "--no-nanny", "--nthreads", "1", "--no-dashboard"]
+        worker += ["--local-directory", str(folder)]
+        self.scheduler = _start([sys.executable, "-m", *scheduler], environment)
+        self.workers = [_start([sys.executable, "-m", *worker], environment) for _ in range(workers)]
+
+    def settings(self) -> dict[str, str]:
+        """The environment that sends a run's work here."""
+        return {"TRACE_DAG_EXECUTION__EXECUTOR": "dask", "TRACE_DAG_EXECUTION__DASK_ADDRESS": self.address}
+
+    def close(self) -> None:
+        """End all processes that still live."""
+        for process in (*self.workers, self.scheduler):
+            _end(process)
+
+
+@contextmanager
+def dask_cluster(folder: Path, workers: int, environment: Mapping[str, str]) -> Iterator[DaskCluster]:
+    """A cluster that is gone afterwards."""
+    pytest.importorskip("distributed")
+    cluster = DaskCluster(folder, workers, environment)
+    try:
+        yield cluster
+    finally:
+        cluster.close()
+
+
+def free_port() -> int:
+    """A port nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(command, env=os.environ | environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+
+
+def _wait_for(address: str, server: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            urllib.request.urlopen(address, timeout=5).close()
+            return
+        except OSError:
+            assert server.poll() is None, "the server ended"
+            assert time.monotonic() < deadline, "the server never answered"
+            time.sleep(0.1)
