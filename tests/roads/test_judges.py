@@ -81,16 +81,11 @@ def _fars_sites(shared_data: Path) -> Iterator[Site]:
                 yield Site(key, float(values["LATITUDE"]), float(values["LONGITUD"]))
 
 
-_BEND_SHORTFALL = pytest.mark.xfail(
-    reason="short of the goal on real sites: 99.76 % of the steps, not 99.8 %", strict=False
-)
-
-
-@pytest.mark.parametrize("which", ["sample_maps", pytest.param("real_maps", marks=_BEND_SHORTFALL)])
+@pytest.mark.parametrize("which", ["sample_maps", "real_maps"])
 def test_carla_drives_on_without_jumps(which: str, request: pytest.FixtureRequest) -> None:
     """Steps of 1 m along the reference line; on the outside of a bend they are longer, on the inside shorter.
 
-    A few sites with large parking lots have more tight bends than the average of all (99.8 %, benchmarks/roads.py).
+    The sites chosen here have more tight bends than all together, of which benchmarks/roads.py measures the share.
     """
     maps: Maps = request.getfixturevalue(which)
     distances = []

@@ -7,17 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from tests.roads.towns import Town, report, vehicle
 from trace_dag.errors import Failure, UserError
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads import osm2odr
+from trace_dag.roads.build import build_road_map
 from trace_dag.roads.gates import OSM2ODR_LIMITS, check_map
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive
-from trace_dag.settings import OsmSettings
+from trace_dag.settings import OsmSettings, RoadSettings
 
 _TOWN = Path(__file__).resolve().parents[2] / "data" / "sample" / "osm" / "merrow.osm"
 
@@ -79,6 +81,23 @@ def test_its_maps_go_through_the_same_gates(site: tuple[OsmExtract, LocalFrame])
     gates = {gate.name: gate for gate in check_map(network, extract, write_opendrive(network), limits=OSM2ODR_LIMITS)}
     assert gates["carla_map"].passed
     assert gates["geodesic_distances"].passed, gates["geodesic_distances"]
+
+
+def test_a_crash_gets_its_road_map_by_it() -> None:
+    """The whole stage with the setting: converted, placed, gated and written; each street's directions in one road."""
+    pytest.importorskip("carla", reason="the carla extra is not installed")
+    town = Town()
+    town.street([(-250, 0), (0, 0), (250, 0)], highway="secondary", name="Main Street", lanes="4")
+    town.street([(0, -250), (0, 0), (0, 250)], name="Elm Street")
+    car = vehicle(lanes=4, trafficway=1)
+    record = report(car, car, at_m=(-100, -2), street="MAIN ST")
+    road_map = build_road_map(town.extract(), record, RoadSettings(converter="osm2odr"))
+    assert road_map.report.converter.startswith("CARLA Osm2Odr ")
+    assert road_map.report.converter in write_opendrive(road_map.network).decode()
+    road = road_map.network.road_by_id[road_map.report.placement.road_id]
+    assert "Main Street" in road.names
+    lanes = [lane.id for lane in road.lane_sections[0].lanes if lane.type.drivable]
+    assert sorted(lanes) == [-2, -1, 1, 2]
 
 
 def test_without_carla_it_says_what_to_install(
