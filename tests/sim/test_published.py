@@ -61,6 +61,31 @@ def test_jumps_between_lanes_are_smoothed_and_ends_stay() -> None:
     assert (t.x_m[0], t.y_m[0]) == pytest.approx((0.0, 0.0), abs=0.01)
 
 
+def test_waypoints_that_can_be_driven_are_kept() -> None:
+    """A quarter of a circle of 15 m radius at 8 m/s asks 4.3 m/s2 of the tyres."""
+    angle = np.linspace(0.0, math.pi / 2, 6)
+    waypoints = 15.0 * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=-1)
+    t = constant_speed_trajectory(PublishedVehicle(waypoints, 0.0, 8.0))
+    assert np.hypot(t.x_m, t.y_m - 15.0) == pytest.approx(15.0, abs=0.02)
+
+
+def test_who_points_against_its_way_backs() -> None:
+    t = constant_speed_trajectory(PublishedVehicle(np.array([[0.0, 0.0], [-5.0, 0.0], [-10.0, 0.0]]), 0.0, 2.0))
+    assert np.cos(t.heading_rad) == pytest.approx(1.0)
+    assert set(t.speed_mps) == {-2.0}
+    assert t.x_m[-1] < -9.0
+
+
+def test_a_start_above_the_ground_is_on_the_road_below() -> None:
+    vehicle_1 = json.loads(scenario())["vehicle1"]
+    vehicle_1["start_position"]["z"] = 12.5
+    estimate = published_estimate(
+        read_published(scenario(vehicle1=vehicle_1), name="s.json"), record(vehicle(1, 12), vehicle(2, 9))
+    )
+    assert estimate.best.participants[0].initial_pose.z_m == pytest.approx(12.0)
+    assert estimate.best.participants[1].initial_pose.z_m == pytest.approx(0.0)
+
+
 def test_a_vehicle_without_speed_stands() -> None:
     t = constant_speed_trajectory(PublishedVehicle(np.array([[3.0, 4.0], [8.0, 4.0]]), 0.5, 0.0))
     assert set(t.x_m) == {3.0}

@@ -13,6 +13,7 @@ from trace_dag.cli.asking import sql, status
 from trace_dag.cli.cohorts import cohort
 from trace_dag.cli.comparing import compare
 from trace_dag.cli.evaluating import evaluate
+from trace_dag.cli.exporting import export, release
 from trace_dag.cli.ingesting import ingest
 from trace_dag.cli.judging import controls, peer, replay
 from trace_dag.cli.running import rerun, run
@@ -56,9 +57,11 @@ for command in (
     replay,
     controls,
     peer,
+    export,
+    release,
+    compare,
     evaluate,
     vary,
-    compare,
     score_truth,
     demo,
     ui,

@@ -22,6 +22,7 @@ from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.packaging import package_of
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
@@ -148,13 +149,16 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
     downloads: list[Download] = []
     replay = None
     if crash.row["final_state"] == FinalState.VERIFIED:
-        package = _package(files, crash)
+        package = package_of(files, crash.records)
         for name in _OFFERED:
             stored = storage.write(f"{FOLDER}/files/{key}/{name}", package[name])
             downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
         replay = storage.write(f"{FOLDER}/replays/{key}.html", package["replay.html"]).name
         archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, package))
         downloads.insert(0, Download("Scenario package", f"../packages/{key}.zip", archive.size))
+    else:
+        for name in storage.list(f"{FOLDER}/files/{key}"):
+            storage.delete(name)
     picture = None
     with suppress(FileNotFoundError):  # rejected before there was anything to draw
         picture = storage.write(f"{FOLDER}/{picture_name(key)}", storage.read(picture_name(key))).name
@@ -170,35 +174,6 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
         downloads=downloads,
     )
     storage.write(f"{FOLDER}/crashes/{key}.html", write_crash_page(page))
-
-
-def _package(files: CrashFiles, crash: _Crash) -> dict[str, bytes]:
-    from trace_dag.pipeline import stages
-    from trace_dag.scenario.package import PackageInput, package_files
-
-    verdict = stages.verdict_of(files)
-    return package_files(
-        PackageInput(
-            record=stages.record_of(files),
-            report_xml=files.read(Stage.RAW_REPORT, "xml"),
-            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
-            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
-            provenance={
-                stage.value: {
-                    "code": record.provenance.code,
-                    "settings": record.provenance.settings,
-                    "inputs": record.provenance.inputs,
-                    "fingerprint": record.fingerprint,
-                }
-                for stage, record in crash.records.items()
-            },
-            network=stages.network_of(files),
-            map_report=stages.map_report_of(files),
-            estimate=stages.estimate_of(files),
-            log=stages.logs_of(files)[verdict.hypothesis],
-            verdict=verdict,
-        )
-    )
 
 
 def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:

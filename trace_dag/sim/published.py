@@ -3,13 +3,14 @@
 The layout: ``vehicle1`` and ``vehicle2``, each with ``start_position``, ``yaw``, ``speed_kmh`` and ``trajectory``, a
 list of waypoints some 5 m apart; ``crash_point``. In CARLA's frame, degrees and km/h. What the vehicles did is their
 trajectory at that constant speed; its first waypoint, not ``start_position``, which may lie in another lane, is where
-it begins.
+it begins. A vehicle whose ``yaw`` points against its way backs. :mod:`trace_dag.scenario.published_layout` writes it.
 """
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,23 +31,32 @@ from trace_dag.states.types import (
     StateEstimate,
     Trajectory,
 )
-from trace_dag.units import kmh_to_mps
+from trace_dag.units import GRAVITY_MPS2, kmh_to_mps
+
+CAR_LENGTH_M, CAR_WIDTH_M = 4.69, 1.85
+"""CARLA's Tesla Model 3, with which it was made."""
+SPAWN_HEIGHT_M = 0.5
+"""How far above the road a vehicle is put, for it to settle."""
 
 _STEP_S = 0.1
 _PATH_STEP_M = 1.0
-_SMOOTHING_M = 5.0
+_SMOOTHING_M = (0.0, 1.25, 2.5, 5.0)
+_GRIP_MPS2 = 0.75 * GRAVITY_MPS2  # across the way: tyres on dry asphalt
+_TIGHTEST_M = 5.0  # radius
 _SAME_PLACE_M = 1e-3
-_LENGTH_M, _WIDTH_M, _HEIGHT_M, _MASS_KG = 4.69, 1.85, 1.44, 1845.0  # CARLA's Tesla Model 3, with which it was made
+_HEIGHT_M, _MASS_KG = 1.44, 1845.0
 _STANDS_S = 30.0  # how long a vehicle without speed stands
 
 
 @dataclass(frozen=True, eq=False)
 class PublishedVehicle:
-    """One vehicle, in the local frame: waypoints of shape (n, 2), heading at the start, constant speed."""
+    """One vehicle, in the local frame: waypoints of shape (n, 2), heading at the start, constant speed, height of the
+    road at the start."""
 
     waypoints_m: FloatArray
     heading_rad: float
     speed_mps: float
+    z_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +85,10 @@ def _vehicle(content: dict[str, Any]) -> PublishedVehicle:
         raise ValueError(f"trajectory of shape {waypoints.shape}; finite points x, y are needed")
     waypoints = np.array([location_from_carla(x, y) for x, y in waypoints[:, :2].tolist()])
     return PublishedVehicle(
-        waypoints, heading_from_carla(float(content["yaw"])), kmh_to_mps(float(content["speed_kmh"]))
+        waypoints,
+        heading_from_carla(float(content["yaw"])),
+        kmh_to_mps(float(content["speed_kmh"])),
+        float(content["start_position"]["z"]) - SPAWN_HEIGHT_M,
     )
 
 
@@ -108,15 +121,17 @@ def _participant(
     return ParticipantState(
         vehicle_number=vehicle.number,
         vehicle_class=VehicleClass.CAR,
-        length_m=_LENGTH_M,
-        width_m=_WIDTH_M,
+        length_m=CAR_LENGTH_M,
+        width_m=CAR_WIDTH_M,
         height_m=_HEIGHT_M,
         mass_kg=_MASS_KG,
         manoeuvre=Manoeuvre.STRAIGHT if published.speed_mps else Manoeuvre.STOPPED,
-        initial_pose=Pose(float(trajectory.x_m[0]), float(trajectory.y_m[0]), float(trajectory.heading_rad[0])),
-        initial_speed_mps=published.speed_mps,
+        initial_pose=Pose(
+            *(float(each[0]) for each in (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m))
+        ),
+        initial_speed_mps=float(trajectory.speed_mps[0]),
         impact_pose=impact_pose,
-        impact_speed_mps=published.speed_mps,
+        impact_speed_mps=float(trajectory.speed_mps[-1]),
         speed_source=SpeedSource.INFERRED_CLASS,
         trajectory=trajectory,
     )
@@ -125,8 +140,9 @@ def _participant(
 def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
     """Along the waypoints at the vehicle's speed; without speed it stands at the first one.
 
-    Waypoints jump between lanes by metres over a few metres, up to fifteen times what tyres can follow at the speeds
-    given: they are smoothed over their own spacing (Gaussian), as any driver who looks ahead would.
+    Published waypoints jump between lanes by metres over a few metres, up to fifteen times what tyres can follow at the
+    speeds given. Those that cannot be driven as they are are smoothed (Gaussian), as any driver who looks ahead would,
+    by as little as makes them drivable and at most over their own spacing.
     """
     points = vehicle.waypoints_m
     points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_PLACE_M])]
@@ -134,25 +150,52 @@ def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
         time = np.array([0.0, _STANDS_S])
         still = np.zeros(2)
         x, y = points[0]
-        return Trajectory(time, still + x, still + y, still, still + vehicle.heading_rad, still)
-    path = _smooth(points)
-    s = arc_lengths(path)
-    time = np.arange(0.0, s[-1] / vehicle.speed_mps, _STEP_S)
-    spline = CubicSpline(s, path)
+        return Trajectory(time, still + x, still + y, still + vehicle.z_m, still + vehicle.heading_rad, still)
+    path = next((path for path in _smoothed(points) if _drivable(path, vehicle.speed_mps)), None)
+    spline, length_m = _spline(path if path is not None else _smooth(points, _SMOOTHING_M[-1]))
+    time = np.arange(0.0, length_m / vehicle.speed_mps, _STEP_S)
     xy, slope = spline(time * vehicle.speed_mps), spline(time * vehicle.speed_mps, 1)
-    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    course = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    backing = math.cos(vehicle.heading_rad - course[0]) < 0
     still = np.zeros_like(time)
-    return Trajectory(time, xy[:, 0], xy[:, 1], still, heading, still + vehicle.speed_mps)
+    return Trajectory(
+        time,
+        xy[:, 0],
+        xy[:, 1],
+        still + vehicle.z_m,
+        course + (math.pi if backing else 0.0),
+        still + (-vehicle.speed_mps if backing else vehicle.speed_mps),
+    )
 
 
-def _smooth(points: FloatArray) -> FloatArray:
-    """The polyline at even steps, smoothed by :data:`_SMOOTHING_M`; its ends stay where they are."""
-    s = arc_lengths(points)
+def _smoothed(points_m: FloatArray) -> Iterator[FloatArray]:
+    """The points as they are, then smoothed more and more."""
+    return (points_m if sigma_m == 0 else _smooth(points_m, sigma_m) for sigma_m in _SMOOTHING_M)
+
+
+def _spline(path_m: FloatArray) -> tuple[CubicSpline, float]:
+    """Position by distance along the path, and its length."""
+    s = arc_lengths(path_m)
+    return CubicSpline(s, path_m), float(s[-1])
+
+
+def _drivable(path_m: FloatArray, speed_mps: float) -> bool:
+    """Whether tyres can follow the path at a constant speed."""
+    spline, length_m = _spline(path_m)
+    s = np.linspace(0.0, length_m, max(2, math.ceil(length_m / _PATH_STEP_M) + 1))
+    (dx, dy), (ddx, ddy) = spline(s, 1).T, spline(s, 2).T
+    curvature_1pm = np.abs(dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
+    return bool(curvature_1pm.max() <= min(1 / _TIGHTEST_M, _GRIP_MPS2 / speed_mps**2))
+
+
+def _smooth(points_m: FloatArray, sigma_m: float) -> FloatArray:
+    """The polyline at even steps, smoothed by ``sigma_m``; its ends stay where they are."""
+    s = arc_lengths(points_m)
     even = np.linspace(0.0, s[-1], max(2, math.ceil(s[-1] / _PATH_STEP_M) + 1))
-    xy = np.stack([np.interp(even, s, points[:, i]) for i in (0, 1)], axis=-1)
+    xy = np.stack([np.interp(even, s, points_m[:, i]) for i in (0, 1)], axis=-1)
     reach = len(xy) - 1
     mirrored = np.concatenate([2 * xy[0] - xy[reach:0:-1], xy, 2 * xy[-1] - xy[-2 : -reach - 2 : -1]])
-    smoothed: FloatArray = gaussian_filter1d(mirrored, _SMOOTHING_M * reach / s[-1], axis=0)
+    smoothed: FloatArray = gaussian_filter1d(mirrored, sigma_m * reach / s[-1], axis=0)
     return smoothed[reach : reach + len(xy)]
 
 

@@ -1,0 +1,64 @@
+"""Stored crashes as scenario packages and in the published layout.
+
+Belongs here: which stored artefacts make up a package or an exported scenario. Does not belong here: what either looks
+like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.pipeline.benchmark`,
+:mod:`trace_dag.pipeline.exporting`).
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline import stages
+from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.records import Records
+
+
+def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
+    """The scenario package of a verified crash, by file name. ``records`` are those that count."""
+    from trace_dag.scenario.package import PackageInput, package_files
+
+    verdict = stages.verdict_of(files)
+    return package_files(
+        PackageInput(
+            record=stages.record_of(files),
+            report_xml=files.read(Stage.RAW_REPORT, "xml"),
+            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
+            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
+            provenance={
+                stage.value: {
+                    "code": record.provenance.code,
+                    "settings": record.provenance.settings,
+                    "inputs": record.provenance.inputs,
+                    "fingerprint": record.fingerprint,
+                }
+                for stage, record in records.items()
+            },
+            network=stages.network_of(files),
+            map_report=stages.map_report_of(files),
+            estimate=stages.estimate_of(files),
+            log=stages.logs_of(files)[verdict.hypothesis],
+            verdict=verdict,
+        )
+    )
+
+
+def published_files(files: CrashFiles) -> dict[str, bytes]:
+    """A verified crash in the published layout, by path below the benchmark's folder."""
+    from trace_dag.scenario.published_layout import write_published
+
+    case = files.key.partition("-")[2]
+    hypothesis = stages.verdict_of(files).hypothesis
+    simulation = write_published(stages.estimate_of(files).hypotheses[hypothesis], stages.logs_of(files)[hypothesis])
+    return {
+        f"reports/crash_{case}.xml": files.read(Stage.RAW_REPORT, "xml"),
+        f"summary/summary_{case}.txt": (stages.record_of(files).summary + "\n").encode(),
+        f"maps/map_{case}.xodr": files.read(Stage.ROAD_MAP, "xodr"),
+        f"simulations/simulation_{case}.json": simulation,
+    }
+
+
+def published_readme() -> bytes:
+    """What explains the published layout in its folder."""
+    return resources.files("trace_dag.scenario").joinpath("templates", "published_readme.md").read_bytes()

@@ -1,0 +1,156 @@
+"""A version of the benchmark, brought together from the warehouse and the packages.
+
+Packages go through memory one at a time. An interrupted release goes on where it stopped; a version that is complete is
+never changed. Belongs here: what is copied where. Does not belong here: what the documents say
+(:mod:`trace_dag.scenario.release`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trace_dag.errors import Failure, UserError
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
+from trace_dag.pipeline.exporting import write_if_changed
+from trace_dag.pipeline.standing import FinalState
+from trace_dag.scenario.release import (
+    CHECKSUMS,
+    NAME,
+    ArchiveFormat,
+    Release,
+    checksums,
+    read_checksums,
+    release_documents,
+    write_archive,
+)
+from trace_dag.storage import Storage
+from trace_dag.warehouse import query
+
+_VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
+_ERRORS_NAMED = 5
+# Everything the index says of a package but where it is.
+_PACKED = """
+SELECT crashes.*, verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key), estimates.estimator, estimates.ambiguity,
+    simulations.backend || ' ' || simulations.backend_version AS backend
+FROM crashes
+JOIN verdicts USING (key)
+LEFT JOIN estimates USING (key)
+LEFT JOIN simulations ON simulations.key = crashes.key AND simulations.hypothesis = verdicts.hypothesis
+LEFT JOIN (
+    SELECT key, string_agg(vehicle_class, ', ' ORDER BY vehicle_number) AS vehicle_classes,
+        count(travel_speed_mps) AS speeds_reported
+    FROM vehicles WHERE in_transport GROUP BY key
+) AS bodies USING (key)
+WHERE crashes.final_state = 'verified'
+ORDER BY crashes.key
+"""
+
+
+@dataclass(frozen=True)
+class ReleaseReport:
+    """Where a release lies, how many packages it has, and how many files were written now."""
+
+    folder: Path
+    archive: Path | None
+    packages: int
+    written: int
+
+
+def build_release(
+    pipeline: Pipeline,
+    warehouse: Path,
+    version: str,
+    output: Path,
+    *,
+    cohort: str | None = None,
+    archive: ArchiveFormat | None = None,
+    told: Callable[[str], None] = lambda _key: None,
+) -> ReleaseReport:
+    """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
+
+    Packages are brought up to date with the warehouse first. ``told`` hears of each package. Raises
+    :class:`UserError` for a version that is none, for a complete release of this version that has other content, and
+    where nothing is verified; :class:`Failure` where a package cannot be made.
+    """
+    if not _VERSION.fullmatch(version):
+        raise UserError(f"--version {version}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
+    cohorts = [pipeline.registry.cohort(cohort).name] if cohort else sorted(pipeline.registry.cohorts())
+    crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
+    if not any(row["final_state"] == FinalState.VERIFIED for row in crashes):
+        raise UserError(f"no verified crash in {pipeline.storage.root}; trace-dag run makes them")
+    _bring_up_to_date(pipeline, warehouse)
+    names, values = query.query(warehouse, _PACKED)
+    rows = [dict(zip(names, row, strict=True)) for row in values]
+    rows = [row for row in rows if cohort is None or row["cohort"] == cohort]
+    folder = output / f"{NAME}-{version}"
+    complete = _complete(folder)
+    target = None if complete else Storage.open(folder)
+    sums: dict[str, str] = {}
+    written = 0
+    for row in rows:
+        data = pipeline.storage.read(f"{FOLDER}/packages/{row['key']}.zip")
+        row["package"] = f"packages/{row['key']}.zip"
+        row["package_bytes"] = len(data)
+        row["package_sha256"] = sums[row["package"]] = hashlib.sha256(data).hexdigest()
+        if target is not None:
+            written += write_if_changed(target, row["package"], data)
+        told(row["key"])
+    documents = release_documents(Release(version, cohorts, crashes, rows))
+    sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
+    if target is not None:
+        written += _finish(target, documents, sums)
+    elif complete != sums:
+        raise UserError(_other_content(folder, version, complete, sums))
+    archived = _archive(folder, [*sums, CHECKSUMS], archive) if archive else None
+    return ReleaseReport(folder, archived, len(rows), written)
+
+
+def _bring_up_to_date(pipeline: Pipeline, warehouse: Path) -> None:
+    errors = build_benchmark(pipeline, warehouse).errors
+    if errors:
+        named = ", ".join(list(errors)[:_ERRORS_NAMED])
+        raise Failure(f"{len(errors)} packages or pages could not be made: {named}; trace-dag run shows why")
+
+
+def _complete(folder: Path) -> dict[str, str]:
+    """The checksums of a release that was finished there; empty if none was."""
+    sums = folder / CHECKSUMS
+    return read_checksums(sums.read_bytes()) if sums.is_file() else {}
+
+
+def _finish(target: Storage, documents: Mapping[str, bytes], sums: Mapping[str, str]) -> int:
+    """Write what stands beside the packages, remove packages of an earlier attempt, and the checksums last."""
+    for name in target.list("packages"):
+        if name not in sums:
+            target.delete(name)
+    written = sum(write_if_changed(target, name, data) for name, data in documents.items())
+    return written + write_if_changed(target, CHECKSUMS, checksums(sums))
+
+
+def _other_content(folder: Path, version: str, complete: Mapping[str, str], sums: Mapping[str, str]) -> str:
+    differ = sum(complete.get(name) != sums.get(name) for name in complete.keys() | sums.keys())
+    return (
+        f"{folder}: version {version} was released with other content ({differ} files differ); "
+        "a version is not changed: choose another --version, or delete the folder"
+    )
+
+
+def _archive(folder: Path, names: Sequence[str], archive: ArchiveFormat) -> Path:
+    """The archive beside the folder, put in its place when it is whole."""
+    target = folder.with_name(f"{folder.name}.{archive}")
+    handle, temporary = tempfile.mkstemp(prefix=".writing-", dir=folder.parent)
+    os.close(handle)
+    try:
+        write_archive(folder, names, Path(temporary), archive)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(target)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return target

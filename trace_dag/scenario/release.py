@@ -1,0 +1,220 @@
+"""What stands beside the packages of a benchmark release: index, datasheet, checksums, citation, and its archive.
+
+A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
+with a row per package, ``README.md``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12),
+2021), ``LICENSES.md``, ``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
+Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.pipeline.releasing`).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import statistics
+import tarfile
+import zipfile
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from trace_dag import __version__
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.errors import Reason
+from trace_dag.schemas import Column, ColumnType, TableSchema
+
+NAME = "trace-dag-benchmark"
+CHECKSUMS = "SHA256SUMS"
+
+ArchiveFormat = Literal["tar", "zip"]
+Row = Mapping[str, Any]
+
+_T = ColumnType
+RELEASE_INDEX = TableSchema(
+    "release_index",
+    "One row per scenario package of a release",
+    (
+        Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase>", required=True),
+        Column("package", _T.TEXT, "Its package, a path in the release", required=True),
+        Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
+        Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),
+        Column("cohort", _T.TEXT, "Cohort it was run in"),
+        Column("case_year", _T.INTEGER, "Year of the case file", source="CaseYear"),
+        Column("state_case", _T.INTEGER, "Case number, unique in its year", source="ST_CASE"),
+        Column("state_name", _T.TEXT, "State"),
+        Column("place", _T.TEXT, "City, county and state as labelled"),
+        Column("latitude_deg", _T.REAL, "Reported latitude, WGS84", unit="deg", source="LATITUDE"),
+        Column("longitude_deg", _T.REAL, "Reported longitude, WGS84", unit="deg", source="LONGITUD"),
+        Column("month", _T.INTEGER, "Month of the crash"),
+        Column("hour", _T.INTEGER, "Hour of the crash, local time"),
+        Column("collision_type", _T.TEXT, "Coverage class of the manner of collision", source="MAN_COLL"),
+        Column("road_topology", _T.TEXT, "Coverage class of the intersection", source="TYP_INT"),
+        Column("vehicle_trajectory", _T.TEXT, "Coverage class of the courses of the pair", source="ACC_TYPE"),
+        Column("vehicles", _T.INTEGER, "Vehicles in the report"),
+        Column("vehicle_classes", _T.TEXT, "Bodies of the vehicles in transport, by their numbers"),
+        Column("speeds_reported", _T.INTEGER, "Vehicles in transport with a reported speed", source="TRAV_SP"),
+        Column("fatalities", _T.INTEGER, "People who died", source="FATALS"),
+        Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
+        Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
+        Column("estimator", _T.TEXT, "What estimated the states: analytic or llm"),
+        Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),
+        Column("backend", _T.TEXT, "Simulator and its version"),
+        Column("rule_set", _T.TEXT, "Rules it was verified by"),
+        Column("contact_distance_m", _T.REAL, "First contact from the reported point", unit="m"),
+        Column("clock_error_max_h", _T.REAL, "Impact against the reported clock position, the worse vehicle", unit="h"),
+        Column(
+            "speed_error_initial_max_rel",
+            _T.REAL,
+            "Initial speed against the reported one, the worse vehicle, relative",
+        ),
+        Column("closing_speed_mps", _T.REAL, "Speed at which the vehicles closed", unit="mps"),
+        Column("approach_angle_deg", _T.REAL, "Angle between their headings at contact", unit="deg"),
+        Column("delta_v_max_mps", _T.REAL, "Change of velocity, the larger of the two", unit="mps"),
+    ),
+)
+
+_CLASSES: Mapping[str, type[StrEnum]] = {
+    "collision_type": CollisionType,
+    "road_topology": RoadTopology,
+    "vehicle_trajectory": VehicleTrajectory,
+}
+_EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
+
+
+@dataclass(frozen=True, eq=False)
+class Release:
+    """What a release is made of: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
+    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`."""
+
+    version: str
+    cohorts: Sequence[str]
+    crashes: Sequence[Row]
+    packages: Sequence[Row]
+
+    @property
+    def name(self) -> str:
+        """Name of its folder and archive."""
+        return f"{NAME}-{self.version}"
+
+
+def release_documents(release: Release) -> dict[str, bytes]:
+    """The files beside the packages by name, all but the checksums."""
+    return {
+        "README.md": _rendered("release_readme.md.jinja", release),
+        "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
+        "CITATION.cff": _rendered("release_citation.cff.jinja", release),
+        "LICENSES.md": _template("package_licenses.md").encode(),
+        "index.json": _index_json(release),
+        "index.parquet": _index_parquet(release),
+    }
+
+
+def checksums(sha256_by_name: Mapping[str, str]) -> bytes:
+    """``SHA256SUMS`` as ``sha256sum --check`` reads it."""
+    return "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(sha256_by_name.items())).encode()
+
+
+def read_checksums(data: bytes) -> dict[str, str]:
+    """SHA-256 by name of a ``SHA256SUMS``."""
+    lines = (line.split("  ", 1) for line in data.decode().splitlines() if line)
+    return {name: sha256 for sha256, name in lines}
+
+
+def write_archive(folder: Path, names: Iterable[str], target: Path, archive_format: ArchiveFormat) -> None:
+    """One archive of files of a release's folder, the same bytes for the same files, never more than one in memory.
+
+    Packages are compressed already, so the archive stores them as they are.
+    """
+    if archive_format == "tar":
+        with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for name in sorted(names):
+                entry = tarfile.TarInfo(f"{folder.name}/{name}")
+                entry.size, entry.mtime, entry.mode = (folder / name).stat().st_size, _EPOCH_S, 0o644
+                with (folder / name).open("rb") as content:
+                    tar.addfile(entry, content)
+        return
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(names):
+            stored = zipfile.ZipInfo(f"{folder.name}/{name}")  # dated 1980-01-01
+            stored.create_system, stored.external_attr = 3, 0o644 << 16
+            archive.writestr(stored, (folder / name).read_bytes())
+
+
+# --- documents ---------------------------------------------------------------------------------------------------
+def _index_json(release: Release) -> bytes:
+    content = {
+        "name": NAME,
+        "version": release.version,
+        "made_by": f"trace-dag {__version__}",
+        "columns": RELEASE_INDEX.dictionary(),
+        "packages": [{column.name: row[column.name] for column in RELEASE_INDEX.columns} for row in release.packages],
+    }
+    return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _index_parquet(release: Release) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    stream = io.BytesIO()
+    pq.write_table(pa.Table.from_pylist(list(release.packages), schema=RELEASE_INDEX.arrow()), stream)
+    return stream.getvalue()
+
+
+def _rendered(template: str, release: Release) -> bytes:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)  # noqa: S701 - Markdown
+    environment.filters["words"] = lambda value: str(value).replace("_", " ")
+    text = environment.from_string(_template(template)).render(
+        release=release,
+        name=NAME,
+        made_by=f"trace-dag {__version__}",
+        columns=RELEASE_INDEX.dictionary(),
+        classes={name: _by_class(release, name, values) for name, values in _CLASSES.items()},
+        states=Counter(str(crash["final_state"]) for crash in release.crashes),
+        reasons=_reasons(release),
+        figures=_figures(release),
+        years=sorted({int(row["case_year"]) for row in release.packages}),
+        places=Counter(str(row["state_name"] or "unknown") for row in release.packages).most_common(),
+        bodies=Counter(
+            body for row in release.packages for body in str(row["vehicle_classes"] or "").split(", ") if body
+        ).most_common(),
+        rule_sets=Counter(str(row["rule_set"]) for row in release.packages).most_common(),
+        estimators=Counter(str(row["estimator"]) for row in release.packages).most_common(),
+        backends=Counter(str(row["backend"]) for row in release.packages).most_common(),
+        speeds_reported=sum(int(row["speeds_reported"] or 0) for row in release.packages),
+        megabytes=sum(int(row["package_bytes"]) for row in release.packages) / 1e6,
+    )
+    return text.encode()
+
+
+def _by_class(release: Release, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
+    """Each class with its crashes registered and packed; those that occur nowhere left out."""
+    registered = Counter(crash[name] for crash in release.crashes)
+    packed = Counter(row[name] for row in release.packages)
+    return [(each.value, registered[each.value], packed[each.value]) for each in values if registered[each.value]]
+
+
+def _reasons(release: Release) -> list[tuple[str, str, int]]:
+    """Why registered crashes are not in it: stage, reason, crashes."""
+    rejected = Counter(crash["reason"] for crash in release.crashes if crash["final_state"] == "rejected")
+    return [(reason.stage.value, reason.value, rejected[reason.value]) for reason in Reason if rejected[reason.value]]
+
+
+def _figures(release: Release) -> list[tuple[str, str, int, float, float, float]]:
+    """What the scenarios measure: column, unit, how many have it, least, median and largest."""
+    rows = []
+    for column in RELEASE_INDEX.columns:
+        if column.unit in ("m", "h", "mps") or column.name.endswith("_rel"):
+            known = [float(row[column.name]) for row in release.packages if row[column.name] is not None]
+            if known:
+                rows.append((column.meaning, column.unit, len(known), min(known), statistics.median(known), max(known)))
+    return rows
+
+
+def _template(name: str) -> str:
+    return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")
