@@ -20,10 +20,14 @@ NOT_RELEASED = "319901"
 
 @dataclass
 class PublicServices:
-    """What the services know, and which of it they do not give (503): cases by number, or "map"."""
+    """What the services know, and which of it they do not give (503): cases by number, or "map".
+
+    The reports of ``withheld`` cases are listed but not released.
+    """
 
     cases: tuple[str, ...] = (*VERIFIED, NOT_RELEASED)
     down: set[str] = field(default_factory=set)
+    withheld: set[str] = field(default_factory=set)
     server: Loopback | None = None
 
     def respond(self, request: Request, _: int) -> Answer:
@@ -37,7 +41,8 @@ class PublicServices:
             path = SAMPLE / "reports" / f"crash_{case}.xml"
             if case in self.down:
                 return Answer(status=503)
-            return Answer(path.read_bytes() if path.is_file() else not_released(case))
+            released = path.is_file() and case not in self.withheld
+            return Answer(path.read_bytes() if released else not_released(case))
         if request.path in ("/overpass", "/osm/map"):
             return Answer(status=503) if "map" in self.down else Answer(MAP.read_bytes())
         return Answer(status=404)

@@ -48,7 +48,10 @@ def test_jobs_and_checks_resolve():
         "everything_adds_up",
         "maps_pass_their_gates",
         "criteria_are_evaluated",
+        "gates",
+        "criteria",
     }
+    assert [schedule.name for schedule in repository.schedule_defs] == ["newly_released_cases"]
 
 
 def test_loading_touches_no_root(tmp_path):

@@ -6,7 +6,7 @@ crashes, and everything else is materialized. A rejected crash is materialized a
 metadata: it is data, neither failed nor missing.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from dagster import (
@@ -20,16 +20,21 @@ from dagster import (
 )
 from pydantic import Field
 
+from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
 from trace_dag.assets.metadata import materialization
 from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
 from trace_dag.errors import Stage, UserError
+from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import Home
+from trace_dag.pipeline.run_summary import RunSummary
 from trace_dag.pipeline.worker import StageEvent
 from trace_dag.settings import ExecutionSettings
 
+COHORT_TAG = "trace_dag/cohort"
+SUMMARY_TAG = "trace_dag/summary"
 _FAILURES_NAMED = 20
 CRASHES_PER_RUN: int = ExecutionSettings().batch_size
 
@@ -48,6 +53,7 @@ class BatchConfig(Config):
 @multi_asset(
     name="crashes",
     specs=[*REPORTS, *ROADS, *SCENARIOS, *VERDICTS],
+    check_specs=CRASH_CHECKS,
     can_subset=True,
     required_resource_keys={"home"},
     backfill_policy=BackfillPolicy.multi_run(max_partitions_per_run=CRASHES_PER_RUN),
@@ -60,26 +66,38 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     force = [stage for stage in stages if "all" in config.force or stage.value in config.force]
     try:
         pipeline = home.pipeline(config.settings)
+        context.instance.add_run_tags(context.run.run_id, _tags(pipeline, context.partition_keys))
         events = pipeline.run(
             context.partition_keys, stages, run_id=context.run.run_id, force=force, executor=home.executor
         )
+        summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
         for event in events:
             if event.failed:
                 failed.setdefault(event.key, event)
             else:
                 context.log_event(materialization(event, pipeline.storage))
+                checks.note(event)
+            summary.note(event)
             if home.listener is not None:
                 home.listener(event)
+        checks.finish()
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error
+    context.log.info(summary.in_words())
+    context.instance.add_run_tags(context.run.run_id, {SUMMARY_TAG: summary.in_words()})
     if failed:
         raise Failure(
             _summary(failed, len(context.partition_keys)),
-            metadata={"failed": MetadataValue.md(_table(failed))},
+            metadata={"failed": MetadataValue.md(_table(failed)), **summary.figures()},
             allow_retries=False,
         )
     yield from ()
+
+
+def _tags(pipeline: Pipeline, keys: Sequence[str]) -> dict[str, str]:
+    """The cohorts a run is for, however it was started."""
+    return {COHORT_TAG: ",".join(sorted({source.cohort for source in pipeline.registry.sources(keys).values()}))}
 
 
 def _summary(failed: dict[str, StageEvent], total: int) -> str:

@@ -32,8 +32,9 @@ from trace_dag.processes import is_gone, this_process
 from trace_dag.settings import StateSettings
 from trace_dag.storage import Storage
 
-COHORT_TAG = "trace_dag/cohort"
 PROCESS_TAG = "trace_dag/process"
+# By this the UI counts a run started here among those of its job.
+_REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
 _RANGE_END_TAG = "dagster/asset_partition_range_end"
 _UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
@@ -117,21 +118,14 @@ def run_batches(
     """Run planned batches one after the other, each as one Dagster run in this process."""
     job = _job(home, ALL_STAGES)
     pipeline = home.pipeline(settings)
-    cohort_of = {key: name for name, cohort in pipeline.registry.cohorts().items() for key in cohort.reports}
     settings = _with_one_ledger(settings, pipeline.settings.states)
     errors: list[str] = []
     for batch in batches:
-        cohorts = sorted({cohort_of[key] for key in batch.keys if key in cohort_of})
-        forced = [stage.value for stage in Stage if stage in batch.force]
         result = job.execute_in_process(
-            run_config=_quiet({"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings)}}}}),
+            run_config=_quiet(batch_config(batch, settings)),
             instance=instance,
             asset_selection=[AssetKey(stage.value) for stage in batch.stages],
-            tags={
-                **range_tags(batch),
-                COHORT_TAG: ",".join(cohorts),
-                PROCESS_TAG: this_process(),
-            },
+            tags={**range_tags(batch), **_REPOSITORY, PROCESS_TAG: this_process()},
             raise_on_error=False,
         )
         errors.extend(_errors(result))
@@ -145,6 +139,12 @@ def _with_one_ledger(settings: Mapping[str, Any], states: StateSettings) -> Mapp
     return {**settings, "states": {**settings.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
 
 
+def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The configuration of a run of a batch, with settings over the root's own."""
+    forced = [stage.value for stage in Stage if stage in batch.force]
+    return {"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings or {})}}}}
+
+
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
     """The tags by which Dagster knows which partitions a run is for."""
     return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
@@ -153,7 +153,10 @@ def range_tags(batch: PlannedBatch) -> dict[str, str]:
 def summarise(home: Home, instance: DagsterInstance) -> RunReport:
     """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
     result = _job(home, SUMMARY).execute_in_process(
-        run_config=_quiet({}), instance=instance, tags={PROCESS_TAG: this_process()}, raise_on_error=False
+        run_config=_quiet({}),
+        instance=instance,
+        tags={**_REPOSITORY, PROCESS_TAG: this_process()},
+        raise_on_error=False,
     )
     return RunReport(1, tuple(_errors(result)))
 

@@ -37,7 +37,11 @@ _MAP_SERVICES: dict[str, MapServiceName] = {"overpass": "overpass", "osm-api": "
 )
 @click.option("--cohort", default="default", show_default=True, help="Name of the cohort the crashes belong to.")
 @choice_options
-@click.option("--watch", is_flag=True, help="Let the UI's sensor register what arrives in the folders of --reports.")
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Let the UI register what arrives in the folders of --reports or is released by the CrashAPI later.",
+)
 @click.option("--refresh", is_flag=True, help="Ask the CrashAPI again for what it answered before.")
 @click.pass_obj
 def ingest(
@@ -69,9 +73,11 @@ def ingest(
 
     if not (reports or maps or fars_csv or crashapi):
         raise UserError("ingest: nothing to register; give --reports, --fars-csv, --crashapi or --maps")
-    if watch and not reports:
-        raise UserError("ingest: --watch needs --reports, the folders to look at")
+    if watch and not (reports or crashapi):
+        raise UserError("ingest: --watch needs --reports, the folders to look at, or --crashapi")
     choice = choice_of(options)
+    if watch and crashapi and (choice.cases or choice.sample or choice.stratified):
+        raise UserError("ingest: --watch follows all that a filter admits; it goes with no sample and no --cases")
     Storage.open(root)
     pipeline = Home(root, FLOW).pipeline()
     services = [path for path in maps if path in _MAP_SERVICES]

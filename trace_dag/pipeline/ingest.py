@@ -46,6 +46,7 @@ def ingest(
     maps: Sequence[Path] = (),
     fars_csv: Sequence[Path] = (),
     crash_api: CrashApiClient | None = None,
+    case_lists: CrashApiClient | None = None,
     choice: Choice = Choice(),  # noqa: B008 - immutable
     map_service: MapServiceName | None = None,
     watch: bool = False,
@@ -53,7 +54,8 @@ def ingest(
 ) -> IngestReport:
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 
-    With ``watch``, the folders of reports may be empty and are looked at from then on.
+    With ``watch``, the folders of reports may be empty and are looked at from then on, and the cohort follows what the
+    CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
 
     Raises :class:`UserError` for folders without reports, files that are no OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
@@ -63,7 +65,7 @@ def ingest(
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
     sources += [FarsSource(path) for path in fars_csv]
     if crash_api is not None:
-        sources.append(CrashApiSource(crash_api, progress))
+        sources.append(CrashApiSource(crash_api, progress, case_lists))
     offers, chosen = _chosen(storage, sources, choice)
     origin = f"{' and '.join(source.name for source in sources)}: {choice.in_words()}"
     registration = Registry(storage).register(
@@ -73,6 +75,7 @@ def ingest(
         map_service=map_service,
         origin=origin,
         watched=[str(path.absolute()) for path in reports if path.is_dir()] if watch else (),
+        followed=[choice] if watch and crash_api is not None else (),
     )
     return IngestReport(
         registration, scanned.duplicates, scanned.conflicts, scanned.unrecognised, offers, len(found_maps)

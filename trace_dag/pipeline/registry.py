@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Failure, UserError
+from trace_dag.pipeline.choosing import Choice
 from trace_dag.provenance import combined_digest, now
 from trace_dag.storage import Storage
 
@@ -72,7 +73,8 @@ class Cohort:
     """A named set of crashes that share their maps. Reports by key.
 
     ``map_service`` is asked where no map file covers a crash. ``origins`` says, once for each time the cohort grew,
-    where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it.
+    where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it, and
+    so do crashes of the ``followed`` choices that the CrashAPI releases later.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Cohort:
     map_service: MapServiceName | None = None
     origins: tuple[str, ...] = ()
     watched: tuple[str, ...] = ()
+    followed: tuple[Choice, ...] = ()
 
     @property
     def keys(self) -> list[str]:
@@ -162,6 +165,7 @@ class Registry:
         map_service: MapServiceName | None = None,
         origin: str = "",
         watched: Iterable[str] = (),
+        followed: Iterable[Choice] = (),
     ) -> Registration:
         """Add reports and maps to a cohort, which is made if need be.
 
@@ -191,6 +195,7 @@ class Registry:
             map_service=map_service or before.map_service,
             origins=(*before.origins, origin) if origin and added else before.origins,
             watched=tuple(sorted({*before.watched, *watched})),
+            followed=tuple(dict.fromkeys((*before.followed, *followed))),
         )
         if after != before or not before.reports:
             self._storage.write(f"{_FOLDER}/{cohort}.json", _COHORTS.dump_json(after, indent=1))

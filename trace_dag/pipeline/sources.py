@@ -105,6 +105,7 @@ class CrashApiSource:
 
     client: CrashApiClient
     progress: Progress | None = None
+    case_lists: CrashApiClient | None = None
     name: str = "CrashAPI"
 
     def offers(self, choice: Choice) -> list[CrashListing]:
@@ -114,7 +115,7 @@ class CrashApiSource:
             cases = [_bare(key) for key in choice.cases]
         elif wanted.states and wanted.years:
             low, high = wanted.min_vehicles, wanted.max_vehicles
-            cases = self.client.list_cases(
+            cases = (self.case_lists or self.client).list_cases(
                 wanted.states,
                 wanted.years,
                 min_vehicles=1 if low is None else low,

@@ -1,0 +1,54 @@
+"""Each crash's own checks: what they say of a partition, and that they follow what is done to it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dagster import AssetCheckKey, AssetKey
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline.selection import select_again
+
+KEYS = [f"2023-5100{number:02}" for number in range(1, 5)]
+GATES = AssetCheckKey(AssetKey("road_map"), "gates")
+CRITERIA = AssetCheckKey(AssetKey("verdict"), "criteria")
+
+
+def stands(campaign, check: AssetCheckKey) -> Mapping[str, tuple[str, bool]]:
+    """By partition: what the last evaluation says, and whether it is of the latest materialization."""
+    infos = campaign.instance.event_log_storage.get_asset_check_partition_info([check])
+    return {
+        info.partition_key: (
+            info.latest_execution_status.value,
+            info.latest_materialization_storage_id == info.latest_target_materialization_storage_id,
+        )
+        for info in infos
+    }
+
+
+def test_every_crash_has_its_own_evaluation_where_it_got_that_far(campaign):
+    made = campaign(dict(zip(KEYS, ["", "reject:road_map", "reject:verdict", "reject:osm_extract"], strict=True)))
+    made.run()
+    passed, failed, skipped = ("SUCCEEDED", True), ("FAILED", True), ("PLANNED", False)
+    assert stands(made, GATES) == dict(zip(KEYS, [passed, failed, passed, skipped], strict=True))
+    assert stands(made, CRITERIA) == dict(zip(KEYS, [passed, skipped, failed, skipped], strict=True))
+
+
+def test_what_does_not_hold_warns_with_reason_and_sentence(campaign):
+    made = campaign({KEYS[0]: "reject:verdict"})
+    made.run()
+    (record,) = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=1)
+    assert record.partition == KEYS[0]
+    assert record.evaluation.severity.value == "WARN"
+    assert record.evaluation.metadata["reason"].value == "wrong_location"
+    assert "7 m" in record.evaluation.description
+
+
+def test_a_crash_run_again_is_checked_again_and_no_other(campaign):
+    made = campaign(dict.fromkeys(KEYS[:2], ""))
+    made.run()
+    made.run(select_again(made.pipeline, only=[KEYS[1]], first=Stage.VERDICT))
+    assert set(stands(made, CRITERIA).values()) == {("SUCCEEDED", True)}
+    history = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=10)
+    assert sorted(record.partition for record in history) == [KEYS[0], KEYS[1], KEYS[1]]
+    assert len(made.instance.event_log_storage.get_asset_check_execution_history(GATES, limit=10)) == 2
