@@ -65,7 +65,7 @@ def test_while_a_store_takes_nothing_crashes_fail_and_the_next_run_finishes_them
     def stop_writing(kind: str, path: str) -> None:
         nonlocal writes
         writes += kind == "put"
-        if kind == "put" and writes > 40:
+        if kind == "put" and writes > 60:
             raise ProviderError("connection refused")
 
     store.fault = stop_writing

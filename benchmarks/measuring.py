@@ -1,0 +1,73 @@
+"""What a benchmark yields, and how it is measured: medians of several runs, ours and the peer's by turns.
+
+Times are CPU seconds (of this process and its ended children), which other work on the machine disturbs less than the
+clock on the wall does; a figure says where it is wall time.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+SHARED = Path(os.environ.get("TRACE_DAG_SHARED", Path(__file__).resolve().parents[2] / "shared")) / "data"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure. ``peer_value`` has the same unit; ``ratio`` is ours to the peer's.
+
+    ``goal`` is what the figure (or, if ``goal_of_ratio``, the ratio) must not exceed, or must reach if ``at_least``.
+    """
+
+    name: str
+    value: float
+    unit: str
+    peer: str = ""
+    peer_value: float | None = None
+    goal: float | None = None
+    at_least: bool = False
+    goal_of_ratio: bool = False
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """Ours to the peer's."""
+        return self.value / self.peer_value if self.peer_value else None
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the goal is reached; None without one."""
+        judged = self.ratio if self.goal_of_ratio else self.value
+        if self.goal is None or judged is None:
+            return None
+        return judged >= self.goal if self.at_least else judged <= self.goal
+
+
+Work = Callable[[], object]
+
+
+def cpu_s() -> float:
+    """CPU time so far of this process and of its children that have ended."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+def medians(runs: int, *works: Work, clock: Callable[[], float] = cpu_s) -> list[float]:
+    """Median seconds of each of some works, done by turns so that all meet the same machine."""
+    taken: list[list[float]] = [[] for _ in works]
+    for _ in range(runs):
+        for number, work in enumerate(works):
+            began = clock()
+            work()
+            taken[number].append(clock() - began)
+    return [statistics.median(each) for each in taken]
+
+
+def wall_s() -> float:
+    """The clock on the wall."""
+    return time.perf_counter()

@@ -1,0 +1,84 @@
+"""Figures over versions, kept in ``benchmarks/results.json`` and shown in ``docs/benchmarks.md``."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from benchmarks.measuring import Figure
+from trace_dag import __version__
+
+_ROOT = Path(__file__).resolve().parents[1]
+RESULTS = _ROOT / "benchmarks" / "results.json"
+PAGE = _ROOT / "docs" / "benchmarks.md"
+_SHOWN = 5  # versions side by side
+
+
+def append(figures: Sequence[Figure], path: Path = RESULTS) -> list[dict[str, Any]]:
+    """Add a measurement to those before; all of them. One of the same version and machine takes over its figures."""
+    measurements: list[dict[str, Any]] = json.loads(path.read_text()) if path.is_file() else []
+    about = {
+        "version": f"{__version__} ({_revision()})",
+        "machine": f"{os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}",
+    }
+    measured = {figure.name: {**asdict(figure), "ratio": figure.ratio, "reached": figure.reached} for figure in figures}
+    load = round(os.getloadavg()[0], 1)
+    for measured_figure in measured.values():
+        measured_figure["load"] = load
+    last = measurements[-1] if measurements else {}
+    if {name: last.get(name) for name in about} == about:
+        last["figures"] |= measured
+    else:
+        moment = datetime.now(UTC).isoformat(timespec="minutes")
+        measurements.append({**about, "measured_at": moment, "figures": measured})
+    path.write_text(json.dumps(measurements, indent=1) + "\n")
+    return measurements
+
+
+def page(measurements: Sequence[dict[str, Any]]) -> str:
+    """The figures of the latest versions as Markdown, the newest on the right."""
+    shown = measurements[-_SHOWN:]
+    names = list(dict.fromkeys(name for each in reversed(shown) for name in each["figures"]))
+    lines = [
+        "# Benchmarks",
+        "",
+        "Made by `python -m benchmarks`; every measurement is kept in `benchmarks/results.json`. A figure is a median",
+        "of several runs, by turns with its peer; times are CPU time unless they say otherwise. In brackets the ratio",
+        "to the peer. Bold misses its goal.",
+        "",
+        "| | unit | peer | goal | " + " | ".join(f"{each['version']}" for each in shown) + " |",
+        "|---|---|---|---|" + "---:|" * len(shown),
+    ]
+    for name in names:
+        latest = next(each["figures"][name] for each in reversed(shown) if name in each["figures"])
+        cells = [_cell(each["figures"].get(name)) for each in shown]
+        lines.append(f"| {name} | {latest['unit']} | {latest['peer']} | {_goal(latest)} | {' | '.join(cells)} |")
+    lines += ["", *(f"- {each['version']}: {each['measured_at']}, {each['machine']}" for each in shown)]
+    notes = {name: each["figures"][name]["note"] for each in shown for name in each["figures"]}
+    lines += [f"- {name}: {note}" for name, note in notes.items() if note]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(figure: dict[str, Any] | None) -> str:
+    if figure is None:
+        return ""
+    text = f"{figure['value']:.3g}" + (f" ({figure['ratio']:.2g})" if figure["ratio"] else "")
+    return f"**{text}**" if figure["reached"] is False else text
+
+
+def _goal(figure: dict[str, Any]) -> str:
+    if figure["goal"] is None:
+        return ""
+    return f"{'ratio ' if figure['goal_of_ratio'] else ''}{'≥' if figure['at_least'] else '≤'} {figure['goal']:.3g}"
+
+
+def _revision() -> str:
+    answer = subprocess.run(["git", "-C", str(_ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    return answer.stdout.strip() or "no revision"

@@ -1,0 +1,118 @@
+"""Crashes per minute through all seven stages, and what a second worker process adds.
+
+The bundled sample (under new keys where more crashes are wanted) with its maps: report, map, estimate, simulation,
+verdict and picture of each crash. ``TRACE_DAG_BENCH_CRASHES`` sets the size of the cohort.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.cohorts import MAPS, repeated_sample
+from benchmarks.measuring import Figure, cpu_s, medians, wall_s
+from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.executors import InProcessExecutor, ProcessExecutor
+from trace_dag.pipeline.ingest import ingest
+from trace_dag.pipeline.stages import FLOW
+
+CRASHES = int(os.environ.get("TRACE_DAG_BENCH_CRASHES", "60"))
+NATIONAL_YEAR = 15_000
+
+
+def measure(runs: int) -> Iterator[Figure]:
+    """One process against two, and the whole command."""
+    yield _scaling(runs)
+    yield from _command()
+
+
+def _scaling(runs: int) -> Figure:
+    executors = [ProcessExecutor(1), ProcessExecutor(2)]
+    with tempfile.TemporaryDirectory() as folder:
+        for executor in executors:  # what a worker loads once is not what is measured
+            _run(Path(folder) / f"warm-{executor.workers}", executor, 8)
+        numbers = iter(range(10**6))
+
+        def run(executor: ProcessExecutor) -> None:
+            _run(Path(folder) / f"root-{next(numbers)}", executor, CRASHES)
+
+        one, two = medians(max(1, runs // 2), lambda: run(executors[0]), lambda: run(executors[1]), clock=wall_s)
+    for executor in executors:
+        executor.close()
+    load = f"wall time, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    return Figure(
+        "throughput of two worker processes",
+        60 * CRASHES / two,
+        "crashes per minute",
+        "one process",
+        60 * CRASHES / one,
+        1.7,
+        at_least=True,
+        goal_of_ratio=True,
+        note=load,
+    )
+
+
+def _command() -> Iterator[Figure]:
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "root"
+        _register(root, Path(folder) / "reports", CRASHES)
+        began, cpu = wall_s(), cpu_s()
+        command = [sys.executable, "-m", "trace_dag.cli", "--root", str(root), "run"]
+        subprocess.run(command, check=True, capture_output=True)
+        taken, used = wall_s() - began, cpu_s() - cpu
+        bare_root = Path(folder) / "bare"
+        _register(bare_root, Path(folder) / "reports", CRASHES)
+        cpu = cpu_s()
+        pipeline = Pipeline.open(str(bare_root), FLOW)
+        for _ in pipeline.run(pipeline.registry.keys(), run_id="bare", executor=InProcessExecutor()):
+            pass
+        bare = cpu_s() - cpu
+    load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    yield Figure(
+        f"trace-dag run, {CRASHES} crashes, warehouse and benchmark included",
+        used / CRASHES,
+        "CPU s per crash",
+        "the bare stage functions in one process",
+        bare / CRASHES,
+    )
+    yield Figure(
+        f"trace-dag run, {CRASHES} crashes",
+        60 * CRASHES / taken,
+        "crashes per minute",
+        goal=200.0,
+        at_least=True,
+        note=f"wall time, {load}",
+    )
+    yield Figure(
+        "trace-dag run on two cores of its own",
+        60 * 2 * CRASHES / used,
+        "crashes per minute",
+        goal=200.0,
+        at_least=True,
+        note="from CPU time, were both cores busy throughout",
+    )
+    yield Figure(
+        "a national year",
+        NATIONAL_YEAR * used / CRASHES / 3600,
+        "CPU hours",
+        note=f"15,000 two-vehicle crashes, from {CRASHES}",
+    )
+
+
+def _register(root: Path, reports: Path, crashes: int) -> None:
+    from trace_dag.storage import Storage
+
+    ingest(Storage.open(root), "sample", reports=[repeated_sample(reports, crashes)], maps=[MAPS])
+
+
+def _run(root: Path, executor: ProcessExecutor, crashes: int) -> None:
+    _register(root, root.with_name(f"reports-{crashes}"), crashes)
+    pipeline = Pipeline.open(str(root), FLOW)
+    for event in pipeline.run(pipeline.registry.keys(), run_id="benchmark", executor=executor):
+        if event.failed:
+            raise RuntimeError(f"{event.key} failed in {event.stage}")
