@@ -6,6 +6,7 @@ nothing but the root.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,8 @@ from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
+
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]")
 
 
 @dataclass(frozen=True)
@@ -122,9 +125,8 @@ def _maps(storage: Storage, paths: Sequence[Path]) -> list[MapFile]:
 
 def _uploaded(storage: Storage, file: MapFile) -> MapFile:
     path = Path(file.location)
-    # The digest keeps maps of the same name apart; a name made of it is safe whatever the file is called.
-    suffix = "".join(path.suffixes[-2:]) if path.name.endswith((".osm.pbf", ".osm.gz", ".osm.bz2")) else path.suffix
-    name = f"maps/{file.sha256[:16]}{suffix}"
+    # The digest keeps maps of the same name apart. The name stays, because an extract says which map it is from.
+    name = f"maps/{file.sha256[:16]}/{_UNSAFE.sub('_', path.name).lstrip('._-') or 'map'}"
     if storage.sizes([name]).get(name) != file.size:
         storage.write(name, path.read_bytes())
     return replace(file, location=name, stored=True)

@@ -245,9 +245,9 @@ def _local_map(file: MapFile, storage: Storage) -> Path:
             raise Failure(f"{path}: the map file is no longer there; put it back or ingest the maps again")
         return path
     cache = Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}"
-    copy = cache / Path(file.location).name
+    copy = cache / file.location
     if not copy.is_file() or copy.stat().st_size != file.size:
-        Storage(cache).write(copy.name, storage.read(file.location))
+        Storage(cache).write(file.location, storage.read(file.location))
     return copy
 
 
