@@ -17,6 +17,7 @@ from trace_dag.errors import Stage, UserError
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import DaskExecutor, InProcessExecutor, ProcessExecutor, make_executor
 from trace_dag.pipeline.records import read_records
+from trace_dag.pipeline.worker import work_on_chunk
 from trace_dag.provenance import Outcome
 from trace_dag.settings import ExecutionSettings
 
@@ -134,6 +135,23 @@ def _alive(pid: int) -> bool:
         return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except FileNotFoundError:
         return False
+
+
+class ThreeMachines(InProcessExecutor):
+    machines = 3
+
+
+def test_machines_share_the_rate_at_which_services_are_asked(make_pipeline, monkeypatch):
+    pipeline = make_pipeline({"2023-510010": ""}, services={"requests_per_s": 6.0})
+    seen = set()
+    monkeypatch.setattr(
+        "trace_dag.pipeline.batch.work_on_chunk",
+        lambda chunk: seen.add(chunk.work.settings.services.requests_per_s) or work_on_chunk(chunk),
+    )
+    events = list(pipeline.run(pipeline.registry.keys(), run_id="x", executor=ThreeMachines()))
+    assert seen == {2.0}
+    assert not any(event.failed for event in events)
+    assert pipeline.first_stale(pipeline.registry.keys()) == {}, "how often one may ask changes no result"
 
 
 def test_dask_needs_an_address_that_answers():

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from trace_dag.crash.completeness import filters_of
@@ -111,7 +111,9 @@ class Pipeline:
         ours = executor is None
         executor = executor or make_executor(self.settings.execution)
         try:
-            yield from _Batch(self.work(run_id, force), executor, stages).run(keys, self.registry.sources(keys))
+            yield from _Batch(_shared_out(self.work(run_id, force), executor.machines), executor, stages).run(
+                keys, self.registry.sources(keys)
+            )
         finally:
             if ours:
                 executor.close()
@@ -258,6 +260,18 @@ class _Batch:
         ).superseding(records.get(stuck.stage))
         write_record(self.work.storage, record)
         return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, record)]
+
+
+def _shared_out(work: Work, machines: int) -> Work:
+    """The work with each machine's part of the rate at which public services may be asked.
+
+    All processes of a machine keep one rate between them; machines know nothing of each other.
+    """
+    if machines == 1:
+        return work
+    services = work.settings.services
+    part = services.model_copy(update={"requests_per_s": services.requests_per_s / machines})
+    return replace(work, settings=work.settings.model_copy(update={"services": part}))
 
 
 def _holds(

@@ -43,9 +43,14 @@ class Answer(Generic[T, R]):
 
 
 class Executor(Protocol):
-    """Runs a function over tasks and yields the answers as they come, in any order."""
+    """Runs a function over tasks and yields the answers as they come, in any order.
+
+    ``machines`` counts those the workers are on: what all processes of one machine share, such as the rate at which a
+    public service is asked, has to be divided by it.
+    """
 
     workers: int
+    machines: int
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """All tasks, each answered once. Exceptions of the function itself are raised."""
@@ -96,6 +101,7 @@ class InProcessExecutor:
     """One task after the other, here."""
 
     workers = 1
+    machines = 1
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`."""
@@ -112,6 +118,8 @@ class InProcessExecutor:
 
 class ProcessExecutor:
     """A pool of spawned processes (never forked: MuJoCo, Arrow and Dagster hold threads)."""
+
+    machines = 1
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
@@ -205,6 +213,8 @@ class DaskExecutor:
         except (OSError, TimeoutError, ValueError) as error:
             raise UserError(f"executor dask: no scheduler answers at {address} ({error})") from error
         self.workers = max(1, sum(self._client.nthreads().values()))
+        hosts = {worker["host"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values()}
+        self.machines = max(1, len(hosts))
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""
