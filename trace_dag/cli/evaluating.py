@@ -87,9 +87,10 @@ def evaluate(
     """
     from trace_dag.evaluation.evaluate import Conditions
     from trace_dag.evaluation.observation import Sensing
-    from trace_dag.evaluation.registry import BASELINES
+    from trace_dag.evaluation.registry import BASELINES, resolve
     from trace_dag.pipeline.evaluations import Limits, Role, evaluate_agents, verified_cases
     from trace_dag.pipeline.home import Home
+    from trace_dag.pipeline.leaderboard import publish_leaderboard
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.warehouse.build import build_warehouse
 
@@ -102,6 +103,8 @@ def evaluate(
 
         cases = stored_variations(pipeline, cases)
     names = agents or BASELINES
+    for name in names:
+        resolve(name)  # before anything begins
     roles = (Role.FIRST, Role.SECOND) if ego == "both" else (Role(ego),)
     with progress_of("evaluations", len(cases) * len(names) * len(roles)) as tell:
         rows = evaluate_agents(
@@ -114,6 +117,7 @@ def evaluate(
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
         )
     build_warehouse(pipeline.storage, home.local_folder)
+    publish_leaderboard(pipeline.storage, home.warehouse)
     if as_json:
         write_json(rows)
         return

@@ -22,6 +22,7 @@ from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.leaderboard import publish_leaderboard
 from trace_dag.pipeline.packaging import package_of
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
@@ -204,5 +205,6 @@ def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str,
 
     others = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
     storage.write(f"{FOLDER}/index.html", write_index(table, *others))
+    publish_leaderboard(storage, warehouse)
     for name, data in static_files().items():
         storage.write(f"{FOLDER}/{name}", data)

@@ -51,7 +51,7 @@ class Limits:
     """What one evaluation may take: wall-clock time, and memory beyond what the worker needs itself."""
 
     time_s: float = 20.0
-    memory_mb: int = 4096
+    memory_mb: int = 2048
 
 
 @dataclass(frozen=True)

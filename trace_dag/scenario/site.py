@@ -2,15 +2,14 @@
 
 An index (funnel, coverage beside the published counts, a map of all crashes, filters, a table) and a page per crash
 (summary, facts, picture, replay, states, every criterion, downloads). Everything shown comes from the warehouse's rows
-and the artefacts; nothing is computed here but positions on a drawing. All text is escaped by the templates: reports
+and the artefacts; nothing is computed here. All text is escaped by the templates: reports
 and maps are untrusted.
 """
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -26,10 +25,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 Row = Mapping[str, Any]
-
-_MAP_WIDTH_PX = 960.0
-_MAP_MARGIN_PX = 18.0
-_LEAST_SPAN_DEG = 0.02
 
 
 @dataclass(frozen=True)
@@ -60,21 +55,20 @@ def write_index(
     crashes: Sequence[Row], funnel: Sequence[Row], coverage: Sequence[Row], failure_reasons: Sequence[Row]
 ) -> bytes:
     """``index.html`` from the rows of the warehouse's tables of the same names."""
-    table = [_table_row(crash) for crash in crashes]
     page = (
         _templates()
         .get_template("site_index.html.jinja")
         .render(
             version=__version__,
-            crashes=table,
-            crashes_json=_json_for_script(table),
-            filters=_filters(table),
+            total=len(crashes),
+            crashes_json=_json_for_script(_columns_of(crashes)),
+            columns=_TABLE_COLUMNS,
+            filters=_filters(crashes),
             funnel=funnel,
             largest=max((row["crashes"] for row in funnel), default=1) or 1,
             coverage=_by_dimension(coverage),
             failure_reasons=failure_reasons,
-            map=_map(table),
-            counts={state: sum(row["final_state"] == state for row in table) for state in _FINAL_STATES},
+            counts={state: sum(row["final_state"] == state for row in crashes) for state in _FINAL_STATES},
         )
     )
     return page.encode()
@@ -82,12 +76,61 @@ def write_index(
 
 def write_crash_page(page: CrashPage) -> bytes:
     """The page of one crash, ``crashes/<key>.html`` of the site."""
-    return _templates().get_template("site_crash.html.jinja").render(page=page, version=__version__).encode()
+    template = _templates().get_template("site_crash.html.jinja")
+    return template.render(
+        page=page, facts=_facts(page.crash), picture_alt=_picture_alt(page), version=__version__
+    ).encode()
 
 
 def static_files() -> dict[str, bytes]:
     """Style and script of the site by name."""
-    return {name: _read(name).encode() for name in ("site.css", "site.js")}
+    return {name: _read(name).encode() for name in ("site.css", "site.js", "site_map.js")}
+
+
+def _facts(crash: Row) -> list[tuple[str, str]]:
+    """What the report says of the crash as a whole, the parts it says."""
+    date = "-".join(f"{crash[part]:02d}" for part in ("year", "month", "day") if crash.get(part) is not None)
+    hour = f", {crash['hour']:02d} h local time" if crash.get("hour") is not None else ""
+    position = ""
+    if crash.get("latitude_deg") is not None:
+        position = f"{crash['latitude_deg']:.6f}, {crash['longitude_deg']:.6f}"
+    facts = {
+        "Place": crash.get("place") or crash.get("state_name"),
+        "Date": date + hour,
+        "Reported position (WGS84)": position,
+        "Roads": " and ".join(name for column in ("trafficway_1", "trafficway_2") if (name := crash.get(column))),
+        "Collision type": _words(crash.get("collision_type")),
+        "Road topology": _words(crash.get("road_topology")),
+        "Vehicle trajectory": _words(crash.get("vehicle_trajectory")),
+        "Vehicles": crash.get("vehicles"),
+        "Persons killed": crash.get("fatalities"),
+        "Cohort": crash.get("cohort"),
+    }
+    return [(label, str(value)) for label, value in facts.items() if value not in (None, "")]
+
+
+def _picture_alt(page: CrashPage) -> str:
+    drawn = "The road with its lanes seen from above, with the reported point"
+    if page.estimate is None:
+        return f"{drawn}."
+    vehicles = ", ".join(
+        f"vehicle {each.vehicle_number} ({_words(each.manoeuvre)})" for each in page.estimate.hypotheses[0].participants
+    )
+    return f"{drawn}, and the paths and bodies at contact and at rest of {vehicles}."
+
+
+def _words(value: object) -> str:
+    return str(value).replace("_", " ") if value else ""
+
+
+def _fixed(value: float | None, digits: int = 2) -> str:
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
+
+
+def _holds(passed: bool | None, threshold: float | None) -> str:
+    if passed is None:
+        return "reported only" if threshold is None else "not evaluated"
+    return "yes" if passed else "no"
 
 
 _FINAL_STATES = ("verified", "rejected", "failed", "pending")
@@ -97,20 +140,41 @@ _FILTERS = {
     "road_topology": "Road topology",
     "vehicle_trajectory": "Vehicle trajectory",
     "state_name": "State",
+    "cohort": "Cohort",
     "reason": "Reason",
 }
+_TABLE_COLUMNS = (
+    {"name": "key", "label": "Crash", "class": "", "sorted": True},
+    {"name": "final_state", "label": "Outcome", "class": "", "sorted": False},
+    {"name": "reason", "label": "Reason", "class": "", "sorted": False},
+    {"name": "place", "label": "Place", "class": "wide", "sorted": False},
+    {"name": "collision_type", "label": "Collision", "class": "", "sorted": False},
+    {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
+    {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
+    {"name": "contact_distance_m", "label": "Contact to report (m)", "class": "number", "sorted": False},
+)
+# Decimals: 5 of a degree are a metre.
+_NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
 
 
-def _table_row(crash: Row) -> dict[str, Any]:
-    names = ("key", "final_state", "stage_reached", "reason", "latitude_deg", "longitude_deg", "state_name", "place")
-    classes = ("collision_type", "road_topology", "vehicle_trajectory")
-    return {name: crash.get(name) for name in (*names, *classes, "contact_distance_m")}
+def _columns_of(crashes: Sequence[Row]) -> dict[str, Any]:
+    """The crashes by column, each text once: a fraction of the size of one object per crash."""
+    coded = {}
+    for name in (*_FILTERS, "place"):
+        numbers: dict[Any, int] = {}
+        codes = [numbers.setdefault(crash.get(name) or None, len(numbers)) for crash in crashes]
+        coded[name] = {"values": list(numbers), "codes": codes}
+    plain = {
+        name: [None if (value := crash.get(name)) is None else round(value, digits) for crash in crashes]
+        for name, digits in _NUMBERS.items()
+    }
+    return {"key": [crash["key"] for crash in crashes], "coded": coded, "plain": plain}
 
 
-def _filters(table: Sequence[Row]) -> list[dict[str, Any]]:
+def _filters(crashes: Sequence[Row]) -> list[dict[str, Any]]:
     filters = []
     for name, label in _FILTERS.items():
-        values = sorted({str(row[name]) for row in table if row[name]})
+        values = sorted({str(crash[name]) for crash in crashes if crash.get(name)})
         if values:
             filters.append({"name": name, "label": label, "values": values})
     return filters
@@ -121,57 +185,6 @@ def _by_dimension(coverage: Sequence[Row]) -> dict[str, list[Row]]:
     for row in coverage:
         dimensions.setdefault(str(row["dimension"]), []).append(row)
     return dimensions
-
-
-def _map(table: Sequence[Row]) -> dict[str, Any]:
-    """Points on an equirectangular drawing true to scale at its middle latitude, with lines of a round graticule."""
-    placed = [row for row in table if row["latitude_deg"] is not None and row["longitude_deg"] is not None]
-    if not placed:
-        return {"points": [], "width": _MAP_WIDTH_PX, "height": 0, "parallels": [], "meridians": []}
-    south, north = _span([row["latitude_deg"] for row in placed])
-    west, east = _span([row["longitude_deg"] for row in placed])
-    shrink = math.cos(math.radians((south + north) / 2))
-    px_per_deg = (_MAP_WIDTH_PX - 2 * _MAP_MARGIN_PX) / max((east - west) * shrink, (north - south) * 1.6)
-    width = (east - west) * shrink * px_per_deg + 2 * _MAP_MARGIN_PX
-    height = (north - south) * px_per_deg + 2 * _MAP_MARGIN_PX
-
-    def x(longitude_deg: float) -> float:
-        return round(_MAP_MARGIN_PX + (longitude_deg - west) * shrink * px_per_deg, 1)
-
-    def y(latitude_deg: float) -> float:
-        return round(_MAP_MARGIN_PX + (north - latitude_deg) * px_per_deg, 1)
-
-    step = _round_step(max(east - west, north - south) / 5)
-    return {
-        "width": round(width),
-        "height": round(height),
-        "points": [
-            {"key": row["key"], "state": row["final_state"], "x": x(row["longitude_deg"]), "y": y(row["latitude_deg"])}
-            for row in placed
-        ],
-        "parallels": [{"y": y(value), "label": _degrees(value, step, "NS")} for value in _ticks(south, north, step)],
-        "meridians": [{"x": x(value), "label": _degrees(value, step, "EW")} for value in _ticks(west, east, step)],
-    }
-
-
-def _span(values: Iterable[float]) -> tuple[float, float]:
-    low, high = min(values := list(values)), max(values)
-    grow = max(_LEAST_SPAN_DEG - (high - low), 0.06 * (high - low)) / 2
-    return low - grow, high + grow
-
-
-def _round_step(value: float) -> float:
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= value)
-
-
-def _ticks(low: float, high: float, step: float) -> list[float]:
-    return [n * step for n in range(math.ceil(low / step), math.floor(high / step) + 1)]
-
-
-def _degrees(value: float, step: float, signs: str) -> str:
-    decimals = max(0, -math.floor(math.log10(step)))
-    return f"{abs(value):.{decimals}f}° {signs[0] if value >= 0 else signs[1]}"
 
 
 def _json_for_script(value: object) -> str:
@@ -190,9 +203,11 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["words"] = lambda value: str(value).replace("_", " ") if value else "–"
+    environment.filters["words"] = lambda value: _words(value) or "–"
+    environment.filters["holds"] = _holds
     environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
-    environment.filters["fixed"] = lambda value, digits=2: "–" if value is None else f"{value:.{digits}f}"
+    environment.filters["fixed"] = _fixed
+    environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
     environment.filters["kilobytes"] = lambda size: f"{max(1, round(size / 1024)):,} kB"
     return environment
 

@@ -1,15 +1,23 @@
 "use strict";
-// Filters the table and the map of the index. All data is in the page; nothing is fetched.
+// The list of the index: filters, order, and what the map shows. All data is in the page; nothing is fetched.
 (() => {
-  const crashes = JSON.parse(document.getElementById("crashes-data").textContent);
+  const data = JSON.parse(document.getElementById("crashes-data").textContent);
+  const PAGE = 25;
+  const crashes = data.key.map((key, i) => {
+    const crash = { key };
+    for (const [name, column] of Object.entries(data.coded)) crash[name] = column.values[column.codes[i]];
+    for (const [name, column] of Object.entries(data.plain)) crash[name] = column[i];
+    crash.text = `${key} ${crash.place || ""} ${crash.state_name || ""}`.toLowerCase();
+    return crash;
+  });
+  const form = document.querySelector(".filters");
+  const fields = [...form.elements].filter((field) => field.name);
   const body = document.querySelector("#crashes tbody");
-  const selects = [...document.querySelectorAll(".filters select")];
-  const search = document.getElementById("search");
   const count = document.getElementById("count");
   const more = document.getElementById("more");
-  const points = new Map([...document.querySelectorAll(".map circle")].map((c) => [c.dataset.key, c]));
-  const PAGE = 100;
   let shown = PAGE;
+  let picked = null; // crashes chosen on the map
+  let order = { column: "key", sign: 1 };
 
   const words = (value) => (value ? String(value).replaceAll("_", " ") : "–");
   const cell = (row, content, name) => {
@@ -29,7 +37,7 @@
     state.textContent = crash.final_state;
     cell(row, state);
     cell(row, words(crash.reason));
-    cell(row, crash.place || "–", "wide");
+    cell(row, crash.place || crash.state_name || "–", "wide");
     cell(row, words(crash.collision_type));
     cell(row, words(crash.road_topology), "wide");
     cell(row, words(crash.vehicle_trajectory), "wide");
@@ -37,29 +45,68 @@
     return row;
   }
 
-  function update() {
-    const wanted = selects.filter((s) => s.value).map((s) => [s.name, s.value]);
-    const text = search.value.trim().toLowerCase();
-    const matches = crashes.filter((crash) =>
-      wanted.every(([name, value]) => String(crash[name]) === value) &&
-      (!text || `${crash.key} ${crash.place || ""} ${crash.state_name || ""}`.toLowerCase().includes(text)));
-    body.replaceChildren(...matches.slice(0, shown).map(rowOf));
-    const kept = new Set(matches.map((crash) => crash.key));
-    points.forEach((circle, key) => circle.classList.toggle("out", !kept.has(key)));
-    count.textContent = `${matches.length} of ${crashes.length} crashes`;
-    more.hidden = matches.length <= shown;
-    more.textContent = `Show ${Math.min(PAGE, matches.length - shown)} more`;
+  function compare(one, two) {
+    const [a, b] = [one[order.column], two[order.column]];
+    if (a == null || b == null) return (a == null) - (b == null) || (one.key < two.key ? -1 : 1);
+    return (a < b ? -1 : a > b ? 1 : one.key < two.key ? -1 : 1) * order.sign;
   }
 
-  const restart = () => { shown = PAGE; update(); };
-  selects.forEach((select) => select.addEventListener("change", restart));
-  search.addEventListener("input", restart);
-  document.getElementById("reset").addEventListener("click", () => {
-    selects.forEach((select) => { select.value = ""; });
-    search.value = "";
-    restart();
+  function matches() {
+    const wanted = fields.filter((field) => field.value && field.name !== "search").map((field) => [field.name, field.value]);
+    const text = form.elements.search.value.trim().toLowerCase();
+    return crashes.filter((crash) =>
+      (!picked || picked.has(crash)) &&
+      wanted.every(([name, value]) => String(crash[name]) === value) &&
+      (!text || crash.text.includes(text)));
+  }
+
+  function list(found) {
+    body.replaceChildren(...found.slice().sort(compare).slice(0, shown).map(rowOf));
+    count.textContent = `${found.length} of ${crashes.length} crashes${picked ? ", at the place chosen on the map" : ""}`;
+    more.hidden = found.length <= shown;
+    more.textContent = `Show ${Math.min(PAGE, found.length - shown)} more`;
+  }
+
+  const map = window.crashMap(document.getElementById("map"), (chosen) => { picked = new Set(chosen); update(false); });
+
+  function update(fit = true) {
+    shown = PAGE;
+    const found = matches();
+    list(found);
+    if (!picked) map.show(found, fit);
+  }
+
+  function toAddress() {
+    const set = fields.filter((field) => field.value).map((field) => [field.name, field.value]);
+    history.replaceState(null, "", set.length ? `#${new URLSearchParams(set)}` : "#");
+  }
+
+  function fromAddress() {
+    const asked = new URLSearchParams(location.hash.slice(1));
+    if (![...asked.keys()].some((name) => form.elements[name])) return;
+    fields.forEach((field) => { field.value = asked.get(field.name) || ""; });
+    picked = null;
+    update();
+  }
+
+  form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("input", () => { picked = null; toAddress(); update(); });
+  form.addEventListener("reset", (event) => {
+    event.preventDefault();
+    fields.forEach((field) => { field.value = ""; });
+    picked = null;
+    toAddress();
+    update();
   });
-  more.addEventListener("click", () => { shown += PAGE; update(); });
-  points.forEach((circle, key) => circle.addEventListener("click", () => { location.href = `crashes/${key}.html`; }));
+  window.addEventListener("hashchange", () => { fromAddress(); document.getElementById("crashes-title").scrollIntoView(); });
+  more.addEventListener("click", () => { shown += PAGE; list(matches()); });
+  document.querySelectorAll("th button[data-column]").forEach((button) => button.addEventListener("click", () => {
+    const column = button.dataset.column;
+    order = { column, sign: order.column === column ? -order.sign : 1 };
+    document.querySelectorAll("th[aria-sort]").forEach((th) => th.removeAttribute("aria-sort"));
+    button.parentElement.setAttribute("aria-sort", order.sign > 0 ? "ascending" : "descending");
+    list(matches());
+  }));
   update();
+  fromAddress();
 })();

@@ -1,0 +1,186 @@
+"""The benchmark page: what it shows, that it shows text as text, and how it behaves in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sample_runs
+
+from tests.browser import CHROMIUM, Page
+from trace_dag.scenario.site import CrashPage, static_files, write_crash_page, write_index
+from trace_dag.warehouse.query import rows
+
+EVIL = """</script><script>alert("1")</script>'&"""
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+
+
+def crash(number: int, **changes: Any) -> dict[str, Any]:
+    """A row of the table of crashes, one of many around a town."""
+    return {
+        "key": f"2023-{510001 + number}",
+        "final_state": ("verified", "rejected", "failed", "pending")[number % 4],
+        "stage_reached": "verdict",
+        "reason": "crash_off_road" if number % 4 == 1 else None,
+        "detail": None,
+        "cohort": "one",
+        "latitude_deg": 37.0 + 0.01 * (number % 45),
+        "longitude_deg": -78.0 + 0.01 * (number // 45),
+        "collision_type": ("angle", "front_to_front", "rear_to_rear")[number % 3],
+        "road_topology": "t",
+        "vehicle_trajectory": "turning",
+        "state_name": "Virginia",
+        "place": f"Town {number % 7}, Virginia",
+        "contact_distance_m": number / 100,
+        **changes,
+    }
+
+
+def index(crashes: list[dict[str, Any]]) -> bytes:
+    funnel = [{"step": "registered", "crashes": len(crashes), "published": 100}]
+    coverage = [{"dimension": "collision_type", "class": "angle", "registered": 4, "verified": 0, "published": 19}]
+    reasons = [{"stage": "road_map", "reason": EVIL, "published_category": "not in the paper", "crashes": 1}]
+    return write_index(crashes, funnel, coverage, reasons)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An index of 2,000 crashes, one of them with hostile text, and the page of that one."""
+    folder = tmp_path_factory.mktemp("site")
+    crashes = [crash(number) for number in range(2000)]
+    crashes[0] |= {"place": EVIL, "cohort": EVIL}
+    (folder / "index.html").write_bytes(index(crashes))
+    (folder / "crashes").mkdir()
+    (folder / f"crashes/{crashes[0]['key']}.html").write_bytes(write_crash_page(CrashPage(crashes[0], ())))
+    for name, data in static_files().items():
+        (folder / name).write_bytes(data)
+    return folder
+
+
+def test_two_thousand_crashes_stay_a_small_page(site):
+    assert (site / "index.html").stat().st_size < 250_000
+
+
+def test_text_of_reports_stays_text(site):
+    for page in (site / "index.html", site / "crashes/2023-510001.html"):
+        assert "alert(" in page.read_text()
+        assert "<script>alert" not in page.read_text()
+
+
+def test_numbers_on_the_page_are_those_of_the_tables():
+    root = sample_runs.finished()
+    page = (root / "benchmark/index.html").read_text()
+    warehouse = root / "warehouse.duckdb"
+    for row in rows(warehouse, "funnel"):
+        step, crashes = row["step"], row["crashes"]
+        assert re.search(rf'<th scope="row">{step}</th><td class="number">{crashes}</td>', page), row
+    for row in rows(warehouse, "coverage"):
+        cells = "".join(f'<td class="number">{row[name]}</td>' for name in ("verified", "registered", "published"))
+        name = row["class"].replace("_", " ")
+        assert re.search(rf">{name}(</a>)?[\s<].*?{cells}", page, re.DOTALL), row
+    data = json.loads(re.search(r'id="crashes-data">(.*?)</script>', page, re.DOTALL).group(1))
+    states = data["coded"]["final_state"]
+    shown = {key: states["values"][code] for key, code in zip(data["key"], states["codes"], strict=True)}
+    assert shown == {row["key"]: row["final_state"] for row in rows(warehouse, "crashes")}
+
+
+def test_every_crash_has_a_page_and_every_link_of_a_page_leads_somewhere():
+    folder = sample_runs.finished() / "benchmark"
+    assert {path.stem for path in (folder / "crashes").glob("*.html")} == set(sample_runs.KEYS)
+    for page in [folder / "index.html", *(folder / "crashes").glob("*.html")]:
+        for link in re.findall(r'(?:href|src)="([^"#][^"]*)"', page.read_text()):
+            assert link.startswith("data:") or (page.parent / link).resolve().is_file(), (page, link)
+
+
+def test_contrasts_are_those_of_wcag_aa():
+    """Text 4.5 to 1 on every ground it stands on, by the formula of WCAG 2.2, in light and dark."""
+    css = static_files()["site.css"].decode()
+    light, dark = (
+        dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL)
+    )
+
+    def luminance(colour: str) -> float:
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    for scheme in (light, dark):
+        for text in ("ink", "muted", "accent", "verified", "rejected", "failed", "pending"):
+            for ground in ("ground", "panel"):
+                high, low = sorted((luminance(scheme[text]), luminance(scheme[ground])), reverse=True)
+                assert (high + 0.05) / (low + 0.05) >= 4.5, (text, ground)
+
+
+@needs_chromium
+@pytest.mark.parametrize("width_px", [1280, 390])
+def test_in_a_browser_filters_choose_and_nothing_leaves_the_page(site, tmp_path, width_px):
+    count = "document.getElementById('count').textContent"
+    rows_shown = "document.querySelectorAll('#crashes tbody tr').length"
+    choose = (
+        "(() => {{ const field = document.querySelector('[name={}]'); field.value = '{}';"
+        " field.dispatchEvent(new Event('input', {{bubbles: true}})); }})()"
+    )
+    with Page(tmp_path / "profile", width_px=width_px) as page:
+        page.open((site / "index.html").as_uri())
+        assert page.run(count) == "2000 of 2000 crashes"
+        assert page.run("document.documentElement.scrollWidth") <= width_px
+        assert page.run("document.querySelectorAll('#map .cluster, #map a').length") > 5
+        page.run(choose.format("collision_type", "angle"))
+        assert page.run(count) == f"{sum(n % 3 == 0 for n in range(2000))} of 2000 crashes"
+        page.run(choose.format("final_state", "rejected"))
+        both = sum(n % 3 == 0 and n % 4 == 1 for n in range(2000))
+        assert page.run(count) == f"{both} of 2000 crashes"
+        assert page.run("location.hash") == "#final_state=rejected&collision_type=angle"
+        assert page.run(rows_shown) == 25
+        page.run("document.getElementById('more').click()")
+        assert page.run(rows_shown) == 50
+        page.run("document.querySelector('[data-column=contact_distance_m]').click()")
+        page.run("document.querySelector('[data-column=contact_distance_m]').click()")
+        last = max(n for n in range(2000) if n % 3 == 0 and n % 4 == 1)
+        assert page.run("document.querySelector('#crashes tbody a').textContent") == f"2023-{510001 + last}"
+        page.run("document.getElementById('reset').click()")
+        assert page.run(count) == "2000 of 2000 crashes"
+        page.run(choose.format("search", "town 3"))
+        assert page.run(count) == f"{sum(n % 7 == 3 for n in range(2000))} of 2000 crashes"
+        page.open((site / "crashes/2023-510001.html").as_uri())
+        assert page.run("document.querySelector('dl').textContent.includes('alert(')")
+        assert page.run("document.documentElement.scrollWidth") <= width_px
+        assert page.errors == []
+        assert all(url.startswith(("file:", "data:", "about:")) for url in page.requests)
+
+
+@needs_chromium
+def test_in_a_browser_a_ring_of_the_map_opens_with_the_keyboard(site, tmp_path):
+    with Page(tmp_path / "profile") as page:
+        page.open((site / "index.html").as_uri())
+        numbers = "[...document.querySelectorAll('#map .cluster text:first-of-type')].map((t) => +t.textContent)"
+        before = page.run(f"Math.max(...{numbers})")
+        page.run(
+            "document.querySelector('#map .cluster').dispatchEvent("
+            "new KeyboardEvent('keydown', {key: 'Enter', bubbles: true}))"
+        )
+        assert page.run(f"Math.max(...{numbers}, 1)") < before
+        assert page.errors == []
+
+
+@needs_chromium
+def test_in_a_browser_the_page_of_a_crash_plays_its_replay(tmp_path):
+    verified = next(
+        row["key"]
+        for row in rows(sample_runs.finished() / "warehouse.duckdb", "crashes")
+        if row["final_state"] == "verified"
+    )
+    with Page(tmp_path / "profile") as page:
+        page.open((sample_runs.finished() / f"benchmark/crashes/{verified}.html").as_uri())
+        page.run("document.querySelector('iframe').scrollIntoView()")
+        page.wait("document.querySelector('img').complete && document.querySelector('img').naturalWidth > 0")
+        page.open((sample_runs.finished() / f"benchmark/replays/{verified}.html").as_uri())
+        clock = "document.body.innerText.match(/([0-9.]+) s/)[1]"
+        before = page.run(clock)
+        page.run("[...document.querySelectorAll('button')].find((b) => /Play/.test(b.textContent)).click()")
+        page.wait(f"{clock} != '{before}'")
+        assert page.errors == []
+        assert all(url.startswith(("file:", "data:", "about:", "blob:")) for url in page.requests)
