@@ -10,6 +10,7 @@ from pathlib import Path
 import fake_flow
 from dagster import AssetKey, DagsterRunStatus
 
+from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.launch import PROCESS_TAG, open_instance
 from trace_dag.errors import Reason, Stage
 from trace_dag.pipeline.selection import select_again
@@ -109,8 +110,13 @@ def test_runs_of_dead_processes_are_closed(campaign):
     orphan = made.instance.create_run_for_job(
         made_job(made), tags={PROCESS_TAG: f"{host}:{dead.pid}:123"}, status=DagsterRunStatus.STARTED
     )
+    launched = made.instance.create_run_for_job(  # by the daemon, which no command started
+        made_job(made), tags={STEP_PROCESS_TAG: f"{host}:{dead.pid}:123"}, status=DagsterRunStatus.STARTED
+    )
+    assert run.tags[STEP_PROCESS_TAG] == run.tags[PROCESS_TAG], "the step says where it runs"
     with open_instance(made.home) as instance:
         assert instance.get_run_by_id(orphan.run_id).status is DagsterRunStatus.FAILURE
+        assert instance.get_run_by_id(launched.run_id).status is DagsterRunStatus.FAILURE
         assert instance.get_run_by_id(run.run_id).status is DagsterRunStatus.SUCCESS
 
 

@@ -31,10 +31,12 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import Home
 from trace_dag.pipeline.run_summary import RunSummary
 from trace_dag.pipeline.worker import StageEvent
+from trace_dag.processes import this_process
 from trace_dag.settings import ExecutionSettings
 
 COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"
+STEP_PROCESS_TAG = "trace_dag/step_process"  # that runs the step: if it is gone, so is the run
 _FAILURES_NAMED = 20
 CRASHES_PER_RUN: int = ExecutionSettings().batch_size
 
@@ -62,6 +64,7 @@ class BatchConfig(Config):
 def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any]:
     """Run the selected stages for the run's partitions."""
     home: Home = context.resources.home
+    context.instance.add_run_tags(context.run.run_id, {STEP_PROCESS_TAG: this_process()})
     stages = [stage for stage in Stage if AssetKey(stage.value) in context.selected_asset_keys]
     force = [stage for stage in stages if "all" in config.force or stage.value in config.force]
     try:

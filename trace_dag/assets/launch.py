@@ -21,6 +21,7 @@ from dagster import (
 )
 from dagster_shared.error import SerializableErrorInfo
 
+from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
 from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.errors import Stage
@@ -32,7 +33,7 @@ from trace_dag.processes import is_gone, this_process
 from trace_dag.settings import StateSettings
 from trace_dag.storage import Storage
 
-PROCESS_TAG = "trace_dag/process"
+PROCESS_TAG = "trace_dag/process"  # of the command that started a run
 # By this the UI counts a run started here among those of its job.
 _REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
@@ -201,5 +202,5 @@ def _innermost(error: SerializableErrorInfo | None) -> str:
 def _close_orphans(instance: DagsterInstance) -> None:
     """Runs of killed processes of this machine would stand as running for ever."""
     for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
-        if is_gone(run.tags.get(PROCESS_TAG, "")):
+        if is_gone(run.tags.get(STEP_PROCESS_TAG, "")) or is_gone(run.tags.get(PROCESS_TAG, "")):
             instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")
