@@ -32,7 +32,7 @@ from trace_dag.pipeline.registry import Registry
 from trace_dag.provenance import Outcome
 from trace_dag.storage import Storage
 
-LONGEST_WAIT_S = 20.0
+LONGEST_WAIT_S = 15.0
 NEVER = ("damaged artefact", "missing artefact", "unreadable record")
 FINAL = (Outcome.ACCEPTED, Outcome.REJECTED)
 
@@ -91,12 +91,19 @@ def kill(process: subprocess.Popen[bytes], whom: str, draw: random.Random) -> bo
     return True
 
 
-def wait_for_work(process: subprocess.Popen[bytes], draw: random.Random) -> None:
-    """A random time, four times in five from the moment at which there are workers."""
+def wait_for_work(process: subprocess.Popen[bytes], root: Path, draw: random.Random) -> None:
+    """A random time, four times in five from the moment at which the run has stored something."""
     if draw.random() < 0.8:
-        while process.poll() is None and not workers_of(process.pid):
+        began = last_write(root)
+        while process.poll() is None and last_write(root) == began:
             time.sleep(0.1)
     time.sleep(draw.uniform(0.0, LONGEST_WAIT_S))
+
+
+def last_write(root: Path) -> int:
+    """When something was last stored by any stage (nanoseconds)."""
+    folders = [root / stage.value for stage in Stage]
+    return max((folder.stat().st_mtime_ns for folder in folders if folder.is_dir()), default=0)
 
 
 def start(root: Path, draw: random.Random) -> subprocess.Popen[bytes]:
@@ -115,7 +122,7 @@ def disturb(root: Path, kills: int, draw: random.Random) -> tuple[Counter[str], 
     wrong: list[str] = []
     process = start(root, draw)
     while sum(counts.values()) < kills:
-        wait_for_work(process, draw)
+        wait_for_work(process, root, draw)
         before = finished(root)
         whom = draw.choice(["worker", "run", "tree"])
         if kill(process, whom, draw):
