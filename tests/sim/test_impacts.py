@@ -54,11 +54,14 @@ def test_central_impacts_match_the_closed_form(
     assert abs(contact.delta_v_1_mps[1]) < 0.01 * abs(expected_1)
 
 
+CG_AHEAD_M = 0.5 * 4.7 - 0.19 * 4.7 - 0.42 * 0.58 * 4.7  # front axle less its distance to the centre of gravity
+
+
 def spin_and_velocity(log: SimulationLog, index: int, when: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Position, velocity and yaw rate of a centre of gravity (cars: known offset) at a logged step."""
     vehicle = log.vehicles[index]
     heading = float(vehicle.heading_rad[when])
-    ahead = 0.5 * 4.7 - 0.19 * 4.7 - 0.42 * 0.58 * 4.7  # front axle less its distance to the centre of gravity
+    ahead = CG_AHEAD_M
     forward, left = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     rate = float(vehicle.yaw_rate_rps[when])
     position = np.array([vehicle.x_m[when], vehicle.y_m[when]]) + ahead * forward
@@ -136,6 +139,31 @@ def test_what_a_contact_records_is_what_the_bodies_did(case: tuple[float, float,
     normal = np.array([contact.normal_x, contact.normal_y])
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert normal @ np.array(contact.delta_v_2_mps) >= -1e-6  # bodies are pushed apart, never pulled
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+def test_bodies_that_slide_past_each_other_are_pushed_apart_no_more_than_the_closed_form_says(friction: float) -> None:
+    """A sideswipe: sliding does not stop, so that Coulomb's law fixes the tangential impulse and, with the restitution,
+    the normal one (planar impact of rigid bodies with friction: Brach, Mechanical Impact Dynamics). The closed form is
+    of an instant; here the point of contact moves a third of a metre meanwhile, hence the tolerance."""
+    restitution = 0.1
+    settings = SimSettings(restitution=restitution, contact_friction=friction, **ON_ICE)
+    contact = run(meeting(-0.25, 30.0, 15.0, 1.7), settings).contacts[0]
+    normal = np.array([contact.normal_x, contact.normal_y])
+    tangent = np.array([-normal[1], normal[0]])
+    point = np.array([contact.x_m, contact.y_m])
+    yielding, coupling = 0.0, 0.0  # velocity along the normal for an impulse along the normal, and along the tangent
+    for pose in (contact.pose_1, contact.pose_2):
+        arm = point - (pose.xy_m + CG_AHEAD_M * pose.forward)
+        along_n, along_t = arm[0] * normal[1] - arm[1] * normal[0], arm[0] * tangent[1] - arm[1] * tangent[0]
+        yielding += 1 / CAR.mass_kg + along_n**2 / INERTIA
+        coupling += along_n * along_t / INERTIA
+    past = np.array(contact.velocity_2_mps) - np.array(contact.velocity_1_mps)
+    sense = -math.copysign(friction, float(past @ tangent))
+    expected = (1 + restitution) * -float(past @ normal) / (yielding + sense * coupling)
+    impulse = CAR.mass_kg * np.array(contact.delta_v_2_mps)
+    assert impulse @ tangent == pytest.approx(sense * (impulse @ normal), rel=0.01)
+    assert impulse @ normal == pytest.approx(expected, rel=0.1)
 
 
 CASES = {

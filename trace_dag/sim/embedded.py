@@ -265,23 +265,23 @@ class _Run:
         for part in range(self._parts):
             start_s = step * self._step_s + part * part_s
             now = self._taken_over()
-            positions, rates = self._bodies.step(forces, part_s)
-            for pair, (fx, fy) in self._bodies.contact_forces().items():
+            for pair, (fx, fy) in self._bodies.step(forces, part_s).items():
                 if pair not in self._open:
                     # MuJoCo finds contacts in the state a step begins with: this one came about in the part before.
                     self._open[pair] = self._begin(pair, self._before or now, now, start_s - part_s, part_s)
                 self._open[pair].add(fx, fy, start_s + part_s, part_s)
             self._before = now
-            self._update(positions, rates)
+            self._update(*self._bodies.state)
         self._close_ended((step + 1) * self._step_s)
 
     def _step_leaning(self, step: int, forces: list[float]) -> None:
         """Bodies that lean on each other: the contact needs its short steps, but nobody needs to look at each."""
         self._before = None
         self._taken_over()
-        self._update(*self._bodies.step(forces, self._step_s / self._parts, self._parts))
+        touching = self._bodies.step(forces, self._step_s / self._parts, self._parts)
+        self._update(*self._bodies.state)
         end_s = (step + 1) * self._step_s
-        for pair in self._bodies.contact_forces():
+        for pair in touching:
             if pair in self._open:
                 self._open[pair].last_s = end_s
         self._close_ended(end_s)
