@@ -49,7 +49,7 @@ def post_encroachment_time_s(one: VehicleLog, body_1: Body, two: VehicleLog, bod
 
     The post-encroachment time of Allen, Shin and Cooper (TRR 667, 1978) without a drawn conflict area: the least
     difference between two moments at which the two bodies, each at its own, would overlap. Logs are read in steps of
-    :data:`_PET_STEP_S`, which is how exact it is. For two that follow each other it is their time gap.
+    0.06 s, so it can come out two of these too long. For two that follow each other it is their time gap.
     """
     boxes_1, times_1 = _boxes(one, body_1)
     boxes_2, times_2 = _boxes(two, body_2)
