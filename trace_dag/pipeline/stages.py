@@ -120,8 +120,7 @@ def raw_report(crash: CrashFiles) -> StageProduct:
     except Rejection:
         found = None  # what cannot be read is the next stage's to say
     if found is not None and not found[1]:
-        name = Path(source.location).name or "The CrashAPI's answer"
-        raise Rejection(Reason.NOT_RELEASED, f"{name} holds no case: it is not released yet.")
+        raise Rejection(Reason.NOT_RELEASED, "The report holds no case: it is not released yet.")
     return StageProduct({"xml": data}, {"source": source.kind, "bytes": len(data)})
 
 
@@ -132,7 +131,7 @@ def crash_record(crash: CrashFiles) -> StageProduct:
     from trace_dag.crash.tables import record_to_parquet
 
     settings = crash.settings.crash
-    name = Path(crash.source.report.location).name or f"{crash.key}.xml"
+    name = f"{crash.key}.xml"  # not where the report came from: a copy of it gives the same result
     record = read_report(crash.read(Stage.RAW_REPORT, "xml"), name=name, settings=settings, expected_key=crash.key)
     rejection = None
     try:
