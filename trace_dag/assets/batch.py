@@ -38,6 +38,7 @@ COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"
 STEP_PROCESS_TAG = "trace_dag/step_process"  # that runs the step: if it is gone, so is the run
 _FAILURES_NAMED = 20
+_TRACEBACKS_SHOWN = 3
 CRASHES_PER_RUN: int = ExecutionSettings().batch_size
 
 
@@ -92,7 +93,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     if failed:
         raise Failure(
             _summary(failed, len(context.partition_keys)),
-            metadata={"failed": MetadataValue.md(_table(failed)), **summary.figures()},
+            metadata={"failed": MetadataValue.md(_table(failed)), **summary.figures(), **_tracebacks(failed)},
             allow_retries=False,
         )
     yield from ()
@@ -115,6 +116,18 @@ def _table(failed: dict[str, StageEvent]) -> str:
         for key, event in failed.items()
     ]
     return "\n".join(["| crash | stage | what happened |", "|---|---|---|", *rows])
+
+
+def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:
+    """The traceback of the first crash that failed, for each thing that happened."""
+    first: dict[str, StageEvent] = {}
+    for event in failed.values():
+        if event.record is not None and event.record.error:
+            first.setdefault(event.record.error.strip().rpartition("\n")[2], event)
+    return {
+        f"traceback of {event.key}": MetadataValue.md(f"```\n{event.record.error if event.record else ''}\n```")
+        for event in list(first.values())[:_TRACEBACKS_SHOWN]
+    }
 
 
 def _stage(event: StageEvent) -> Stage:

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from dagster import Field, StringSource
 from dagster._core.storage.event_log import SqliteEventLogStorage
+from dagster._core.storage.event_log.schema import DynamicPartitionsTable
 from dagster._serdes import ConfigurableClassData
 from sqlalchemy import Connection, Engine, create_engine, event
 
@@ -50,6 +51,14 @@ class EventLog(SqliteEventLogStorage):
             while self._engines:
                 self._engines.popitem()[1].dispose()
         super().dispose()
+
+    def delete_dynamic_partitions(self, definition: str, keys: Sequence[str]) -> None:
+        """Take away several partitions in one statement; Dagster's own class takes one at a time."""
+        table = DynamicPartitionsTable
+        with self.index_connection() as connection:
+            connection.execute(
+                table.delete().where(table.c.partitions_def_name == definition, table.c.partition.in_(keys))
+            )
 
     @contextmanager
     def _connect(self, shard: str) -> Iterator[Connection]:

@@ -194,7 +194,8 @@ def _errors(result: ExecuteInProcessResult) -> list[str]:
 
 
 def _innermost(error: SerializableErrorInfo | None) -> str:
-    while error is not None and error.cause is not None:
+    # What a worker process raised is caused by its traceback as text, which is no message.
+    while error is not None and error.cause is not None and error.cause.cls_name != "_RemoteTraceback":
         error = error.cause
     return error.message.strip() if error else ""
 

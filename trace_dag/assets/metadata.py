@@ -48,7 +48,7 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
         metadata["detail"] = record.detail
         metadata["published_category"] = record.reason.published_category.value if record.reason else ""
         if record.measured is not None:
-            metadata["measured"] = record.measured
+            metadata["measured"] = round(record.measured, 6)
         if record.threshold is not None:
             metadata["threshold"] = record.threshold
     if event.stage is Stage.VERDICT:

@@ -7,11 +7,12 @@ from collections.abc import Collection, Sequence
 
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
+from trace_dag.assets.event_log import EventLog
 from trace_dag.pipeline.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
 
-_KEYS_PER_INSERT = 500  # SQLite refuses statements with tens of thousands of values
+_KEYS_PER_STATEMENT = 500  # SQLite refuses statements with tens of thousands of values
 
 
 def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
@@ -21,14 +22,20 @@ def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
     """
     known = set(instance.get_dynamic_partitions("crashes"))
     new = [key for key in in_order(keys) if key not in known]
-    for start in range(0, len(new), _KEYS_PER_INSERT):
-        instance.add_dynamic_partitions("crashes", new[start : start + _KEYS_PER_INSERT])
+    for start in range(0, len(new), _KEYS_PER_STATEMENT):
+        instance.add_dynamic_partitions("crashes", new[start : start + _KEYS_PER_STATEMENT])
     return len(new)
 
 
 def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
     """Take away the partitions of crashes that are registered no more; how many there were."""
     gone = sorted(set(instance.get_dynamic_partitions("crashes")) & set(keys))
-    for key in gone:
-        instance.delete_dynamic_partition("crashes", key)
+    storage = instance.event_log_storage
+    for start in range(0, len(gone), _KEYS_PER_STATEMENT):
+        some = gone[start : start + _KEYS_PER_STATEMENT]
+        if isinstance(storage, EventLog):
+            storage.delete_dynamic_partitions("crashes", some)
+        else:
+            for key in some:
+                instance.delete_dynamic_partition("crashes", key)
     return len(gone)

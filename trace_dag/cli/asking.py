@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from trace_dag.cli.printing import print_standings, print_table, write_csv, write_json
+from trace_dag.cli.printing import one_line, print_standings, print_table, write_csv, write_json
 
 _FAILED_SHOWN = 20
 
@@ -56,7 +56,7 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
         click.echo()
         print_table(
             ["failed", "in", "what happened"],
-            [(crash.key, crash.stage_reached, crash.detail) for crash in failed[:_FAILED_SHOWN]],
+            [(crash.key, crash.stage_reached, one_line(crash.detail, 200)) for crash in failed[:_FAILED_SHOWN]],
         )
         if len(failed) > _FAILED_SHOWN:
             click.echo(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 
@@ -22,6 +21,7 @@ from trace_dag.cli.serving import ui
 from trace_dag.cli.varying import vary
 from trace_dag.cli.verifying import verify
 from trace_dag.errors import Failure, UserError
+from trace_dag.logs import configure_logging
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -71,8 +71,8 @@ for command in (
 
 def main() -> None:
     """Entry point of the command."""
-    logging.basicConfig(level=os.environ.get("TRACE_DAG_LOG", "WARNING").upper(), format="%(levelname)s %(message)s")
     try:
+        configure_logging()
         sys.exit(cli.main(standalone_mode=False))
     except click.ClickException as error:
         error.show()

@@ -64,6 +64,12 @@ def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     console.print(table)
 
 
+def one_line(text: str, length: int) -> str:
+    """A text on one line of at most so many characters."""
+    joined = " ".join(text.split())
+    return joined if len(joined) <= length else f"{joined[: length - 1]}…"
+
+
 def write_csv(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Comma-separated values on standard output."""
     writer = csv.writer(sys.stdout, lineterminator="\n")

@@ -85,9 +85,10 @@ def rerun(
 def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline], Selection]) -> int:
     """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
     from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
-    from trace_dag.cli.printing import print_standings
+    from trace_dag.cli.printing import one_line, print_standings
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.records import read_records
+    from trace_dag.pipeline.run_summary import RunSummary
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.pipeline.standing import FinalState, standings
 
@@ -98,8 +99,15 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         batches = planned(pipeline, instance, selection)
         errors: tuple[str, ...] = ()
         if batches:
+            summary = RunSummary()
             with _progress(sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
-                errors = run_batches(Home(root, FLOW, listener=tell), instance, batches, settings=settings).errors
+
+                def hear(event: StageEvent) -> None:
+                    summary.note(event)
+                    tell(event)
+
+                errors = run_batches(Home(root, FLOW, listener=hear), instance, batches, settings=settings).errors
+            click.echo(summary.in_words())
         else:
             click.echo("Nothing to run: every crash asked for is up to date.")
         if batches or not home.warehouse.is_file() or summary_is_due(instance):
@@ -108,12 +116,12 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
     for crash in failed[:_FAILURES_SHOWN]:
-        click.echo(f"failed: {crash.key} in {crash.stage_reached}: {' '.join(crash.detail.split())[:200]}", err=True)
+        click.echo(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}", err=True)
     if len(failed) > _FAILURES_SHOWN:
         click.echo(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
     if not failed:
         for error in errors:
-            click.echo(f"failed: {' '.join(error.split())[:500]}", err=True)
+            click.echo(f"failed: {one_line(error, 500)}", err=True)
     return 1 if failed or errors else 0
 
 

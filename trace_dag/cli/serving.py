@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
 
 import click
+
+from trace_dag.errors import UserError
 
 
 @click.command()
@@ -19,11 +22,25 @@ def ui(root: str, host: str, port: int) -> None:
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.stages import FLOW
 
+    _refuse_port_in_use(host, port)
     home = Home(root, FLOW)
     with open_instance(home) as instance:
         add_partitions(instance, home.pipeline().registry.keys())
     click.echo(f"Dagster UI on http://{host}:{port} for {home.root} (Ctrl-C ends it)")
     os.chdir(home.dagster_home)
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
     command = [sys.executable, "-m", "dagster", "dev", "-m", "trace_dag.definitions", "-h", host, "-p", str(port)]
+    command += ["--log-level", "warning"]
     # In place of this process, so that a signal sent to it reaches the servers.
     os.execv(sys.executable, command)  # noqa: S606 - our own interpreter
+
+
+def _refuse_port_in_use(host: str, port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise UserError(
+                f"ui: cannot listen on {host}:{port} ({error.strerror}); choose another with --port"
+            ) from error

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from trace_dag.crash.completeness import filters_of
-from trace_dag.errors import Stage
+from trace_dag.errors import Failure, Stage
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
 from trace_dag.pipeline.record_index import write_index
@@ -220,9 +220,10 @@ class _Batch:
             return []
         try:
             return [list(group) for group in definition.grouping([self._files(each) for each in crashes])]
-        except Exception:
+        except Exception as error:
             # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
-            log.exception("%s: no groups; going on without", definition.stage)
+            told = not isinstance(error, Failure)
+            log.warning("%s: no groups (%s); going on without", definition.stage, error, exc_info=told)
             return []
 
     def _task(self, crash: _Crash) -> CrashTask:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from trace_dag.errors import UserError
+from trace_dag.logs import configure_logging
 from trace_dag.settings import ExecutionSettings
 
 T = TypeVar("T")
@@ -185,6 +186,7 @@ def _prepare_worker() -> None:
     # One thread per process: the processes are the parallelism.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    configure_logging()
     # Ctrl-C is the parent's to handle; it ends its workers in good order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -298,6 +298,7 @@ def state_estimate(crash: CrashFiles) -> StageProduct:
         "hypotheses": len(made.hypotheses),
         "best": best.name,
         "ambiguity": made.ambiguity,
+        "evidence": ", ".join(f"{term} {value:+.2f}" for term, value in best.evidence.items() if value),
         "impact_time_s": best.impact_time_s,
     }
     for state in best.participants:

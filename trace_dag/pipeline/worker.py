@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
+from trace_dag.logs import at_work, figures
 from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.pipeline.locks import held
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
@@ -200,7 +201,8 @@ class _CrashWorker:
         started_at, started, wait_s = now(), time.monotonic(), execution.retry_wait_s
         for attempt in range(1, execution.transient_retries + 2):
             try:
-                product: StageProduct | Rejection | Exception = definition.function(self.files)
+                with at_work(self.task.key, definition.stage):
+                    product: StageProduct | Rejection | Exception = definition.function(self.files)
             except Rejection as rejection:
                 product = rejection
             except Exception as error:
@@ -249,6 +251,7 @@ class _CrashWorker:
         self._delete(obsolete)
         self.records[definition.stage] = record
         self.files.accept(record, contents)
+        _log_outcome(record)
         return record
 
     def _delete(self, names: Iterable[str]) -> None:
@@ -339,6 +342,27 @@ class _CrashWorker:
     def _event(self, record: OutcomeRecord) -> StageEvent:
         self.records[record.stage] = record
         return StageEvent(record.key, record.stage, Action.COMPUTED, record)
+
+
+def _log_outcome(record: OutcomeRecord) -> None:
+    with at_work(record.key, record.stage):
+        log.info(
+            "%s %s: %s in %.2f s",
+            record.key,
+            record.stage,
+            record.reason or record.outcome,
+            record.duration_s,
+            extra=figures(
+                outcome=record.outcome,
+                reason=record.reason,
+                detail=record.detail,
+                duration_s=record.duration_s,
+                attempts=record.attempts,
+                artefact_bytes=sum(file.size for file in record.artefacts),
+                run_id=record.run_id,
+                traceback=record.error,
+            ),
+        )
 
 
 def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent]:

@@ -1,0 +1,15 @@
+"""Many crashes get and lose their partitions in few statements."""
+
+from __future__ import annotations
+
+from trace_dag.assets.partitions import add_partitions, remove_partitions
+
+
+def test_thousands_are_added_in_order_and_taken_away_with_what_is_asked_for_alone(campaign):
+    instance = campaign({}).instance
+    keys = [f"2023-{number}" for number in range(510001, 512502)]
+    assert add_partitions(instance, reversed(keys)) == len(keys)
+    assert list(instance.get_dynamic_partitions("crashes")) == keys
+    assert remove_partitions(instance, [*keys[1:-1], "2023-599999"]) == len(keys) - 2
+    assert list(instance.get_dynamic_partitions("crashes")) == [keys[0], keys[-1]]
+    assert remove_partitions(instance, keys[1:-1]) == 0

@@ -1,0 +1,80 @@
+"""What is logged, and how: one line per message on standard error, as text or as JSON, naming the crash and stage.
+
+``TRACE_DAG_LOG`` is the level (default WARNING); ``TRACE_DAG_LOG_FORMAT=json`` writes one JSON object per line with
+``time``, ``level``, ``logger``, ``message``, ``crash`` and ``stage`` where there is one, its figures, and
+``error`` with the traceback. Both hold for worker processes too, which inherit them.
+
+Belongs here: format and context. Does not belong here: what is worth logging.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from typing import Final
+
+from trace_dag.errors import UserError
+
+LEVEL_VARIABLE: Final = "TRACE_DAG_LOG"
+FORMAT_VARIABLE: Final = "TRACE_DAG_LOG_FORMAT"
+_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
+_FORMATS = ("text", "json")
+
+_AT_WORK: ContextVar[tuple[str, str]] = ContextVar("at_work", default=("", ""))
+
+
+@contextmanager
+def at_work(crash: str, stage: str) -> Iterator[None]:
+    """Whatever is logged inside is of this crash and stage."""
+    token = _AT_WORK.set((crash, stage))
+    try:
+        yield
+    finally:
+        _AT_WORK.reset(token)
+
+
+def figures(**values: object) -> Mapping[str, object]:
+    """Figures of a message, for ``extra=``: members of their own in a JSON line, left out of a text."""
+    return {"figures": values}
+
+
+def configure_logging() -> None:
+    """Set up logging of this process as the environment asks. Raises :class:`UserError` for what it cannot ask."""
+    level = os.environ.get(LEVEL_VARIABLE, "WARNING").upper()
+    style = os.environ.get(FORMAT_VARIABLE, "text").lower()
+    for variable, value, known in ((LEVEL_VARIABLE, level, _LEVELS), (FORMAT_VARIABLE, style, _FORMATS)):
+        if value not in known:
+            raise UserError(f"{variable}={value}: expected one of {', '.join(known)}")
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_JsonLines() if style == "json" else _Text("%(levelname)s %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler])
+
+
+class _Text(logging.Formatter):
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - its name in the standard library
+        crash, stage = _AT_WORK.get()
+        message = super().formatMessage(record)
+        return f"{message} [{crash} {stage}]" if crash and crash not in message else message
+
+
+class _JsonLines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        crash, stage = _AT_WORK.get()
+        line: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname,
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if crash:
+            line |= {"crash": crash, "stage": stage}
+        line |= getattr(record, "figures", {})
+        if record.exc_info:
+            line["error"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False, default=str)
