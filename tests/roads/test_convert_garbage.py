@@ -61,6 +61,9 @@ GARBAGE = {
     "way of 2,000 nodes": extract_of(
         [(2.0 * i, 5.0 * math.sin(i / 10)) for i in range(2000)], (list(range(2000)), ROAD)
     ),
+    "2,000 nodes every few decimetres": extract_of(
+        [(0.2 * i, 0.02 * (-1) ** i) for i in range(2000)], (list(range(2000)), ROAD)
+    ),
     "two ways of 300 nodes that cross everywhere": extract_of(
         [(2.0 * i, 0.0) for i in range(300)] + [(2.0 * i, 4.0 * (-1) ** i) for i in range(300)],
         (list(range(300)), ROAD),

@@ -187,8 +187,7 @@ class MapComparison:
             if not len(outside):
                 continue
             roads = [*roads, *self._roads_through_folds(way)]
-            lines = shapely.MultiLineString([axis for road in roads for axis in self._axes(road)])
-            distance = np.asarray(shapely.distance(shapely.points(outside), lines))
+            distance = _distances(outside, [axis for road in roads for axis in self._axes(road)])
             distances.append(distance)
             service = way.tags.get("highway") == "service"
             worst[service] = max(worst[service], (float(distance.max()), way.id), key=lambda found: found[0])
@@ -331,6 +330,14 @@ class MapComparison:
             x, y, _, _ = line.at(line.project(float(xy_m[0]), float(xy_m[1])).s_m)
             feet.append((x, y))
         return min(feet, key=lambda foot: math.dist(foot, xy_m))
+
+
+def _distances(points: FloatArray, lines: Sequence[FloatArray]) -> FloatArray:
+    """Distance of each point to the nearest of some lines."""
+    segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
+    tree = shapely.STRtree(np.asarray(shapely.linestrings(segments), dtype=object))
+    _, distances = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
+    return np.asarray(distances)
 
 
 def _resampled(line: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ _MERGE_DEVIATION_M: Final = 1.5  # by which a bend may miss the vertices it was 
 _NEGLIGIBLE_TURN_RAD: Final = 0.02
 _WIDEST_CORNER_RAD: Final = 2.4  # more cannot be one arc between two tangents
 _STRAIGHT_RAD: Final = 4e-6  # turns below it are no turn: 0.4 mm in 100 m
+_ENOUGH_ROOM: Final = 0.95  # of the tangent needed; corners with less are merged
 _END_SHARE: Final = 0.7  # of its first and last segment a plan may use for arcs: it begins and ends with a line
 _MIN_LENGTH_M: Final = 1e-6
 _SWING_M: Final = 0.95  # farthest that the line swings out before a corner
@@ -40,17 +41,20 @@ def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = 
         length = math.hypot(x1 - x0, y1 - y0)
         return Plan((PlanElement(0.0, x0, y0, math.atan2(y1 - y0, x1 - x0), length),), length, (0.0, length))
     corners = [_Corner(point, (index,)) for index, point in enumerate(points)]
+    shape = _shape(corners, min_radius_m)
     frozen: set[tuple[int, ...]] = set()
-    while True:
-        shape = _shape(corners, min_radius_m)
-        tightest = _tightest(shape, frozen)
-        if tightest is None:
-            break
+    room = [_room(shape, index, frozen) for index in range(len(corners))]
+    while (least := min(room)) < _ENOUGH_ROOM:
+        tightest = room.index(least)
         merged = _merged(points, shape, tightest, min_radius_m, keep_ends)
         if merged is None:
-            frozen.add(corners[tightest].sources)
+            frozen.add(shape.corners[tightest].sources)
+            room[tightest] = math.inf
         else:
-            corners = merged
+            first, corner = merged
+            del room[first]
+            for index in _merge(shape, first, corner, min_radius_m):
+                room[index] = _room(shape, index, frozen)
     swung = _swung_out(shape)
     if swung is not None:
         shape = _shape(swung, min_radius_m)
@@ -122,23 +126,44 @@ def _swung_out(shape: _Shape) -> list[_Corner] | None:
     return [*swung, corners[-1]] if found else None
 
 
-def _tightest(shape: _Shape, frozen: set[tuple[int, ...]]) -> int | None:
-    """The corner whose arc falls farthest short of the radius aimed at for want of room, if any."""
-    worst, found = 0.95, None
-    for index in range(1, len(shape.corners) - 1):
-        if abs(shape.turns[index - 1]) < _NEGLIGIBLE_TURN_RAD or shape.corners[index].sources in frozen:
-            continue
-        needed = shape.limits[index][0]
-        share = shape.tangents[index] / needed if needed > 0.0 else 1.0
-        if share < worst:
-            worst, found = share, index
-    return found
+def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
+    """Share of the tangent needed for the radius aimed at that a corner has; infinite where nothing can be done."""
+    if not 0 < index < len(shape.corners) - 1 or shape.corners[index].sources in frozen:
+        return math.inf
+    needed = shape.limits[index][0]
+    if abs(shape.turns[index - 1]) < _NEGLIGIBLE_TURN_RAD or needed <= 0.0:
+        return math.inf
+    return shape.tangents[index] / needed
+
+
+def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> range:
+    """Puts one corner in the place of ``first`` and the next, in place; returns the corners whose tangents changed.
+
+    Only what is near is computed anew: a way may have thousands of nodes.
+    """
+    corners, lengths, directions, turns, limits, tangents = shape
+    corners[first : first + 2] = [corner]
+    around = [corners[index].point for index in (first - 1, first, first + 1)]
+    lengths[first - 1 : first + 2] = [math.hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(around)]
+    directions[first - 1 : first + 2] = [math.atan2(y1 - y0, x1 - x0) for (x0, y0), (x1, y1) in pairwise(around)]
+    del turns[first - 1], limits[first], tangents[first]
+    last = len(corners) - 1
+    for index in range(max(first - 1, 1), min(first + 2, last)):
+        turns[index - 1] = math.remainder(directions[index] - directions[index - 1], math.tau)
+        limits[index] = _tangent_lengths(turns[index - 1], min_radius_m, corners[index].swing_m)
+    changed = range(max(first - 2, 0), min(first + 3, last + 1))
+    for index in changed:
+        tangents[index] = limits[index][1]
+        for segment in (index - 1, index):
+            if 0 <= segment < last:
+                tangents[index] = min(tangents[index], _shares(limits, lengths, segment)[index - segment])
+    return changed
 
 
 def _merged(
     points: Sequence[Point], shape: _Shape, index: int, min_radius_m: float, keep_ends: bool
-) -> list[_Corner] | None:
-    """The corners with one and its nearer neighbour made one, or None if that leaves the original vertices."""
+) -> tuple[int, _Corner] | None:
+    """One corner for a corner and its nearer neighbour, and the first of the two; None if it misses the vertices."""
     corners, turns = shape.corners, shape.turns
     neighbours = [n for n in (index - 1, index + 1) if 0 < n < len(corners) - 1]
     if not neighbours:
@@ -168,7 +193,7 @@ def _merged(
     for p in (*drawn[1:-1], *middles):
         if _distance_to_corner(p, before, point, after, tangent) > _MERGE_DEVIATION_M:
             return None
-    return [*corners[:first], _Corner(point, sources), *corners[second + 1 :]]
+    return first, _Corner(point, sources)
 
 
 def _distance_to_corner(p: Point, before: Point, corner: Point, after: Point, tangent: float) -> float:
@@ -254,17 +279,20 @@ def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0)
 def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[float]) -> list[float]:
     """Tangents that fit two to a segment: what each needs first, then as much as there is of what it would like."""
     shared = [liked for _, liked in tangents]
-    last = len(lengths) - 1
-    for index, length in enumerate(lengths):
-        room = length * (_END_SHARE if index in (0, last) else 1.0)
-        (need_a, like_a), (need_b, like_b) = tangents[index], tangents[index + 1]
-        if like_a + like_b <= room:
-            continue
-        if need_a + need_b >= room:
-            scale = room / (need_a + need_b)
-            a, b = need_a * scale, need_b * scale
-        else:
-            share = (room - need_a - need_b) / (like_a + like_b - need_a - need_b)
-            a, b = need_a + share * (like_a - need_a), need_b + share * (like_b - need_b)
-        shared[index], shared[index + 1] = min(shared[index], a), min(shared[index + 1], b)
+    for segment in range(len(lengths)):
+        a, b = _shares(tangents, lengths, segment)
+        shared[segment], shared[segment + 1] = min(shared[segment], a), min(shared[segment + 1], b)
     return shared
+
+
+def _shares(tangents: Sequence[tuple[float, float]], lengths: Sequence[float], segment: int) -> tuple[float, float]:
+    """What of a segment the corners at its two ends get."""
+    room = lengths[segment] * (_END_SHARE if segment in (0, len(lengths) - 1) else 1.0)
+    (need_a, like_a), (need_b, like_b) = tangents[segment], tangents[segment + 1]
+    if like_a + like_b <= room:
+        return like_a, like_b
+    if need_a + need_b >= room:
+        scale = room / (need_a + need_b)
+        return need_a * scale, need_b * scale
+    share = (room - need_a - need_b) / (like_a + like_b - need_a - need_b)
+    return need_a + share * (like_a - need_a), need_b + share * (like_b - need_b)

@@ -1,0 +1,136 @@
+"""Pictures of road maps to look at: ten kinds of place from above, and published maps beside ours of the same sites.
+
+    python benchmarks/map_pictures.py ../shared/data pictures
+
+For each kind the first of the FARS sites and the places drawn at random that shows it is drawn twice, with what the law
+paints and by height. ``published-*.png`` are the published map and ours of one Virginia site each, in one window.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import shapely
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from roads import Places, cut, fars_sites, random_sites, virginia
+
+from trace_dag.roads.convert import convert
+from trace_dag.roads.crossings import with_kinds
+from trace_dag.roads.map_measures import crossings
+from trace_dag.roads.network import LaneType, Road, RoadNetwork
+from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.scenario.maps import draw_network, draw_side_by_side
+from trace_dag.settings import RoadSettings
+
+_WINDOW_M = 75.0  # half its side
+_PUBLISHED_WINDOW_M = 60.0
+_NEAR_M = 45.0  # what is this near the middle is in the picture
+
+Seen = tuple[RoadNetwork, list[Road]]
+"""A map and its roads in the middle of the picture."""
+
+
+def _lanes(seen: Seen, *types: LaneType) -> bool:
+    return any(lane.type in types for road in seen[1] for section in road.lane_sections for lane in section.lanes)
+
+
+def _signs(seen: Seen, *types: str) -> bool:
+    return any(signal.type in types for road in seen[1] for signal in road.signals)
+
+
+def _classes(seen: Seen, *classes: str) -> int:
+    return sum(road.highway in classes for road in seen[1])
+
+
+def _of_kind(seen: Seen, kind: str) -> bool:
+    junctions = {road.junction_id for road in seen[1]}
+    return any(junction.kind == kind and junction.id in junctions for junction in seen[0].junctions)
+
+
+KINDS: dict[str, Callable[[Seen], bool]] = {
+    "roundabout": lambda seen: _of_kind(seen, "roundabout"),
+    "overpass": lambda seen: any(
+        crossing.separated and max(abs(crossing.x_m), abs(crossing.y_m)) < _NEAR_M for crossing in crossings(seen[0])
+    ),
+    "motorway ramps": lambda seen: _classes(seen, "motorway") > 0 and _classes(seen, "motorway_link") > 0,
+    "signals": lambda seen: _signs(seen, "1000001") and _of_kind(seen, "four_way") and _classes(seen, "secondary") > 3,
+    "stop signs": lambda seen: _signs(seen, "206") and not _signs(seen, "1000001"),
+    "centre turn lane": lambda seen: _lanes(seen, LaneType.BIDIRECTIONAL),
+    "painted turn lanes": lambda seen: any(
+        len(lane.turns) == 1 for road in seen[1] for section in road.lane_sections for lane in section.lanes
+    ),
+    "y junction": lambda seen: _of_kind(seen, "y"),
+    "car park": lambda seen: _classes(seen, "service") > 8 and _classes(seen, "secondary", "primary") > 0,
+    "country road": lambda seen: 0 < len(seen[1]) < 4 and not _classes(seen, "residential", "service"),
+}
+
+
+def seen_in_the_middle(network: RoadNetwork) -> Seen:
+    """The roads near the origin, those through junctions included."""
+    lines = [_line(network, road.id) for road in network.roads]
+    near = shapely.dwithin(np.array(lines, dtype=object), shapely.Point(0, 0), _NEAR_M)
+    return network, [road for road, is_near in zip(network.roads, near, strict=True) if is_near]
+
+
+def _line(network: RoadNetwork, road_id: str) -> shapely.LineString:
+    line = network.road_geometry(road_id).line
+    return shapely.LineString(line.sample(line.stations(5.0))[:, :2])
+
+
+def draw_kind(title: str, network: RoadNetwork, path: Path) -> None:
+    """The map as painted and by height, beside each other."""
+    figure = Figure(figsize=(14, 7.2), dpi=80, layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, heights in zip(figure.subplots(1, 2), (False, True), strict=True):
+        window = (-_WINDOW_M, -_WINDOW_M, _WINDOW_M, _WINDOW_M)
+        draw_network(axes, network, window_m=window, heights=heights)
+    figure.suptitle(title)
+    figure.savefig(path)
+
+
+def main() -> int:
+    """Draw the kinds, then the published maps."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--published", type=int, default=6, help="how many Virginia sites (default 6)")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    places: Places = cut(arguments.data, [*fars_sites(arguments.data), *random_sites(arguments.data, 200)])
+    wanted = dict(KINDS)
+    for key, (extract, frame) in places.items():
+        if not wanted:
+            break
+        seen = seen_in_the_middle(with_kinds(convert(extract, frame, RoadSettings()), extract))
+        kind = next((kind for kind, shows in wanted.items() if shows(seen)), None)
+        if kind is not None:
+            del wanted[kind]
+            draw_kind(f"{kind}: {key}", seen[0], arguments.out / f"{kind.replace(' ', '-')}.png")
+            print(f"{kind}: {key}")
+    for kind in wanted:
+        print(f"{kind}: none of the {len(places)} sites shows it")
+    sites = list(virginia(arguments.data).items())
+    for name, (extract, frame) in sites[:: max(1, len(sites) // arguments.published)][: arguments.published]:
+        published = arguments.data / "va-2023" / "published" / "maps" / f"{name}.xodr"
+        maps = [
+            ("published", read_opendrive(published.read_bytes(), name=published.name)),
+            ("trace-dag", convert(extract, frame, RoadSettings())),
+        ]
+        half = _PUBLISHED_WINDOW_M
+        (arguments.out / f"published-{name}.png").write_bytes(
+            draw_side_by_side(maps, window_m=(-half, -half, half, half))
+        )
+        print(f"published-{name}.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
