@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -167,13 +168,34 @@ def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
     show_default=True,
     help="A page with a time slider, an animated picture, or a video (the extra mp4).",
 )
+@click.option("--agent", metavar="NAME", help="With an agent at one of the wheels: a name, or module:Class.")
+@click.option(
+    "--ego",
+    type=click.Choice(["first", "second", "striking", "struck"]),
+    default="first",
+    show_default=True,
+    help="Whose place the agent takes.",
+)
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
 @click.pass_obj
-def replay(root: str, key: str, replay_format: Literal["html", "gif", "webp", "mp4"], output: Path | None) -> None:
+def replay(
+    root: str,
+    key: str,
+    replay_format: Literal["html", "gif", "webp", "mp4"],
+    agent: str | None,
+    ego: str,
+    output: Path | None,
+) -> None:
     """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
     from trace_dag.pipeline.comparisons import replay as made_of
+    from trace_dag.pipeline.evaluations import Role, replay_with
 
-    content = made_of(_home(root).pipeline(), key, replay_format)
+    pipeline = _home(root).pipeline()
+    if agent is None:
+        content = made_of(pipeline, key, replay_format)
+    else:
+        sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
+        content = replay_with(pipeline, key, agent, Role(ego), replay_format)
     target = output or Path(f"replay-{key}.{replay_format}")
     target.write_bytes(content)
     click.echo(f"{target}  {len(content) // 1024} kB")

@@ -11,11 +11,12 @@ import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
 from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.cases import Case
-from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
+from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate, run
 from trace_dag.evaluation.metrics import Outcome
 from trace_dag.evaluation.registry import label, make_agent, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
@@ -295,3 +296,26 @@ def all_rows(storage: Storage) -> list[Row]:
     """Every stored evaluation, of all agents."""
     names = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
     return [each for data in storage.read_many(names).values() for each in rows_from_parquet(data)]
+
+
+def replay_with(
+    pipeline: Pipeline, key: str, agent: str, role: Role, replay_format: Literal["html", "gif", "webp", "mp4"]
+) -> bytes:
+    """The replay of a verified crash with an agent in somebody's place, under the usual conditions.
+
+    Raises :class:`UserError` for a crash that is not verified and an agent that is not there or is faulty.
+    """
+    from trace_dag.scenario.animation import write_animation
+    from trace_dag.scenario.replay import write_html_player
+
+    (stored,) = verified_cases(pipeline, None, [key])
+    case = load_case(stored, pipeline.settings, pipeline.storage)
+    simulation = stages.backend(pipeline.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    try:
+        log = run(case, number_of(case, role), make_agent(resolve(agent)), Conditions(), simulation)
+    except AgentFault as fault:
+        raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
+    record = stages.record_of(stored.files(pipeline.settings, pipeline.storage))
+    if replay_format == "html":
+        return write_html_player(record, case.network, log)
+    return write_animation(record, case.network, log, image_format=replay_format)
