@@ -1,0 +1,42 @@
+"""What a benchmark says of itself: ratios, goals, and the page over versions."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from benchmarks.measuring import Figure, medians
+from benchmarks.results import append, page
+
+
+@pytest.mark.parametrize(
+    ("figure", "reached"),
+    [
+        (Figure("time", 0.5, "s", goal=1.0), True),
+        (Figure("time", 1.5, "s", goal=1.0), False),
+        (Figure("rate", 150.0, "1/min", goal=200.0, at_least=True), False),
+        (Figure("two", 180.0, "1/min", "one", 100.0, 1.7, at_least=True, goal_of_ratio=True), True),
+        (Figure("no goal", 1.0, "s"), None),
+    ],
+)
+def test_goals(figure, reached):
+    assert figure.reached is reached
+
+
+def test_work_and_its_peer_take_turns():
+    done, moments = [], iter(range(100))
+    both = medians(3, lambda: done.append("ours"), lambda: done.append("peer"), clock=lambda: float(next(moments)))
+    assert done == ["ours", "peer"] * 3
+    assert both == [1.0, 1.0]
+
+
+def test_figures_are_kept_and_the_page_shows_what_misses_its_goal(tmp_path):
+    file = tmp_path / "results.json"
+    append([Figure("slow", 2.0, "s", "a peer", 1.0, goal=1.0)], file)
+    kept = append([Figure("quick", 0.5, "s", goal=1.0)], file)
+    assert json.loads(file.read_text()) == kept
+    assert len(kept) == 1, "of one version on one machine"
+    text = page([{**kept[0], "version": "0.0"}, *kept])
+    assert "| slow | s | a peer | ≤ 1 | **2 (2)** | **2 (2)** |" in text
+    assert "| quick | s |  | ≤ 1 | 0.5 | 0.5 |" in text
