@@ -151,6 +151,22 @@ def test_a_free_vehicle_is_left_to_its_controller(crossing: SimulationLog, carla
     assert stop.find(".//CollisionCondition/EntityRef").get("entityRef") == "V2"
 
 
+def test_a_near_miss_is_a_scenario_too() -> None:
+    """Nothing to follow only up to, and no contact to end after."""
+    settings = SimSettings()
+    log = EmbeddedSimulation(settings, NetworkSurface(STREET), settings.friction).run(
+        (
+            participant(1, straight(-40.0, -1.75, 0.0, 15.0, until_s=4.0)),
+            participant(2, straight(40.0, 1.75, math.pi, 15.0, until_s=4.0)),
+        ),
+        time_limit_s=8.0,
+    )
+    assert log.first_contact is None
+    assert Scenario(write_openscenario(RECORD, STREET, log)).play(step_s=0.01) is None
+    free = Scenario(write_openscenario(RECORD, STREET, log, flavour=Flavour(free=1)))
+    assert free.vertices["V2"][-1, 0] == pytest.approx(log.duration_s)
+
+
 def test_a_vehicle_that_is_not_there_cannot_be_free(crossing: SimulationLog) -> None:
     with pytest.raises(ValueError, match="vehicle 3"):
         write_openscenario(RECORD, STREET, crossing, flavour=Flavour(free=3))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +31,7 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
 
     Exported again, only what has changed is written.
     """
+    from trace_dag.cli.evaluating import progress_of
     from trace_dag.pipeline.exporting import export as write
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
@@ -40,7 +39,7 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
 
     pipeline, folder = Home(root, FLOW).pipeline(), output or Path(layout)
     keys = verified_keys(pipeline, cohort, only)
-    with _progress(len(keys)) as told:
+    with progress_of("crashes", len(keys)) as told:
         written = write(pipeline, keys, folder, layout, told=told)
     click.echo(f"{folder}  {len(keys)} crashes, {written} files written")
 
@@ -63,6 +62,8 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
     version.
     """
+    from trace_dag.cli.evaluating import progress_of
+    from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.releasing import build_release
     from trace_dag.pipeline.stages import FLOW
@@ -70,8 +71,9 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
 
     home = Home(root, FLOW)
     pipeline = home.pipeline()
+    steps = len(pipeline.registry.keys()) + len(verified_keys(pipeline, cohort))
     build_warehouse(pipeline.storage, home.local_folder)
-    with _progress(None) as told:
+    with progress_of("crashes, then packages", steps) as told:
         made = build_release(pipeline, home.warehouse, version, output, cohort=cohort, archive=archive, told=told)
     state = f"{made.written} files written" if made.written else "up to date"
     click.echo(f"{made.folder}  {made.packages} packages, {state}")
@@ -81,20 +83,3 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     click.echo(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
         click.echo(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
-
-
-@contextmanager
-def _progress(total: int | None) -> Iterator[Callable[[str], None]]:
-    """A progress bar over crashes on the terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    ) as progress:
-        task = progress.add_task("crashes", total=total)
-        yield lambda key: progress.update(task, advance=1, description=key)

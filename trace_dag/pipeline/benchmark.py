@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -70,8 +70,14 @@ class _Crash:
     digest: str
 
 
-def build_benchmark(pipeline: Pipeline, warehouse: Path, executor: Executor | None = None) -> BenchmarkReport:
-    """Bring packages and site up to date with the warehouse."""
+def build_benchmark(
+    pipeline: Pipeline,
+    warehouse: Path,
+    executor: Executor | None = None,
+    *,
+    told: Callable[[str], None] = lambda _key: None,
+) -> BenchmarkReport:
+    """Bring packages and site up to date with the warehouse. ``told`` hears of each crash when it is."""
     storage = pipeline.storage
     table = query.rows(warehouse, "crashes")
     verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
@@ -81,6 +87,8 @@ def build_benchmark(pipeline: Pipeline, warehouse: Path, executor: Executor | No
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
     made_before = _digests(storage)
     stale = [crash for crash in crashes if made_before.get(crash.key) != crash.digest]
+    for key in {crash.key for crash in crashes} - {crash.key for crash in stale}:
+        told(key)
     errors: dict[str, str] = {}
     ours = executor or make_executor(pipeline.settings.execution)
     try:
@@ -90,6 +98,8 @@ def build_benchmark(pipeline: Pipeline, warehouse: Path, executor: Executor | No
                 errors.update({crash.key: lost.detail for crash in answer.task.crashes})
             else:
                 errors.update(lost)
+            for crash in answer.task.crashes:
+                told(crash.key)
     finally:
         if executor is None:
             ours.close()

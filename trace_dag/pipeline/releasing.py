@@ -19,7 +19,6 @@ from trace_dag.errors import Failure, UserError
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
 from trace_dag.pipeline.exporting import write_if_changed
-from trace_dag.pipeline.standing import FinalState
 from trace_dag.scenario.release import (
     CHECKSUMS,
     NAME,
@@ -75,17 +74,16 @@ def build_release(
 ) -> ReleaseReport:
     """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
-    Packages are brought up to date with the warehouse first. ``told`` hears of each package. Raises
-    :class:`UserError` for a version that is none, for a complete release of this version that has other content, and
-    where nothing is verified; :class:`Failure` where a package cannot be made.
+    Packages are brought up to date with the warehouse first. ``told`` hears of each crash that is, and then of each
+    package that is in place. Raises
+    :class:`UserError` for a version that is none and for a complete release of this version that has other content;
+    :class:`Failure` where a package cannot be made.
     """
     if not _VERSION.fullmatch(version):
         raise UserError(f"--version {version}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
     cohorts = [pipeline.registry.cohort(cohort).name] if cohort else sorted(pipeline.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
-    if not any(row["final_state"] == FinalState.VERIFIED for row in crashes):
-        raise UserError(f"no verified crash in {pipeline.storage.root}; trace-dag run makes them")
-    _bring_up_to_date(pipeline, warehouse)
+    _bring_up_to_date(pipeline, warehouse, told)
     names, values = query.query(warehouse, _PACKED)
     rows = [dict(zip(names, row, strict=True)) for row in values]
     rows = [row for row in rows if cohort is None or row["cohort"] == cohort]
@@ -112,8 +110,8 @@ def build_release(
     return ReleaseReport(folder, archived, len(rows), written)
 
 
-def _bring_up_to_date(pipeline: Pipeline, warehouse: Path) -> None:
-    errors = build_benchmark(pipeline, warehouse).errors
+def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, told: Callable[[str], None]) -> None:
+    errors = build_benchmark(pipeline, warehouse, told=told).errors
     if errors:
         named = ", ".join(list(errors)[:_ERRORS_NAMED])
         raise Failure(f"{len(errors)} packages or pages could not be made: {named}; trace-dag run shows why")
