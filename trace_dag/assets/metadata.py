@@ -58,6 +58,8 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
     metadata.update({name: value for name, value in record.figures.items() if value is not None})
     for file in record.artefacts:
         metadata[f"artefact .{file.name.partition('.')[2]}"] = MetadataValue.path(storage.path(file.name))
+    if event.stage in (Stage.SIMULATION_LOG, Stage.VERDICT):
+        metadata["replay"] = f"trace-dag --root {storage.root} replay {event.key}"
     metadata["computed"] = event.action is Action.COMPUTED
     metadata["duration_s"] = record.duration_s
     return metadata
