@@ -22,7 +22,7 @@ from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 
 NAME = "analytic"
-VERSION = "1"
+VERSION = "2"
 
 MAX_SOLVED = 24  # candidates whose contact is solved for, by prior
 PRIOR_REACH = 6.0  # log-likelihood below the best prior at which a candidate is not worth solving

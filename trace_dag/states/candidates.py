@@ -19,6 +19,7 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 
 NOT_REPORTED = -3.0
+DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,8 @@ def candidates(scene: Scene, encounter: Encounter) -> list[Candidate]:
 def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
     terms = dict(pair.terms)
     sides = ((encounter.mover, pair.mover), (encounter.other, pair.other))
-    for party, option in sides:
+    speeds = (pair.mover_speed.speed_mps, pair.other_speed.speed_mps)
+    for (party, option), speed_mps in zip(sides, speeds, strict=True):
         number = party.vehicle.number
         stream = option.stream
         for name, value in {
@@ -65,18 +67,26 @@ def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
             **evidence.road_terms(party.vehicle, stream),
             **evidence.lane_terms(party.vehicle, stream, party.turn),
             **evidence.speed_terms(party.vehicle, stream, party.turn),
+            **evidence.driveway_speed_terms(stream, speed_mps),
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value
     if not collided_with_each_other(scene.record):
         # The same for every candidate; it says that the record itself does not have them touch.
         terms["collision of the two not reported"] = NOT_REPORTED
-    if encounter.relation is Relation.CROSSING and scene.record.trafficway_2:
+    from_driveway = any(party.vehicle.trafficway_code == DRIVEWAY_WAY for party, _ in sides)
+    if encounter.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
         roads = [option.stream.road for _, option in sides]
         main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
         cross = [road is not None and evidence.is_cross(scene.network, scene.placement, road) for road in roads]
         if not ((main[0] and cross[1]) or (main[1] and cross[0])):
             terms["one vehicle on each street"] = -1.0
+    if encounter.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
+        one, two = (
+            evidence.Crossing(party.vehicle, option.stream, speed_mps)
+            for (party, option), speed_mps in zip(sides, speeds, strict=True)
+        )
+        terms |= evidence.crossing_terms(one, two)
     return Candidate(
         encounter,
         pair.mover,

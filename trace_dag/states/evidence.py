@@ -8,6 +8,7 @@ terms are kept with each so that a reader sees what spoke for it.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import Road, RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.states.crash_types import Turn
+from trace_dag.states.speeds import STOP_CONTROLS, class_speed_mps
 from trace_dag.states.streams import Stream
 from trace_dag.units import mps_to_mph
 
@@ -27,6 +29,10 @@ PLACE_SIGMA_M = 2.5
 LIMIT_SIGMA_MPH = 10.0
 TRAVEL_SIGMA_MPH = 20.0
 CURVE_RAD = math.radians(6)
+TURN_LANE_WAY = 5  # VTRAFWAY: two-way, not divided, with a continuous left-turn lane
+DRIVEWAY_MPH = 15.0
+FASTER_MPS = 5.0
+_UNTAGGED_WIDTH = 1.5  # how much wider the limits of a class of road lie than those of one road
 
 Terms = dict[str, float]
 
@@ -71,12 +77,15 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
     terms: Terms = {}
     road = stream.road
     if road is not None:
-        if vehicle.speed_limit_mps and road.speed_mps:
-            apart = mps_to_mph(vehicle.speed_limit_mps - road.speed_mps) / LIMIT_SIGMA_MPH
+        if vehicle.speed_limit_mps:
+            usual_mps, sigma_mph = _usual_speed(road, LIMIT_SIGMA_MPH)
+            apart = mps_to_mph(vehicle.speed_limit_mps - usual_mps) / sigma_mph
             terms["speed limit"] = -min(0.5 * apart**2, 1.0)
         divided = vehicle.trafficway_code in (2, 3, 4, 6, 7)
         if vehicle.trafficway_code in (1, 2, 3, 4, 5, 6, 7) and divided != stream.one_way:
             terms["division of the road"] = -0.5
+        if vehicle.trafficway_code == TURN_LANE_WAY and not stream.centre_lane_beside:
+            terms["no centre turn lane"] = -0.5
         if vehicle.lanes:
             counted = stream.lanes_along if divided or stream.one_way else stream.lanes_total
             terms["lanes"] = -0.3 * min(abs(counted - vehicle.lanes), 3) * (1.0 if road.lanes_from_tags else 0.5)
@@ -128,12 +137,60 @@ _ARROWS = frozenset(
 def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
     """Whether one drives that fast there: the reported speed against the road's limit, for through traffic."""
     road = stream.road
-    if vehicle.travel_speed_mps is None or road is None or not road.speed_mps or turn is not None:
+    if vehicle.travel_speed_mps is None or road is None or turn is not None:
         return {}
     if vehicle.movement is not Movement.GOING_STRAIGHT and vehicle.movement is not Movement.NEGOTIATING_CURVE:
         return {}
-    apart = mps_to_mph(vehicle.travel_speed_mps - road.speed_mps) / TRAVEL_SIGMA_MPH
+    usual_mps, sigma_mph = _usual_speed(road, TRAVEL_SIGMA_MPH)
+    apart = mps_to_mph(vehicle.travel_speed_mps - usual_mps) / sigma_mph
     return {"speed for this road": -min(0.5 * apart**2, 1.5)}
+
+
+def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
+    """The road's limit and how far from it one is; where the map does not say it, its class's speed, less surely."""
+    if road.speed_mps:
+        return road.speed_mps, sigma_mph
+    return class_speed_mps(road), _UNTAGGED_WIDTH * sigma_mph
+
+
+def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
+    """Nobody comes out of a driveway as fast as along a road, whether that speed is reported or inferred."""
+    if not stream.off_map or stream.lanes:
+        return {}
+    faster_mph = max(mps_to_mph(speed_mps) - DRIVEWAY_MPH, 0.0)
+    return {"fast for a driveway": -min(0.5 * (faster_mph / LIMIT_SIGMA_MPH) ** 2, 3.0)} if faster_mph else {}
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One of two vehicles whose paths cross: what is reported of it, where it came from and how fast it was."""
+
+    vehicle: VehicleRecord
+    stream: Stream
+    speed_mps: float
+
+
+def crossing_terms(one: Crossing, two: Crossing) -> Terms:
+    """Of two that cross straight, the one on the lesser road stops for the other, or slows down."""
+    greater, lesser = sorted((one, two), key=lambda each: _rank(each.stream.road))
+    if _rank(greater.stream.road) == _rank(lesser.stream.road):
+        return {}
+    terms: Terms = {}
+    if lesser.speed_mps > greater.speed_mps + FASTER_MPS:
+        terms["faster on the lesser road"] = -1.0
+    stops_greater, stops_lesser = (each.vehicle.traffic_control_code in STOP_CONTROLS for each in (greater, lesser))
+    if stops_greater and not stops_lesser:
+        terms["stop sign on the greater road alone"] = -1.0
+    return terms
+
+
+def _rank(road: Road | None) -> int:
+    """The class of a road, the most important first."""
+    highway = road.highway.removesuffix("_link") if road is not None else "service"
+    return _CLASSES.index(highway) if highway in _CLASSES else len(_CLASSES) - 1
+
+
+_CLASSES = ("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "service")
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:

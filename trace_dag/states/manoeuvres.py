@@ -209,7 +209,8 @@ def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Tu
     costs = {}
     if start is None:
         start = stream.station_m - shape.displacement_m()[0]
-        costs["no lanes for the turn"] = -1.0
+        if stream.lanes:  # a driveway has none
+            costs["no lanes for the turn"] = -1.0
     options = []
     for earlier in (0.0,) if slides else (0.0, 4.0, -4.0, 8.0):
         extra = {"turn begins early or late": -0.5 * (earlier / 4.0) ** 2} if earlier else {}

@@ -24,6 +24,7 @@ from trace_dag.units import wrap_angle
 CROSSING_RAD = (math.radians(15), math.radians(165))
 CROSSING_SIGMA_RAD = math.radians(40)
 DRIVEWAY_RELATIONS = frozenset({4, 8})  # RELJCT2: driveway access, driveway access related
+AROUND_DRIVEWAY_M = (0.0, 4.0, -4.0)
 NO_DRIVEWAYS = frozenset({"motorway", "motorway_link", "trunk_link"})
 
 
@@ -38,11 +39,13 @@ def crossing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
     for main in scene.on_road(scene.through)[:4]:
         if main.road is not None and main.road.highway in NO_DRIVEWAYS:
             continue
-        side_streams = scene.finder.driveways(main)
-        yield from _crossing_on(scene, encounter, side_streams, (main,), {})
+        mover_turns = encounter.mover.turn is not None
+        # One that turns out of a driveway is not struck straight ahead of it.
+        along_m = AROUND_DRIVEWAY_M if mover_turns else (0.0,)
+        yield from _crossing_on(scene, encounter, scene.finder.driveways(main, along_m), (main,), {})
         # Where one turns into the other's path, the turning one comes from the side.
-        terms = {"straight on out of a driveway": -2.0} if encounter.mover.turn is not None else {}
-        yield from _crossing_on(scene, encounter, (main,), side_streams, terms)
+        terms = {"straight on out of a driveway": -2.0} if mover_turns else {}
+        yield from _crossing_on(scene, encounter, (main,), scene.finder.driveways(main), terms)
 
 
 def _crossing_on(
@@ -108,7 +111,8 @@ def _backward(scene: Scene, roads: list[Stream]) -> list[tuple[Stream, dict[str,
             found.append((replace(stream, extended=False), {}))
         else:
             back = replace(scene.finder.against(stream), wrong_way=False)
-            found.append((back, {"backing along a through road": -0.7}))
+            out_of_driveway = back.road is not None and back.road.highway == "service"
+            found.append((back, {} if out_of_driveway else {"backing along a through road": -0.7}))
     terms = {"backing out of a driveway": 0.0 if driveway else -1.0}
     for stream in roads[:2]:
         if stream.road is not None and stream.road.highway in NO_DRIVEWAYS:

@@ -50,7 +50,7 @@ _CLASS_SPEED_MPS = {
     "service": mph_to_mps(10),
 }
 _ANY_ROAD_MPS = mph_to_mps(35)
-_STOP_CONTROLS = frozenset({20})
+STOP_CONTROLS = frozenset({20})  # VTRAFCON: a stop sign
 
 _STOPPED = frozenset({Movement.STOPPED, Movement.PARKED_IN_LANE})
 _STARTING = frozenset({Movement.STARTING, Movement.ACCELERATING, Movement.LEAVING_PARKING})
@@ -80,14 +80,18 @@ def travel_speed(
         return TravelSpeed(_PARKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
     if turn is not None:
         return TravelSpeed(_TURN_SPEED_MPS[turn], SpeedSource.INFERRED_MANOEUVRE)
-    if crossing and vehicle.traffic_control_code in _STOP_CONTROLS:
+    if crossing and vehicle.traffic_control_code in STOP_CONTROLS:
         return TravelSpeed(_FROM_STOP_SIGN_MPS, SpeedSource.INFERRED_MANOEUVRE)
     extra = _SPEEDING_MPS if vehicle.speeding else 0.0
     limit = vehicle.speed_limit_mps or (road.speed_mps if road is not None else None)
     if limit:
         return TravelSpeed(limit + extra, SpeedSource.INFERRED_LIMIT)
-    speed = _CLASS_SPEED_MPS.get(road.highway, _ANY_ROAD_MPS) if road is not None else _ANY_ROAD_MPS
-    return TravelSpeed(speed + extra, SpeedSource.INFERRED_CLASS)
+    return TravelSpeed(class_speed_mps(road) + extra, SpeedSource.INFERRED_CLASS)
+
+
+def class_speed_mps(road: Road | None) -> float:
+    """What is driven on a road of its class, where neither map nor report say a limit."""
+    return _CLASS_SPEED_MPS.get(road.highway, _ANY_ROAD_MPS) if road is not None else _ANY_ROAD_MPS
 
 
 def brakes(vehicle: VehicleRecord) -> bool:

@@ -8,7 +8,10 @@ the map has no road for a vehicle that must have come from the side, a driveway 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -69,16 +72,22 @@ class StreamFinder:
                     covered.update(ref for ref in stream.lanes if self._road(ref).junction_id is None)
         return tuple(sorted(found.values(), key=lambda stream: (round(abs(stream.offset_m), 3), stream.name)))
 
-    def driveways(self, main: Stream) -> tuple[Stream, ...]:
-        """Streams at right angles to ``main`` at the crash, from its right and its left, where the map has no road."""
+    def driveways(self, main: Stream, along_m: Sequence[float] = (0.0,)) -> tuple[Stream, ...]:
+        """Streams at right angles to ``main``, from its right and its left, where the map has no road.
+
+        They pass the crash, or, for each of ``along_m``, a point so far along ``main`` from it.
+        """
         across = main.path.pose(main.station_m).heading_rad
         result = []
-        for side, turn in ((Side.RIGHT, math.pi / 2), (Side.LEFT, -math.pi / 2)):
-            pose = Pose(self.x_m, self.y_m, wrap_angle(across + turn), self.z_m)
-            path = straight(pose, back_m=self.back_m, ahead_m=EXTENSION_M)
+        for off_m, (side, turn) in product(along_m, ((Side.RIGHT, math.pi / 2), (Side.LEFT, -math.pi / 2))):
+            x_m, y_m = self.x_m + off_m * math.cos(across), self.y_m + off_m * math.sin(across)
+            path = straight(
+                Pose(x_m, y_m, wrap_angle(across + turn), self.z_m), back_m=self.back_m, ahead_m=EXTENSION_M
+            )
+            where = f" {abs(off_m):g} m {'on' if off_m > 0 else 'back'}" if off_m else ""
             result.append(
                 Stream(
-                    name=f"driveway from the {side} of {main.name}",
+                    name=f"driveway{where} from the {side} of {main.name}",
                     lanes=(),
                     path=path,
                     station_m=self.back_m,
@@ -91,7 +100,7 @@ class StreamFinder:
         return tuple(result)
 
     def against(self, stream: Stream) -> Stream:
-        """The same line driven the wrong way, with enough road behind."""
+        """The same line driven the wrong way, with enough road behind: from the road beyond the crash."""
         chain = self._chain(stream.lanes[0], upstream_m=self.ahead_m, downstream_m=self.back_m, keep=stream.lanes)
         path = through_points(chain.points, sigma_m=SMOOTHING_M).reversed()
         path = extended(path, back_m=EXTENSION_M, ahead_m=EXTENSION_M)
@@ -106,6 +115,7 @@ class StreamFinder:
             exit_pose=None,
             wrong_way=True,
             mapped_from_m=EXTENSION_M,
+            **self._position(stream.beyond or stream.lanes[0]),
         )
 
     # --- finding lanes -----------------------------------------------------------------------------------------
@@ -232,26 +242,33 @@ class StreamFinder:
         at = max((i for i in outside if i <= index), default=min(outside, default=index))
         following = [chain.lanes[i] for i in outside if i > index][:1] or [chain.lanes[at]]
         here = chain.lanes[at]
-        drivable = [
-            lane for lane in self._road(here).lane_sections[here.section].lanes if lane.id != 0 and lane.type.drivable
-        ]
-        direction = self.network.direction(here)
-        along = [lane.id for lane in drivable if self.network.direction(here._replace(lane_id=lane.id)) == direction]
         return Stream(
             name=f"{here.road_id}:{here.lane_id}>{following[0].road_id}:{following[0].lane_id}",
             lanes=chain.lanes,
             path=path,
             station_m=station,
             offset_m=offset,
-            road=self._road(here),
             mapped_from_m=back_m,
-            lane_from_left=sorted(along, key=abs).index(here.lane_id),  # ids grow in size away from the centre
-            lanes_along=len(along),
-            lanes_total=len(drivable),
-            centre_lane_beside=any(lane.type is LaneType.BIDIRECTIONAL for lane in drivable),
-            lane_turns=self.network.lane(here).turns,
-            width_m=self.network.width_m(here, sum(self.network.lane_span(here)) / 2),
+            beyond=following[0],
+            **self._position(here),
         )
+
+    def _position(self, here: LaneRef) -> dict[str, Any]:
+        """Where a lane lies among those of its road, as the fields of a stream that comes along it."""
+        drivable = [
+            lane for lane in self._road(here).lane_sections[here.section].lanes if lane.id != 0 and lane.type.drivable
+        ]
+        direction = self.network.direction(here)
+        along = [lane.id for lane in drivable if self.network.direction(here._replace(lane_id=lane.id)) == direction]
+        return {
+            "road": self._road(here),
+            "lane_from_left": sorted(along, key=abs).index(here.lane_id),  # ids grow in size away from the centre
+            "lanes_along": len(along),
+            "lanes_total": len(drivable),
+            "centre_lane_beside": any(lane.type is LaneType.BIDIRECTIONAL for lane in drivable),
+            "lane_turns": self.network.lane(here).turns,
+            "width_m": self.network.width_m(here, sum(self.network.lane_span(here)) / 2),
+        }
 
     # --- following lanes ---------------------------------------------------------------------------------------
     def _chain(

@@ -31,7 +31,8 @@ class Stream:
     lane's traffic. ``off_map``: no lane there (a driveway, or straight on where the road ends).
     ``share_of_ring``: how far around a roundabout it has come at the crash.
     ``centre_lane``: the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight.
-    ``lane_from_left`` and ``lanes_along`` place the lane among those of its direction; ``lanes_total`` counts both.
+    ``beyond`` is the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane
+    among those of its direction; ``lanes_total`` counts both.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Stream:
     lanes_total: int = 2
     lane_turns: tuple[str, ...] = ()
     width_m: float = 3.5
+    beyond: LaneRef | None = None
     _fitted: dict[float, Stream] = field(default_factory=dict, init=False, repr=False)
 
     def fitted(self, speed_mps: float) -> Stream:
