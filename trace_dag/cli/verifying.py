@@ -13,8 +13,6 @@ import click
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
-    from dagster import DagsterInstance
-
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.verify import Disagreement, Progress, StorageReport
 
@@ -60,9 +58,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     sys.exit(1 if found else 0)
 
 
-def _look(
-    storage: Any, home: Home, instance: DagsterInstance, contents: bool = False
-) -> tuple[StorageReport, list[Disagreement]]:
+def _look(storage: Any, home: Home, instance: Any, contents: bool = False) -> tuple[StorageReport, list[Disagreement]]:
     from trace_dag.assets.verify import verify_dagster
     from trace_dag.pipeline.verify import verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
