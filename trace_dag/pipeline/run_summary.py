@@ -1,6 +1,6 @@
 """What a run did, counted from its events as they come: throughput, slowest crashes, retries, cost.
 
-Over what stands in storage, whichever runs it came from, the warehouse's ``run_summary`` and ``stage_durations`` say
+Over what stands in storage, whichever runs it came from, the warehouse's ``run_summary`` and ``stage_outcomes`` say
 the same in SQL.
 """
 
