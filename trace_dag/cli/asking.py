@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import click
 
+from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_standings, print_table, write_csv, write_json
 
 _FAILED_SHOWN = 20
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag status",
+        "trace-dag status --cohort virginia --json",
+    )
+)
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash included, as JSON.")
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.pass_obj
@@ -63,7 +69,12 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
         click.echo("trace-dag rerun --failed runs them again.")
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        'trace-dag sql "SELECT * FROM funnel"',
+        'trace-dag sql "SELECT key, accepted FROM verdicts" --format csv',
+    )
+)
 @click.argument("query")
 @click.option(
     "--format",
@@ -75,7 +86,7 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
 )
 @click.pass_obj
 def sql(root: str, query: str, output: str) -> None:
-    """Ask the warehouse in SQL (DuckDB), read-only: trace-dag sql "SELECT * FROM funnel".
+    """Ask the warehouse in SQL (DuckDB), read-only.
 
     SHOW TABLES lists what there is; DESCRIBE and duckdb_columns() tell what the columns mean.
     """

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
@@ -16,12 +16,21 @@ if TYPE_CHECKING:
 _KEYS_SHOWN = 20
 
 
-@click.group()
+@click.group(
+    epilog=examples(
+        "trace-dag cohort list",
+    )
+)
 def cohort() -> None:
     """List, show and remove cohorts; ingest makes and extends them."""
 
 
-@cohort.command("list")
+@cohort.command(
+    "list",
+    epilog=examples(
+        "trace-dag cohort list",
+    ),
+)
 @click.option("--json", "as_json", is_flag=True, help="As JSON.")
 @click.pass_obj
 def list_cohorts(root: str, as_json: bool) -> None:
@@ -49,7 +58,12 @@ def list_cohorts(root: str, as_json: bool) -> None:
     )
 
 
-@cohort.command("show")
+@cohort.command(
+    "show",
+    epilog=examples(
+        "trace-dag cohort show virginia",
+    ),
+)
 @click.argument("name")
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
 @click.pass_obj
@@ -82,7 +96,14 @@ def show(root: str, name: str, as_json: bool) -> None:
     click.echo(f"  {', '.join(keys[:_KEYS_SHOWN])}{more}")
 
 
-@cohort.command("remove", cls=ManyValuesCommand)
+@cohort.command(
+    "remove",
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag cohort remove virginia",
+        "trace-dag cohort remove virginia --only 2023-510179 --artefacts",
+    ),
+)
 @click.argument("name")
 @click.option("--only", multiple=True, metavar="KEY", help="Take away only these of its crashes.")
 @click.option("--artefacts", is_flag=True, help="Delete what was made of the crashes, too.")

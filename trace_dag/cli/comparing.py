@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import execution_overrides, executor_options
+from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
@@ -17,7 +17,11 @@ if TYPE_CHECKING:
     from trace_dag.states.compare import EstimatorSummary
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag compare --estimators analytic,llm --cohort virginia",
+    )
+)
 @click.option(
     "--estimators",
     default="analytic,llm",

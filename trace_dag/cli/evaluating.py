@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
@@ -21,7 +21,13 @@ _DIMENSIONS = ("collision_type", "road_topology", "vehicle_trajectory")
 _FAULTS_SHOWN = 5
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag evaluate --agent my_module:MyAgent --ego striking",
+        "trace-dag evaluate --variations --by road_topology",
+    ),
+)
 @click.option(
     "--agent", "agents", multiple=True, metavar="NAME", help="A name, or module:Class; default the baselines."
 )

@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.options import ManyValuesCommand, examples
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.exporting import Layout
     from trace_dag.scenario.release import ArchiveFormat
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag export --output packages/",
+        "trace-dag export --layout published --only 2023-510179",
+    ),
+)
 @click.option(
     "--layout",
     type=click.Choice(["packages", "published"]),
@@ -44,7 +50,12 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
     click.echo(f"{folder}  {len(keys)} crashes, {written} files written")
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag release --version 1.0",
+        "trace-dag release --version 1.1 --cohort virginia --archive zip",
+    )
+)
 @click.option("--version", required=True, help="Version of the release, such as 1.0.")
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.choosing import choice_of, choice_options
-from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
@@ -20,7 +20,13 @@ _NAMED = 10
 _MAP_SERVICES: dict[str, MapServiceName] = {"overpass": "overpass", "osm-api": "osm-api"}
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag ingest --reports reports/ --maps virginia.osm.pbf --cohort virginia",
+        "trace-dag ingest --fars-csv FARS2023NationalCSV.zip --maps overpass --states VA --sample 100",
+    ),
+)
 @click.option("--reports", multiple=True, metavar="PATH", help="Folders or files of CrashAPI XML reports.")
 @click.option("--fars-csv", multiple=True, metavar="PATH", help="FARS national CSV files: folders or zips.")
 @click.option(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
+from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
@@ -67,7 +68,12 @@ def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> di
     return found
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag controls",
+        "trace-dag controls --rules strict --json",
+    )
+)
 @click.option("--cohort", help="Only this cohort; else each by itself.")
 @rules_option
 @click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
@@ -114,7 +120,11 @@ def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, .
     return lines
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag peer published/ --cohort virginia",
+    )
+)
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--cohort", help="The cohort that holds the same cases; else each by itself.")
 @rules_option
@@ -158,7 +168,12 @@ def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
     }
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag replay 2023-510179",
+        "trace-dag replay 2023-510179 --agent idm --ego struck --format webp",
+    )
+)
 @click.argument("key")
 @click.option(
     "--format",

@@ -15,6 +15,7 @@ from trace_dag.cli.evaluating import evaluate
 from trace_dag.cli.exporting import export, release
 from trace_dag.cli.ingesting import ingest
 from trace_dag.cli.judging import controls, peer, replay
+from trace_dag.cli.options import examples
 from trace_dag.cli.running import rerun, run
 from trace_dag.cli.sample import demo, score_truth
 from trace_dag.cli.serving import ui
@@ -27,7 +28,10 @@ EXIT_FAILED = 1
 EXIT_USAGE = 2
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog=examples("trace-dag demo", "trace-dag --root virginia status"),
+)
 @click.version_option(__version__, prog_name="trace-dag")
 @click.option(
     "--root",

@@ -12,6 +12,12 @@ from trace_dag.errors import Stage
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+def examples(*lines: str) -> str:
+    """Command lines to end a command's help with, as its ``epilog``."""
+    # After \b click keeps the lines as they are.
+    return "\n".join(("\b", "Examples:" if len(lines) > 1 else "Example:", *(f"  {line}" for line in lines)))
+
+
 class ManyValuesCommand(click.Command):
     """A command whose repeatable options also take several values at once: ``--maps A B`` is ``--maps A --maps B``.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, execution_overrides, executor_options, stage_option
+from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, stage_option
 from trace_dag.errors import Reason, Stage, UserError
 
 if TYPE_CHECKING:
@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 _FAILURES_SHOWN = 20
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag run",
+        "trace-dag run --only 2023-510179 --from road_map",
+    ),
+)
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")
 @stage_option("--from", "first", help="Compute this stage and all after it again, changed or not.")
@@ -48,7 +54,13 @@ def run(
     sys.exit(carry_out(root, settings, lambda pipeline: select_stale(pipeline, cohort, only, first)))
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag rerun --failed",
+        "trace-dag rerun --rejected crash_off_road --cohort virginia",
+    ),
+)
 @click.option("--failed", is_flag=True, help="The crashes that failed, from the stage that broke.")
 @click.option("--rejected", type=click.Choice([reason.value for reason in Reason]), help="Those rejected for a reason.")
 @stage_option("--from", "first", help="Every crash that got there, from this stage on.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from trace_dag.cli.options import execution_overrides, executor_options
+from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.errors import Stage, UserError
 
@@ -26,7 +26,11 @@ def sample_folder() -> Path:
     raise UserError("the bundled sample is not installed; expected it in trace_dag/sample_data/sample")
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag --root demo demo",
+    )
+)
 @executor_options
 @click.pass_context
 def demo(context: click.Context, executor: str | None, workers: int | None) -> None:
@@ -59,7 +63,12 @@ def demo(context: click.Context, executor: str | None, workers: int | None) -> N
     sys.exit(code)
 
 
-@click.command("score-truth")
+@click.command(
+    "score-truth",
+    epilog=examples(
+        "trace-dag --root demo score-truth",
+    ),
+)
 @click.option("--json", "as_json", is_flag=True, help="Every vehicle of every crash, as JSON.")
 @click.pass_obj
 def score_truth(root: str, as_json: bool) -> None:

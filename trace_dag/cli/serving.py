@@ -8,10 +8,16 @@ import sys
 
 import click
 
+from trace_dag.cli.options import examples
 from trace_dag.errors import UserError
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag ui",
+        "trace-dag --root virginia ui --port 3001",
+    )
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", default=3000, show_default=True, help="Port to listen on.")
 @click.pass_obj

@@ -7,13 +7,19 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand
+from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table
 
 _ERRORS_SHOWN = 5
 
 
-@click.command(cls=ManyValuesCommand)
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag vary --count 20",
+        "trace-dag vary --only 2023-510179 --speed 0.1 --collisions-only --output families/",
+    ),
+)
 @click.option("--count", type=click.IntRange(1, 999), default=10, show_default=True, help="Variations of each crash.")
 @click.option("--seed", default=1, show_default=True, help="The same crash, seed and bounds give the same variations.")
 @click.option("--cohort", help="Only crashes of this cohort.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 _SHOWN = 50
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "trace-dag verify",
+        "trace-dag verify --contents --repair",
+    )
+)
 @click.option("--repair", is_flag=True, help="Mend what can be, then look again.")
 @click.option("--contents", is_flag=True, help="Read every artefact and compare its SHA-256, not only its size.")
 @click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")

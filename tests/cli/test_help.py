@@ -1,0 +1,76 @@
+"""Every command tells what it does, what each option means, and shows command lines that it would take."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import click
+import pytest
+from click.testing import CliRunner
+from sample_runs import trace_dag
+
+from trace_dag.cli.main import cli
+
+EXAMPLE = re.compile(r"^ +trace-dag (.+)$", re.MULTILINE)
+
+
+def commands(group: click.Group = cli, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    for name, command in group.commands.items():
+        yield (*path, name), command
+        if isinstance(command, click.Group):
+            yield from commands(command, (*path, name))
+
+
+COMMANDS = {" ".join(path): command for path, command in commands()}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_says_what_the_command_does_and_what_each_option_means(name):
+    command = COMMANDS[name]
+    assert command.help
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_ends_with_examples_the_command_would_take(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "published").mkdir()  # a folder that has to be there for an example to be taken
+    done = CliRunner().invoke(cli, [*name.split(), "--help"])
+    assert done.exit_code == 0, done.output
+    examples = EXAMPLE.findall(done.output.partition("\n  Example")[2])
+    assert examples
+    for example in examples:
+        assert taken_by(shlex.split(example)) is COMMANDS[name] or isinstance(COMMANDS[name], click.Group), example
+
+
+def taken_by(words: list[str]) -> click.Command:
+    """The command that takes these words, its options and arguments checked. Raises click's UsageError."""
+    context = click.Context(cli, info_name="trace-dag")
+    cli.parse_args(context, words)
+    command: click.Command = cli
+    rest = [*context._protected_args, *context.args]
+    while isinstance(command, click.Group):
+        _, found, rest = command.resolve_command(context, rest)
+        assert found is not None
+        command = found
+    command.make_context(command.name, rest, parent=context)
+    return command
+
+
+def test_help_touches_no_root(tmp_path):
+    done = trace_dag(tmp_path / "root", "run", "--help")
+    assert done.returncode == 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_is_quick():
+    began = time.monotonic()
+    subprocess.run([sys.executable, "-m", "trace_dag.cli", "--help"], check=True, capture_output=True)
+    assert time.monotonic() - began < 1.0
