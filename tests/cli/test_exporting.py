@@ -67,9 +67,13 @@ def test_a_package_explains_itself(packages: dict[str, Path]) -> None:
         for name in EVERY_PACKAGE - {"README.md"}:
             assert f"`{name}`" in readme, name
         licences = (folder / "LICENSES.md").read_text()
-        assert "© OpenStreetMap contributors" in licences
-        assert "ODbL" in licences
-        assert "attribution=" in (folder / "map.osm").read_text()[:400]
+        assert 'attribution="fictional, CC0"' in (folder / "map.osm").read_text()[:400]
+        assert "fictional, CC0" in licences
+        for name in ("README.md", "LICENSES.md"):
+            assert "such crash has happened" in (folder / name).read_text()
+            assert "OpenStreetMap" not in (folder / name).read_text()
+        stated = json.loads((folder / "manifest.json").read_bytes())["files"]
+        assert {each["licence"] for each in stated.values()} == {"CC0-1.0"}
 
 
 def test_a_package_says_nothing_of_the_machine(packages: dict[str, Path], root: Path) -> None:

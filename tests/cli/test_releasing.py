@@ -82,6 +82,16 @@ def test_the_datasheet_counts_what_is_there(root: Path, released: Path, verified
     assert sum(map(int, reasons)) == counts["rejected"]
 
 
+def test_a_release_of_fictional_crashes_claims_no_real_ones(released: Path) -> None:
+    for name in ("README.md", "DATASHEET.md", "CITATION.cff", "LICENSES.md"):
+        text = (released / name).read_text()
+        assert "fictional" in text, name
+        assert "OpenStreetMap" not in text, name
+    assert {row["map_attribution"] for row in pq.read_table(released / "index.parquet").to_pylist()} == {
+        "fictional, CC0"
+    }
+
+
 def test_releases_are_the_same_byte_for_byte(root: Path, released: Path, tmp_path: Path) -> None:
     done = trace_dag(
         *(root, "release", "--version", "1.0", "--output", str(tmp_path), "--archive", "tar"), PYTHONHASHSEED="11"

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import math
 import random
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import osmium
 import pytest
@@ -15,6 +19,7 @@ from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.settings import OsmSettings
 
 SITE = Site("2023-1", *ORIGIN)
@@ -51,6 +56,20 @@ def convert(source: Path, target: Path) -> Path:
         for element in osmium.FileProcessor(str(source)):
             writer.add(element)
     return target
+
+
+@pytest.mark.parametrize(("suffix", "opener"), [(".osm", open), (".osm.gz", gzip.open), (".osm.bz2", bz2.open)])
+def test_what_a_file_says_of_its_rights_is_kept(tmp_path: Path, suffix: str, opener: Callable[..., Any]) -> None:
+    said = document(*CROSSROADS).replace(b"<osm ", b'<osm copyright="Town of Merrow" license="CC BY 4.0" ')
+    with opener(tmp_path / f"town{suffix}", "wb") as stream:
+        stream.write(said)
+    cut = found(extract(tmp_path / f"town{suffix}"))
+    assert cut.attribution == "Town of Merrow, CC BY 4.0"
+    assert read_osm(write_osm(cut), name="stored").attribution == cut.attribution
+
+
+def test_a_file_that_says_nothing_of_its_rights_is_openstreetmap(tmp_path: Path) -> None:
+    assert "OpenStreetMap" in found(extract(save(tmp_path / "town.osm", *CROSSROADS))).attribution
 
 
 @pytest.mark.parametrize("suffix", [".osm", ".osm.gz", ".osm.bz2", ".osm.pbf"])

@@ -11,10 +11,12 @@ import pytest
 import sample_runs
 
 from tests.browser import CHROMIUM, Page
+from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.scenario.site import CrashPage, static_files, write_crash_page, write_index
 from trace_dag.warehouse.query import rows
 
 EVIL = """</script><script>alert("1")</script>'&"""
+RIGHTS = Rights.of([f"{OSM_ATTRIBUTION} {EVIL}"])
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
 
@@ -43,7 +45,7 @@ def index(crashes: list[dict[str, Any]]) -> bytes:
     funnel = [{"step": "registered", "crashes": len(crashes), "published": 100}]
     coverage = [{"dimension": "collision_type", "class": "angle", "registered": 4, "verified": 0, "published": 19}]
     reasons = [{"stage": "road_map", "reason": EVIL, "published_category": "not in the paper", "crashes": 1}]
-    return write_index(crashes, funnel, coverage, reasons)
+    return write_index(crashes, funnel, coverage, reasons, RIGHTS)
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +56,20 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     crashes[0] |= {"place": EVIL, "cohort": EVIL}
     (folder / "index.html").write_bytes(index(crashes))
     (folder / "crashes").mkdir()
-    (folder / f"crashes/{crashes[0]['key']}.html").write_bytes(write_crash_page(CrashPage(crashes[0], ())))
+    (folder / f"crashes/{crashes[0]['key']}.html").write_bytes(write_crash_page(CrashPage(crashes[0], (), RIGHTS)))
     for name, data in static_files().items():
         (folder / name).write_bytes(data)
     return folder
+
+
+def test_pages_say_whether_their_crashes_have_happened():
+    fictional = Rights.of(["fictional, CC0"])
+    for rights, is_fiction in ((RIGHTS, False), (fictional, True), (Rights.of([*RIGHTS.attributions, "CC0"]), False)):
+        pages = (write_crash_page(CrashPage(crash(0), (), rights)), write_index([crash(0)], [], [], [], rights))
+        for page in map(bytes.decode, pages):
+            assert ("happened" in page) is is_fiction
+            assert ("NHTSA" in page) is not is_fiction
+            assert ("OpenStreetMap" in page) is not is_fiction
 
 
 def test_two_thousand_crashes_stay_a_small_page(site):

@@ -141,6 +141,7 @@ def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExt
         relations=roads.relations,
         source=file.path.name,
         data_timestamp=file.header.timestamp,
+        attribution=file.header.attribution,
     )
 
 

@@ -11,10 +11,13 @@ Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing t
 
 from __future__ import annotations
 
+import bz2
 import gc
+import gzip
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,11 +26,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import shapely
+from lxml import etree
 
 from trace_dag.errors import UserError
 from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.rights import OSM_ATTRIBUTION, read_attribution
 from trace_dag.osm.types import BoundingBox, OsmRelation
 
 # Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
@@ -35,6 +40,8 @@ from trace_dag.osm.types import BoundingBox, OsmRelation
 _NODE_KEYS: Final = ("highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele")
 _WKB_HEADER_BYTES: Final = 9  # byte order, geometry type, number of points
 _WKB_POINT_BYTES: Final = 16
+# libosmium tells formats by the same endings.
+_XML_OPENERS: Final[Mapping[str, Callable[..., Any]]] = {".osm": open, ".osm.gz": gzip.open, ".osm.bz2": bz2.open}
 _BATCH: Final = 50_000  # ways whose geometry is held at a time
 
 _IntArray = npt.NDArray[np.int64]
@@ -73,6 +80,7 @@ class FileHeader:
     box: BoundingBox | None
     timestamp: str
     sorted_by_type: bool
+    attribution: str = OSM_ATTRIBUTION
 
 
 def read_header(path: Path) -> FileHeader:
@@ -89,7 +97,21 @@ def read_header(path: Path) -> FileHeader:
             else None,
             timestamp=timestamp,
             sorted_by_type=header.get("sorting") == "Type_then_ID",
+            attribution=_attribution(path),
         )
+
+
+def _attribution(path: Path) -> str:
+    """libosmium drops these attributes of a root element; binary files have no place for them."""
+    opener = next((opener for suffix, opener in _XML_OPENERS.items() if path.name.endswith(suffix)), None)
+    if opener is None:
+        return OSM_ATTRIBUTION
+    try:
+        with opener(path, "rb") as stream:
+            _, root = next(etree.iterparse(stream, events=("start",), resolve_entities=False, no_network=True))
+    except (etree.XMLSyntaxError, StopIteration, EOFError, OSError, zlib.error):
+        return OSM_ATTRIBUTION  # what is wrong with the file is said by the pass over it
+    return read_attribution({str(name): str(value) for name, value in root.attrib.items()})
 
 
 def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *, service_roads: bool) -> FilePass:

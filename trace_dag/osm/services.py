@@ -137,6 +137,7 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
         relations=roads.relations,
         source=name,
         data_timestamp=data.data_timestamp,
+        attribution=data.attribution,
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from trace_dag.osm.rights import OSM_ATTRIBUTION
+
 
 @dataclass(frozen=True)
 class Site:
@@ -76,4 +78,4 @@ class OsmExtract:
     relations: tuple[OsmRelation, ...] = ()
     source: str = ""
     data_timestamp: str = ""
-    attribution: str = "© OpenStreetMap contributors, ODbL 1.0"
+    attribution: str = OSM_ATTRIBUTION

@@ -16,6 +16,7 @@ from typing import Final
 from lxml import etree
 
 from trace_dag.errors import UserError
+from trace_dag.osm.rights import read_attribution
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 
 _GENERATOR: Final = "trace-dag"
@@ -111,7 +112,7 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
         relations=tuple(relations[key] for key in sorted(relations)),
         source=root.get("source", ""),
         data_timestamp=timestamp,
-        attribution=root.get("attribution") or OsmExtract.attribution,
+        attribution=read_attribution({str(name): str(value) for name, value in root.attrib.items()}),
     )
 
 

@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from trace_dag.errors import Stage
+from trace_dag.osm.rights import Rights
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.leaderboard import publish_leaderboard
-from trace_dag.pipeline.packaging import package_of
+from trace_dag.pipeline.packaging import map_attribution, package_of
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
@@ -67,6 +68,7 @@ class _Crash:
     records: Records
     row: Mapping[str, Any]
     outcomes: tuple[Mapping[str, Any], ...]
+    rights: Rights
     digest: str
 
 
@@ -104,7 +106,7 @@ def build_benchmark(
         if executor is None:
             ours.close()
     _remove_others(storage, verified)
-    _write_index(storage, warehouse, table)
+    _write_index(storage, warehouse, table, Rights.of(each for crash in crashes for each in crash.rights.attributions))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     storage.write(f"{FOLDER}/digests.json", json.dumps(digests, indent=0).encode())
     packages = sum(name.endswith(".zip") for name in storage.list(f"{FOLDER}/packages"))
@@ -118,15 +120,30 @@ def _crashes(pipeline: Pipeline, warehouse: Path, table: Sequence[Mapping[str, A
     outcomes: dict[str, list[Mapping[str, Any]]] = {}
     for row in query.rows(warehouse, "stage_outcomes"):
         outcomes.setdefault(row["key"], []).append(row)
+    rights = _rights(table, records)
     code = code_version(_CODE)
     crashes = []
     for crash in table:
         key = crash["key"]
         made_of = [file.sha256 for record in records[key].values() for file in record.artefacts]
-        parts = json.dumps([code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])]], default=str)
-        digest = hashlib.sha256(parts.encode()).hexdigest()
-        crashes.append(_Crash(key, sources[key], records[key], crash, tuple(outcomes.get(key, ())), digest))
+        parts = [code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])], rights[key].attributions]
+        digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
+        said = tuple(outcomes.get(key, ()))
+        crashes.append(_Crash(key, sources[key], records[key], crash, said, rights[key], digest))
     return crashes
+
+
+def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) -> dict[str, Rights]:
+    """What each crash's map says; of a crash without one, what the maps of its cohort say."""
+    own = {row["key"]: attribution for row in table if (attribution := map_attribution(records[row["key"]]))}
+    cohorts: dict[str, set[str]] = {}
+    for row in table:
+        if row["key"] in own:
+            cohorts.setdefault(row["cohort"], set()).add(own[row["key"]])
+    return {
+        row["key"]: Rights.of([own[row["key"]]] if row["key"] in own else cohorts.get(row["cohort"], ()))
+        for row in table
+    }
 
 
 def _tasks(pipeline: Pipeline, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
@@ -176,6 +193,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
     page = CrashPage(
         crash.row,
         crash.outcomes,
+        crash.rights,
         record=stages.record_of(files) if files.has(Stage.CRASH_RECORD, "parquet") else None,
         map_report=stages.map_report_of(files) if files.has(Stage.ROAD_MAP, "json") else None,
         estimate=stages.estimate_of(files) if files.has(Stage.STATE_ESTIMATE, "json") else None,
@@ -210,11 +228,11 @@ def _remove_others(storage: Storage, verified: set[str]) -> None:
                 storage.delete(name)
 
 
-def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> None:
+def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]], rights: Rights) -> None:
     from trace_dag.scenario.site import static_files, write_index
 
-    others = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
-    storage.write(f"{FOLDER}/index.html", write_index(table, *others))
+    funnel, coverage, reasons = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
+    storage.write(f"{FOLDER}/index.html", write_index(table, funnel, coverage, reasons, rights))
     publish_leaderboard(storage, warehouse)
     for name, data in static_files().items():
         storage.write(f"{FOLDER}/{name}", data)

@@ -44,6 +44,12 @@ def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
     )
 
 
+def map_attribution(records: Records) -> str:
+    """Whom the map of a crash is to be attributed to; empty where there is no map."""
+    record = records.get(Stage.OSM_EXTRACT)
+    return str(record.figures.get("attribution") or "") if record else ""
+
+
 def published_files(files: CrashFiles) -> dict[str, bytes]:
     """A verified crash in the published layout, by path below the benchmark's folder."""
     from trace_dag.scenario.published_layout import write_published

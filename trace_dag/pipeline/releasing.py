@@ -15,10 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
 from trace_dag.pipeline.exporting import write_if_changed
+from trace_dag.pipeline.packaging import map_attribution
+from trace_dag.pipeline.records import read_records
 from trace_dag.scenario.release import (
     CHECKSUMS,
     NAME,
@@ -90,11 +92,13 @@ def build_release(
     folder = output / f"{NAME}-{version}"
     complete = _complete(folder)
     target = None if complete else Storage.open(folder)
+    records = read_records(pipeline.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT])
     sums: dict[str, str] = {}
     written = 0
     for row in rows:
         data = pipeline.storage.read(f"{FOLDER}/packages/{row['key']}.zip")
         row["package"] = f"packages/{row['key']}.zip"
+        row["map_attribution"] = map_attribution(records[row["key"]])
         row["package_bytes"] = len(data)
         row["package_sha256"] = sums[row["package"]] = hashlib.sha256(data).hexdigest()
         if target is not None:

@@ -14,14 +14,15 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from importlib import resources
 from typing import NamedTuple
 
 from trace_dag import __version__
 from trace_dag.crash.record import CrashRecord
+from trace_dag.osm.rights import Rights
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.report import MapReport
+from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.openscenario import Flavour, write_openscenario
 from trace_dag.scenario.pictures import draw_crash
 from trace_dag.scenario.replay import write_html_player
@@ -34,7 +35,7 @@ from trace_dag.verdict.types import Verdict
 
 MANIFEST = "manifest.json"
 
-_ODBL, _CC0, _PUBLIC = "ODbL-1.0", "CC0-1.0", "US public domain"
+_CC0, _PUBLIC = "CC0-1.0", "US public domain"
 # Zip entries carry a date; a fixed one (the format's first) keeps archives reproducible.
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 _DECIMALS = 6
@@ -60,6 +61,11 @@ class PackageInput:
     verdict: Verdict
     variation: Mapping[str, object] | None = None
 
+    @property
+    def rights(self) -> Rights:
+        """What may be done with the map, and with what is made of it."""
+        return Rights.of([self.network.attribution])
+
 
 class _File(NamedTuple):
     name: str
@@ -74,9 +80,11 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
         *_sources(crash),
         *_scenarios(crash),
         *_results(crash),
-        _File("LICENSES.md", _CC0, "what may be done with it", _template("package_licenses.md").encode()),
+        _File(
+            "LICENSES.md", _CC0, "what may be done with it", render_document("licenses.md.jinja", rights=crash.rights)
+        ),
     ]
-    readme = _File("README.md", _CC0, "this", _readme(crash, files).encode())
+    readme = _File("README.md", _CC0, "this", _readme(crash, files))
     described = sorted([*files, readme])
     manifest = {
         "key": crash.record.key,
@@ -109,12 +117,20 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
 
 def _sources(crash: PackageInput) -> list[_File]:
     legal = write_opendrive(crash.network, marks="legal")
+    rights = crash.rights
+    report = (
+        _File("report.xml", rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", crash.report_xml)
+        if rights.fictional
+        else _File("report.xml", _PUBLIC, "the report as NHTSA's CrashAPI serves it", crash.report_xml)
+    )
     return [
-        _File("report.xml", _PUBLIC, "the report as NHTSA's CrashAPI serves it", crash.report_xml),
+        report,
         _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),
-        _File("map.osm", _ODBL, "the OpenStreetMap data the maps were made of", crash.osm_xml),
-        _File("map.xodr", _ODBL, "OpenDRIVE 1.7; its marks allow the crash: any may be crossed", crash.map_xodr),
-        _File("map_legal_marks.xodr", _ODBL, "the same roads with the marks the law paints", legal),
+        _File("map.osm", rights.licence, "the OSM data the maps were made of", crash.osm_xml),
+        _File(
+            "map.xodr", rights.licence, "OpenDRIVE 1.7; its marks allow the crash: any may be crossed", crash.map_xodr
+        ),
+        _File("map_legal_marks.xodr", rights.licence, "the same roads with the marks the law paints", legal),
     ]
 
 
@@ -146,8 +162,8 @@ def _results(crash: PackageInput) -> list[_File]:
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
         _File("trajectories.json", _CC0, "the simulated motion and contacts", _trajectories(crash)),
         _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
-        _File("replay.html", _ODBL, "the crash to watch, in any browser", replay),
-        _File("picture.png", _ODBL, "the crash from above", picture),
+        _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
+        _File("picture.png", crash.rights.licence, "the crash from above", picture),
         _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
     ]
     if crash.variation is not None:
@@ -155,12 +171,10 @@ def _results(crash: PackageInput) -> list[_File]:
     return files
 
 
-def _readme(crash: PackageInput, files: list[_File]) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)  # noqa: S701 - Markdown
-    environment.filters["words"] = lambda value: str(value).replace("_", " ")
-    return environment.from_string(_template("package_readme.md.jinja")).render(
+def _readme(crash: PackageInput, files: list[_File]) -> bytes:
+    return render_document(
+        "package_readme.md.jinja",
+        rights=crash.rights,
         crash=crash.record,
         variation=crash.variation,
         frame=crash.network.frame,
@@ -171,10 +185,6 @@ def _readme(crash: PackageInput, files: list[_File]) -> str:
         vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
         files=files,
     )
-
-
-def _template(name: str) -> str:
-    return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def _trajectories(crash: PackageInput) -> bytes:

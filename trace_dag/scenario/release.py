@@ -17,13 +17,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
 from trace_dag import __version__
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.errors import Reason
+from trace_dag.osm.rights import Rights
+from trace_dag.scenario.documents import render_document
 from trace_dag.schemas import Column, ColumnType, TableSchema
 
 NAME = "trace-dag-benchmark"
@@ -59,6 +60,7 @@ RELEASE_INDEX = TableSchema(
         Column("fatalities", _T.INTEGER, "People who died", source="FATALS"),
         Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
         Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
+        Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
         Column("estimator", _T.TEXT, "What estimated the states: analytic or llm"),
         Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),
         Column("backend", _T.TEXT, "Simulator and its version"),
@@ -99,6 +101,11 @@ class Release:
         """Name of its folder and archive."""
         return f"{NAME}-{self.version}"
 
+    @property
+    def rights(self) -> Rights:
+        """What may be done with the maps of all packages together."""
+        return Rights.of(str(row["map_attribution"]) for row in self.packages)
+
 
 def release_documents(release: Release) -> dict[str, bytes]:
     """The files beside the packages by name, all but the checksums."""
@@ -106,7 +113,7 @@ def release_documents(release: Release) -> dict[str, bytes]:
         "README.md": _rendered("release_readme.md.jinja", release),
         "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
         "CITATION.cff": _rendered("release_citation.cff.jinja", release),
-        "LICENSES.md": _template("package_licenses.md").encode(),
+        "LICENSES.md": render_document("licenses.md.jinja", rights=release.rights),
         "index.json": _index_json(release),
         "index.parquet": _index_parquet(release),
     }
@@ -165,12 +172,10 @@ def _index_parquet(release: Release) -> bytes:
 
 
 def _rendered(template: str, release: Release) -> bytes:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)  # noqa: S701 - Markdown
-    environment.filters["words"] = lambda value: str(value).replace("_", " ")
-    text = environment.from_string(_template(template)).render(
+    return render_document(
+        template,
         release=release,
+        rights=release.rights,
         name=NAME,
         made_by=f"trace-dag {__version__}",
         columns=RELEASE_INDEX.dictionary(),
@@ -189,7 +194,6 @@ def _rendered(template: str, release: Release) -> bytes:
         speeds_reported=sum(int(row["speeds_reported"] or 0) for row in release.packages),
         megabytes=sum(int(row["package_bytes"]) for row in release.packages) / 1e6,
     )
-    return text.encode()
 
 
 def _by_class(release: Release, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
@@ -214,7 +218,3 @@ def _figures(release: Release) -> list[tuple[str, str, int, float, float, float]
             if known:
                 rows.append((column.meaning, column.unit, len(known), min(known), statistics.median(known), max(known)))
     return rows
-
-
-def _template(name: str) -> str:
-    return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")

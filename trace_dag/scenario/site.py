@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from trace_dag import __version__
 from trace_dag.crash.record import CrashRecord
+from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
@@ -38,10 +39,12 @@ class Download:
 
 @dataclass(frozen=True, eq=False)
 class CrashPage:
-    """What one crash's page shows: ``crash`` is its row of the ``crashes`` table, paths are relative to the page."""
+    """What one crash's page shows: ``crash`` is its row of the ``crashes`` table, ``rights`` those of its map. Paths
+    are relative to the page."""
 
     crash: Row
     outcomes: Sequence[Row]
+    rights: Rights
     record: CrashRecord | None = None
     map_report: MapReport | None = None
     estimate: StateEstimate | None = None
@@ -52,14 +55,20 @@ class CrashPage:
 
 
 def write_index(
-    crashes: Sequence[Row], funnel: Sequence[Row], coverage: Sequence[Row], failure_reasons: Sequence[Row]
+    crashes: Sequence[Row],
+    funnel: Sequence[Row],
+    coverage: Sequence[Row],
+    failure_reasons: Sequence[Row],
+    rights: Rights,
 ) -> bytes:
-    """``index.html`` from the rows of the warehouse's tables of the same names."""
+    """``index.html`` from the rows of the warehouse's tables of the same names; ``rights`` of all crashes' maps."""
     page = (
         _templates()
         .get_template("site_index.html.jinja")
         .render(
             version=__version__,
+            rights=rights,
+            kind="fictional" if rights.fictional else "fatal",
             total=len(crashes),
             crashes_json=_json_for_script(_columns_of(crashes)),
             columns=_TABLE_COLUMNS,
@@ -78,7 +87,11 @@ def write_crash_page(page: CrashPage) -> bytes:
     """The page of one crash, ``crashes/<key>.html`` of the site."""
     template = _templates().get_template("site_crash.html.jinja")
     return template.render(
-        page=page, facts=_facts(page.crash), picture_alt=_picture_alt(page), version=__version__
+        page=page,
+        rights=page.rights,
+        facts=_facts(page.crash),
+        picture_alt=_picture_alt(page),
+        version=__version__,
     ).encode()
 
 

@@ -1,0 +1,63 @@
+"""Whom maps are to be attributed to, what may be done with them, and whether they are of a real place.
+
+A file says it on its root element; what comes from OpenStreetMap is named as its licence asks for. A map that calls
+itself fictional lies under crashes that never happened, and whatever shows those has to say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+OSM_ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
+"""The credit that https://www.openstreetmap.org/copyright asks for: of a map that says nothing else."""
+
+_SPDX: Final = {"odbl": "ODbL-1.0", "openstreetmap": "ODbL-1.0", "cc0": "CC0-1.0"}
+_UNKNOWN: Final = "NOASSERTION"  # SPDX 2.3, section 8.5: nobody has said which licence it is
+
+
+def read_attribution(root: Mapping[str, str]) -> str:
+    """What a map says of itself in the attributes of its ``<osm>`` element, in words.
+
+    ``attribution`` where it is words, else ``copyright`` with ``license``. Servers of OpenStreetMap put addresses
+    there (``attribution="http://www.openstreetmap.org/copyright"``): theirs is :data:`OSM_ATTRIBUTION`, as is that of a
+    file that says nothing.
+    """
+    attribution = root.get("attribution", "").strip()
+    if attribution and "://" not in attribution:
+        return attribution
+    said = [text for name in ("copyright", "license") if (text := root.get(name, "").strip())] or [attribution]
+    words = ", ".join(filter(None, said))
+    return OSM_ATTRIBUTION if not words or "openstreetmap" in f"{words} {attribution}".lower() else words
+
+
+@dataclass(frozen=True)
+class Rights:
+    """What may be done with some maps, and with what is made of them. ``attributions``: each once, in order."""
+
+    attributions: tuple[str, ...]
+
+    @classmethod
+    def of(cls, attributions: Iterable[str]) -> Rights:
+        """The rights of maps with these attributions."""
+        return cls(tuple(sorted(set(attributions))))
+
+    @property
+    def fictional(self) -> bool:
+        """Whether every one of the maps is of a place that does not exist."""
+        return bool(self.attributions) and all("fictional" in each.lower() for each in self.attributions)
+
+    @property
+    def openstreetmap(self) -> bool:
+        """Whether OpenStreetMap is in any of them."""
+        return any(_licence(each) == "ODbL-1.0" for each in self.attributions)
+
+    @property
+    def licence(self) -> str:
+        """The SPDX licence expression that holds for all of them together."""
+        return " AND ".join(sorted({_licence(each) for each in self.attributions})) or _UNKNOWN
+
+
+def _licence(attribution: str) -> str:
+    return next((name for word, name in _SPDX.items() if word in attribution.lower()), _UNKNOWN)
