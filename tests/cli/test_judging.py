@@ -94,7 +94,9 @@ def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str
 
     def drives(start_m: float, step_m: float) -> dict:
         waypoints = [[start_m + step_m * i, 1.75] for i in range(12)]
-        return {"speed_kmh": 54.0, "yaw": math.degrees(math.atan2(0.0, step_m)), "trajectory": waypoints}
+        start = {"x": start_m, "y": 1.75, "z": 0.5}
+        yaw_deg = math.degrees(math.atan2(0.0, step_m))
+        return {"start_position": start, "yaw": yaw_deg, "speed_kmh": 54.0, "trajectory": waypoints}
 
     scenario = {"vehicle1": drives(-50.0, 5.0), "vehicle2": drives(50.0, -5.0), "crash_point": {"x": 0.0, "y": 0.0}}
     (folder / "simulations" / f"simulation_{case}.json").write_text(json.dumps(scenario))

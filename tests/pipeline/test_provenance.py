@@ -135,7 +135,7 @@ def test_every_package_a_stage_function_imports_is_in_its_code_version(definitio
         "network_of": stages.network_of,
         "estimate_of": stages.estimate_of,
         "logs_of": stages.logs_of,
-        "_backend": stages._backend.__wrapped__,
+        "backend": stages.backend.__wrapped__,
         "_catalog": stages._catalog.__wrapped__,
         "_ask_map_service": stages._ask_map_service,
     }
