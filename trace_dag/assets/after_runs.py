@@ -1,4 +1,8 @@
-"""After the last of a set of runs, what is made of all crashes together is brought up to date."""
+"""After the last of a set of runs, what is made of all crashes together is brought up to date: once.
+
+A backfill over the whole graph builds it itself, after its last crash, if no crash failed; after a failure Dagster
+leaves out everything downstream, so that it is for the sensors to ask for it.
+"""
 
 from dagster import (
     DagsterInstance,
@@ -11,9 +15,12 @@ from dagster import (
     SkipReason,
     run_status_sensor,
 )
+from dagster._core.execution.backfill import BulkActionStatus
+from dagster._core.storage.tags import BACKFILL_ID_TAG
 
 from trace_dag.assets.jobs import SUMMARY_JOB
 from trace_dag.assets.launch import PROCESS_TAG
+from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.errors import Stage
 
 _UNFINISHED = [
@@ -22,6 +29,12 @@ _UNFINISHED = [
     DagsterRunStatus.STARTING,
     DagsterRunStatus.STARTED,
 ]
+_BROKEN_OFF = (
+    BulkActionStatus.CANCELING,
+    BulkActionStatus.CANCELED,
+    BulkActionStatus.FAILING,
+    BulkActionStatus.FAILED,
+)
 _STAGES = frozenset(stage.value for stage in Stage)
 
 
@@ -33,6 +46,8 @@ def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
         return SkipReason("No stage was run.")
     if _others_to_come(context.instance, run):
         return SkipReason("More runs are to come; the last one brings everything up to date.")
+    if _built_by_its_backfill(context.instance, run):
+        return SkipReason("The backfill of this run builds the warehouse and the benchmark itself.")
     return RunRequest(run_key=run.run_id)
 
 
@@ -43,6 +58,18 @@ def _runs_stages(run: DagsterRun) -> bool:
 def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:
     waiting = instance.get_runs(RunsFilter(statuses=_UNFINISHED))
     return any(other.run_id != run.run_id and _runs_stages(other) for other in waiting)
+
+
+def _built_by_its_backfill(instance: DagsterInstance, run: DagsterRun) -> bool:
+    backfill = instance.get_backfill(run.tags[BACKFILL_ID_TAG]) if BACKFILL_ID_TAG in run.tags else None
+    if backfill is None or backfill.status in _BROKEN_OFF:
+        return False
+    if not {warehouse.key, benchmark.key} <= set(backfill.asset_selection or ()):
+        return False
+    unsuccessful = RunsFilter(
+        tags={BACKFILL_ID_TAG: backfill.backfill_id}, statuses=[DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
+    )
+    return not any(_runs_stages(other) for other in instance.get_runs(unsuccessful))
 
 
 @run_status_sensor(

@@ -1,0 +1,118 @@
+"""What the Dagster UI does when its buttons are pressed: its GraphQL requests, and the daemon that carries them out.
+
+All in this process: the code location, the daemon's iterations, and the runs it launches.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+from dagster import DagsterInstance, DagsterRun, RunsFilter
+from dagster._core.definitions.partitions.context import partition_loading_context
+from dagster._core.remote_origin import InProcessCodeLocationOrigin
+from dagster._core.storage.tags import BACKFILL_ID_TAG
+from dagster._core.types.loadable_target_origin import LoadableTargetOrigin
+from dagster._core.workspace.context import WorkspaceProcessContext
+from dagster._core.workspace.load_target import InProcessWorkspaceLoadTarget
+from dagster._daemon.backfill import execute_backfill_iteration
+from dagster_graphql.test.utils import execute_dagster_graphql
+
+_IN_THIS_PROCESS = {
+    "run_launcher": {
+        "module": "dagster._core.launcher.sync_in_memory_run_launcher",
+        "class": "SyncInMemoryRunLauncher",
+    },
+    "run_coordinator": {"module": "dagster._core.run_coordinator", "class": "DefaultRunCoordinator"},
+}
+_LOCATION = """\
+from fake_flow import FLOW
+
+from trace_dag.definitions import build_definitions
+from trace_dag.pipeline.home import Home
+
+defs = build_definitions(Home({root!r}, FLOW))
+"""
+_ITERATIONS = 20
+_LAUNCH = """
+mutation($params: LaunchBackfillParams!) {
+  launchPartitionBackfill(backfillParams: $params) {
+    __typename ... on LaunchBackfillSuccess { backfillId } ... on PythonError { message stack }
+  }
+}
+"""
+_AGAIN = """
+mutation($params: ReexecutionParams!) {
+  reexecutePartitionBackfill(reexecutionParams: $params) {
+    __typename ... on LaunchBackfillSuccess { backfillId } ... on PythonError { message stack }
+  }
+}
+"""
+
+
+class DagsterUi:
+    """The buttons of the UI."""
+
+    def __init__(self, workspace: WorkspaceProcessContext) -> None:
+        self._workspace = workspace
+        self._instance: DagsterInstance = workspace.instance
+
+    def materialize(self, partitions: Mapping[str, Sequence[str] | None]) -> str:
+        """Start a backfill of these partitions of these assets (None: an asset without partitions); its id."""
+        by_asset = [
+            {"assetKey": {"path": [name]}, "partitions": None if keys is None else _ranges(keys)}
+            for name, keys in partitions.items()
+        ]
+        return self._launched(_LAUNCH, {"partitionsByAssets": by_asset})
+
+    def execute_again_from_failure(self, backfill: str) -> str:
+        """Start a backfill of what an earlier one did not materialize; its id."""
+        return self._launched(_AGAIN, {"parentRunId": backfill, "strategy": "FROM_FAILURE"})
+
+    def runs_of(self, backfill: str) -> list[DagsterRun]:
+        """The runs of a backfill, the first one first."""
+        return self._instance.get_runs(RunsFilter(tags={BACKFILL_ID_TAG: backfill}), ascending=True)
+
+    def _launched(self, mutation: str, params: Mapping[str, Any]) -> str:
+        request = self._workspace.create_request_context()
+        with partition_loading_context(dynamic_partitions_store=self._instance):
+            answer = execute_dagster_graphql(request, mutation, {"params": params}).data
+        (said,) = answer.values()
+        assert said["__typename"] == "LaunchBackfillSuccess", said
+        for _ in range(_ITERATIONS):
+            errors = list(execute_backfill_iteration(self._workspace, logging.getLogger("backfill")))
+            assert not any(errors), errors
+            backfill = self._instance.get_backfill(said["backfillId"])
+            if backfill.status.value not in ("REQUESTED", "COMPLETING"):
+                return str(said["backfillId"])
+        raise AssertionError(f"the backfill has not ended: {backfill}")
+
+
+def _ranges(keys: Sequence[str]) -> dict[str, Any]:
+    return {"ranges": [{"start": key, "end": key} for key in keys]}
+
+
+def launch_in_this_process(dagster_home: Path) -> None:
+    """Let an instance opened after this carry out runs as they are launched, in this process."""
+    file = dagster_home / "dagster.yaml"
+    settings = yaml.safe_load(file.read_text())
+    del settings["concurrency"]  # of the queue, which there is none of now
+    file.write_text(yaml.safe_dump(settings | _IN_THIS_PROCESS))
+
+
+@contextmanager
+def dagster_ui(instance: DagsterInstance, root: str, folder: Path) -> Iterator[DagsterUi]:
+    """The UI over a root of fake crashes."""
+    location = folder / "code_location.py"
+    location.write_text(_LOCATION.format(root=root))
+    origin = LoadableTargetOrigin(
+        executable_path=sys.executable, python_file=str(location), working_directory=str(folder)
+    )
+    target = InProcessWorkspaceLoadTarget(InProcessCodeLocationOrigin(origin))
+    with WorkspaceProcessContext(instance, target) as workspace:
+        yield DagsterUi(workspace)

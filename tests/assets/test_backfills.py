@@ -1,0 +1,79 @@
+"""Backfills as the UI starts them: they repair what the command repairs, and the summary is made once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import fake_flow
+import pytest
+from dagster import DagsterRun, build_run_status_sensor_context
+
+from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
+from trace_dag.assets.after_runs import summary_after_runs
+from trace_dag.assets.launch import open_instance
+from trace_dag.errors import Stage
+from trace_dag.pipeline.selection import select_again
+
+KEYS = [f"2023-5100{number:02}" for number in range(1, 4)]
+BROKEN = KEYS[1]
+STAGES = {stage.value: KEYS for stage in Stage}
+SUMMARY = {"warehouse", "benchmark"}
+WHOLE_GRAPH = STAGES | dict.fromkeys(SUMMARY)
+
+
+@pytest.fixture
+def made(campaign, monkeypatch):
+    """Crashes of which one fails at its road map, the first time."""
+    monkeypatch.setenv("TRACE_DAG_EXECUTION__EXECUTOR", "in_process")
+    made = campaign({key: "fail-once:road_map" if key == BROKEN else "" for key in KEYS})
+    made.instance.dispose()
+    launch_in_this_process(made.home.dagster_home)
+    made.instance = open_instance(made.home)
+    return made
+
+
+@pytest.fixture
+def ui(made, tmp_path) -> Iterator[DagsterUi]:
+    with dagster_ui(made.instance, made.pipeline.storage.root, tmp_path) as opened:
+        yield opened
+
+
+def asked_for_summary(made, run: DagsterRun) -> bool:
+    """Whether the sensor that follows runs asks for the summary after this one."""
+    event = made.instance.report_engine_event("done", run)
+    context = build_run_status_sensor_context("summary_after_runs", event, made.instance, run)
+    return type(summary_after_runs(context)).__name__ == "RunRequest"
+
+
+def assets_of(run: DagsterRun) -> set[str]:
+    return {key.to_user_string() for key in run.asset_selection or ()}
+
+
+def test_a_backfill_executed_again_from_failure_computes_what_the_command_would(made, ui):
+    first = ui.materialize(STAGES)
+    by_command = {
+        (stage.value, key)
+        for key, start in select_again(made.pipeline, failed=True).start.items()
+        for stage in start.and_later()
+    }
+    assert by_command == {(stage.value, BROKEN) for stage in Stage.ROAD_MAP.and_later()}
+    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    again = ui.execute_again_from_failure(first)
+    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    assert {where for where in after if after[where] != before.get(where)} == by_command
+    assert set(made.statuses().values()) == {"MATERIALIZED"}
+    (run,) = ui.runs_of(again)
+    assert asked_for_summary(made, run), "it runs no warehouse itself"
+
+
+def test_what_is_made_of_all_crashes_is_made_once(made, ui):
+    first = ui.materialize(WHOLE_GRAPH)
+    (failed,) = ui.runs_of(first)
+    assert not assets_of(failed) & SUMMARY, "downstream of a failure"
+    assert asked_for_summary(made, failed)
+    stages, summary = ui.runs_of(ui.execute_again_from_failure(first))
+    assert not assets_of(stages) & SUMMARY
+    assert assets_of(summary) == SUMMARY
+    assert not asked_for_summary(made, stages)
+    assert not asked_for_summary(made, summary)
