@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from trace_dag.roads.network import LaneRef, LaneType, Road, RoadMark, RoadNetwork, Signal
+from trace_dag.scenario.paving import paved_gaps
 from trace_dag.units import mps_to_mph
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ def draw_network(
     shade = _height_shades(axes, scene) if heights else None
     for level, (layer, lanes) in enumerate(scene.lanes_by_layer()):
         z = 1.0 + min(level, 9)
+        _draw_gaps(axes, scene, lanes, z, shade)
         _draw_surfaces(axes, scene, lanes, z, layer, shade)
         _draw_marks(axes, scene, lanes, z + 0.3, legal_marks)
         _draw_arrows(axes, scene, lanes, z + 0.4)
@@ -130,6 +132,8 @@ class _Scene:
         self.span_m = max(window[2] - window[0], window[3] - window[1])
         self.spans = {ref: span for ref in network.lanes() if (span := self._visible_span(ref))}
         """The lanes inside the window, and between which ``s`` they are."""
+        self.major_junctions = {road.junction_id for road in network.roads if road.highway != "service"} - {None}
+        """Those that more than service roads lead through."""
 
     def _visible_span(self, ref: LaneRef) -> tuple[float, float] | None:
         geometry = self.network.geometry(ref)
@@ -146,6 +150,10 @@ class _Scene:
     def border(self, ref: LaneRef, *, left: bool) -> FloatArray:
         """A lane's border inside the window, shape (n, 3), in its direction of travel."""
         return self.network.geometry(ref).border(left, _STEP_M, self.spans[ref])
+
+    def outline(self, ref: LaneRef) -> FloatArray:
+        """A lane's surface inside the window, a ring of shape (n, 2)."""
+        return np.concatenate([self.border(ref, left=True)[:, :2], self.border(ref, left=False)[::-1, :2]])
 
     def road(self, ref: LaneRef) -> Road:
         return self.network.road_by_id[ref.road_id]
@@ -202,19 +210,19 @@ def _draw_surfaces(
 
     polygons: list[FloatArray] = []
     colours: list[object] = []
-    for ref in sorted(lanes, key=lambda ref: (scene.network.lane(ref).type.drivable, not _is_minor(scene, ref))):
+    for ref in sorted(lanes, key=lambda ref: _order(scene, ref)):
         geometry = scene.network.geometry(ref)
         lane_type = geometry.lane.type
         if lane_type is LaneType.NONE:
             continue
-        left, right = scene.border(ref, left=True), scene.border(ref, left=False)
         if shade is not None and lane_type.drivable:
+            left, right = scene.border(ref, left=True), scene.border(ref, left=False)
             # One quad per step, each with the colour of its own height.
             quads = np.stack([left[:-1, :2], right[:-1, :2], right[1:, :2], left[1:, :2]], axis=1)
             polygons += list(quads)
             colours += [shade.of(height) for height in (left[:-1, 2] + left[1:, 2]) / 2]
             continue
-        polygons.append(np.concatenate([left[:, :2], right[::-1, :2]]))
+        polygons.append(scene.outline(ref))
         colours.append(_MINOR_SURFACE if _is_minor(scene, ref) else _SURFACES[lane_type])
     if layer > 0:
         # A dark rim shows the deck of a bridge against what lies below.
@@ -228,8 +236,44 @@ def _draw_surfaces(
     )
 
 
+def _order(scene: _Scene, ref: LaneRef) -> tuple[bool, bool, bool]:
+    """What is drawn later covers what is earlier: drivable lanes, greater roads, centre lanes that go on past a
+    driveway."""
+    lane_type = scene.network.lane(ref).type
+    return lane_type.drivable, not _is_minor(scene, ref), lane_type is LaneType.BIDIRECTIONAL
+
+
+def _draw_gaps(axes: Axes, scene: _Scene, lanes: Sequence[LaneRef], z: float, shade: _Shade | None) -> None:
+    """What is paved between the lanes of junctions, below the lanes, so that seams close."""
+    from matplotlib.collections import PolyCollection
+
+    paved: list[LaneRef] = []
+    through: dict[str, list[int]] = defaultdict(list)
+    for ref in lanes:
+        lane_type, junction = scene.network.lane(ref).type, scene.road(ref).junction_id
+        if lane_type.drivable and junction is not None:
+            through[junction].append(len(paved))
+        if lane_type is LaneType.BIDIRECTIONAL or (lane_type.drivable and junction is not None):
+            paved.append(ref)
+    gaps = list(paved_gaps([scene.outline(ref) for ref in paved], through.values()))
+    colours: list[object] = []
+    for gap in gaps:
+        bordering = [paved[number] for number in gap.lanes]
+        if shade is not None:
+            colours.append(shade.of(float(np.mean([scene.border(ref, left=True)[:, 2].mean() for ref in bordering]))))
+        else:
+            colours.append(_MINOR_SURFACE if all(_is_minor(scene, ref) for ref in bordering) else _ASPHALT)
+    polygons = [gap.outline_m for gap in gaps]
+    axes.add_collection(
+        PolyCollection(polygons, facecolors=colours, edgecolors="face", linewidths=0.6, zorder=z + 0.05), autolim=False
+    )
+
+
 def _is_minor(scene: _Scene, ref: LaneRef) -> bool:
-    return scene.road(ref).highway == "service" and scene.network.lane(ref).type is LaneType.DRIVING
+    road = scene.road(ref)
+    if road.highway != "service" or road.junction_id in scene.major_junctions:
+        return False
+    return scene.network.lane(ref).type is LaneType.DRIVING
 
 
 # --- marks ---------------------------------------------------------------------------------------------------

@@ -1,0 +1,48 @@
+"""The asphalt of a junction between its lanes.
+
+A map says where lanes are. Between those that cross, turn and end in a junction it leaves spots that belong to no lane
+and are paved all the same. Belongs here: where they are. Does not belong here: drawing them
+(:mod:`trace_dag.scenario.maps`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final, NamedTuple
+
+import shapely
+
+from trace_dag.geometry import FloatArray
+
+LANE_WIDTH_M: Final = 3.66  # AASHTO Green Book, 7th edition, section 4.3: 12 ft
+_LEAST_AREA_M2: Final = 0.01
+_TOUCHING_M: Final = 0.1
+
+
+class PavedGap(NamedTuple):
+    """A ring, shape (n, 2), m, and the numbers of the lanes that border it."""
+
+    outline_m: FloatArray
+    lanes: tuple[int, ...]
+
+
+def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
+    """What is paved beside the lanes of some junctions.
+
+    ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
+    the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of
+    its lanes, a gap is paved where it is narrower than a lane: islands are wider. What separates carriageways outside
+    is no gap.
+    """
+    outlines = [shapely.make_valid(shapely.Polygon(lane)) for lane in lanes]
+    tree = shapely.STRtree(outlines)
+    for numbers in junctions:
+        hull = shapely.convex_hull(shapely.union_all([outlines[number] for number in numbers]))
+        around = shapely.buffer(hull, LANE_WIDTH_M)
+        near = [shapely.intersection(outlines[number], around) for number in tree.query(around, "intersects")]
+        paved = shapely.union_all(near)
+        closed = shapely.buffer(shapely.buffer(paved, LANE_WIDTH_M / 2), -LANE_WIDTH_M / 2)
+        for gap in shapely.get_parts(shapely.difference(shapely.intersection(closed, hull), paved)):
+            if isinstance(gap, shapely.Polygon) and gap.area > _LEAST_AREA_M2:
+                bordering = tree.query(gap, "dwithin", distance=_TOUCHING_M)
+                yield PavedGap(shapely.get_coordinates(gap.exterior), tuple(bordering.tolist()))
