@@ -94,6 +94,8 @@ class Storage:
         Raises :class:`UserError` where one cannot.
         """
         storage = cls(root)
+        if storage.local_root is None and "://" not in storage.root:
+            raise UserError(f"storage root {root}: names no bucket or folder, as in s3://bucket/folder")
         probe = "probe/writable"
         try:
             if storage.local_root is not None:

@@ -68,6 +68,18 @@ def test_verdict_carries_its_picture_inline(campaign):
     assert Path(str(metadata["picture file"])).read_bytes().startswith(b"\x89PNG")
 
 
+def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_command_that_replays_it(campaign):
+    made = campaign({KEYS[0]: "", KEYS[1]: "reject:road_map"})
+    made.run()
+    root = made.pipeline.storage.root
+    shown = dict(materializations(made, Stage.VERDICT))
+    assert {key: metadata["page"] for key, metadata in shown.items()} == {
+        key: f"{root}/benchmark/crashes/{key}.html" for key in KEYS[:2]
+    }
+    assert shown[KEYS[0]]["replay"] == f"trace-dag --root {root} replay {KEYS[0]}"
+    assert "replay" not in shown[KEYS[1]]
+
+
 def test_nothing_is_run_when_nothing_changed_and_a_changed_setting_runs_from_its_stage_on(campaign):
     made = campaign(dict.fromkeys(KEYS, ""))
     made.run()

@@ -29,6 +29,13 @@ from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
         (["ingest"], "nothing to register"),
         (["breakfast"], "No such command"),
         (["score-truth"], "has not been run"),
+        (["cohort", "show", "nowhere"], "cohort 'nowhere' is not registered"),
+        (["status", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
+        (["rerun", "--failed", "--only", "breakfast"], "'breakfast' is no crash key"),
+        (["replay", "breakfast"], "'breakfast' is no crash key"),
+        (["evaluate"], "no crash is registered"),
+        (["vary"], "no crash is registered"),
+        (["release", "--version", "new"], "expected a version"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_2(tmp_path, arguments, said):
@@ -64,6 +71,14 @@ def test_unreadable_root_is_one_line(tmp_path):
     done = trace_dag(tmp_path / "file" / "root", "status")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "cannot read and write" in done.stderr
+
+
+def test_a_url_without_a_bucket_is_one_line_and_makes_no_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = trace_dag("s3://", "status")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "names no bucket" in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_wrong_setting_is_one_line(tmp_path):
@@ -139,6 +154,21 @@ def test_second_run_has_nothing_to_do(finished_root):
     assert {path: path.stat().st_mtime_ns for path in finished_root.glob("*/*.outcome.json")} == before
 
 
+def test_nothing_to_run_again_is_not_called_up_to_date(tmp_path):
+    ingest(tmp_path / "root", reports_of(tmp_path / "reports", KEYS[:1]))
+    done = trace_dag(tmp_path / "root", "rerun", "--failed")
+    assert done.returncode == 0, done.stderr
+    assert "Nothing to run again" in done.stdout
+    assert "up to date" not in done.stdout
+    assert "1 pending" in done.stdout
+
+
+def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
+    done = trace_dag(finished_root, "compare", "--estimators", "analytic,breakfast")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "'breakfast' is no estimator" in done.stderr
+
+
 def test_status_for_people_shows_the_funnel_and_the_reasons(finished_root):
     done = trace_dag(finished_root, "status")
     assert done.returncode == 0
@@ -159,6 +189,7 @@ def test_sql_in_every_format(finished_root):
 @pytest.mark.parametrize(
     "query",
     [
+        "",
         "DELETE FROM crashes",
         "SELEC 1",
         "SELECT * FROM read_csv('/etc/passwd')",

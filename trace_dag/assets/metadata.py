@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import shlex
 from collections.abc import Mapping
 from typing import Any
 
 from dagster import AssetMaterialization, MetadataValue
 
 from trace_dag.errors import Stage
+from trace_dag.pipeline.benchmark import page_name
 from trace_dag.pipeline.worker import Action, StageEvent, picture_name
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
@@ -53,13 +55,15 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
             metadata["threshold"] = record.threshold
     if event.stage is Stage.VERDICT:
         metadata.update(picture_metadata(event.key, storage))
+        # Of every crash, rejected or not; made or brought up to date when the runs are done.
+        metadata["page"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
     metadata.update({name: value for name, value in record.figures.items() if value is not None})
     for file in record.artefacts:
         metadata[f"artefact .{file.name.partition('.')[2]}"] = MetadataValue.path(storage.path(file.name))
     if event.stage in (Stage.SIMULATION_LOG, Stage.VERDICT):
-        metadata["replay"] = f"trace-dag --root {storage.root} replay {event.key}"
+        metadata["replay"] = f"trace-dag --root {shlex.quote(storage.root)} replay {event.key}"
     metadata["computed"] = event.action is Action.COMPUTED
     metadata["duration_s"] = record.duration_s
     return metadata

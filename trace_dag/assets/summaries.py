@@ -6,7 +6,7 @@ from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataV
 
 from trace_dag.assets.specs import OWNERS, as_markdown
 from trace_dag.errors import Stage
-from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
+from trace_dag.pipeline.benchmark import INDEX, build_benchmark
 from trace_dag.pipeline.home import Home
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, query
@@ -70,7 +70,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
         )
     return MaterializeResult(
         metadata={
-            "index": MetadataValue.path(pipeline.storage.path(f"{FOLDER}/index.html")),
+            "index": MetadataValue.path(pipeline.storage.path(INDEX)),
             "packages": report.packages,
             "pages": report.pages,
             "made_now": report.made,

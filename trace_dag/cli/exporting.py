@@ -76,10 +76,11 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     from trace_dag.cli.evaluating import progress_of
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
-    from trace_dag.pipeline.releasing import build_release
+    from trace_dag.pipeline.releasing import build_release, check_version
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.warehouse.build import build_warehouse
 
+    check_version(version)
     home = Home(root, FLOW)
     pipeline = home.pipeline()
     steps = len(pipeline.registry.keys()) + len(verified_keys(pipeline, cohort))

@@ -121,7 +121,10 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
                 errors = run_batches(Home(root, FLOW, listener=hear), instance, batches, settings=settings).errors
             click.echo(summary.in_words())
         else:
-            click.echo("Nothing to run: every crash asked for is up to date.")
+            if selection.exact:
+                click.echo("Nothing to run again: none of the crashes is one of those asked for.")
+            else:
+                click.echo("Nothing to run: every crash asked for is up to date.")
         if batches or not home.warehouse.is_file() or summary_is_due(instance):
             errors += summarise(home, instance).errors
     stand = standings(read_records(pipeline.storage, selection.asked))

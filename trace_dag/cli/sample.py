@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
 from dataclasses import asdict
@@ -40,6 +41,7 @@ def demo(context: click.Context, executor: str | None, workers: int | None) -> N
     """
     from trace_dag.cli.ingesting import ingest
     from trace_dag.cli.running import carry_out
+    from trace_dag.pipeline.benchmark import INDEX
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.selection import select_stale
     from trace_dag.pipeline.stages import FLOW
@@ -50,16 +52,19 @@ def demo(context: click.Context, executor: str | None, workers: int | None) -> N
     settings = {"execution": execution_overrides(executor, workers)}
     code = carry_out(root, settings, lambda pipeline: select_stale(pipeline, COHORT))
     home = Home(root, FLOW)
+    storage = home.pipeline().storage
+    if not storage.exists(INDEX):  # what went wrong is told
+        sys.exit(code)
     click.echo()
     print_table(*query(home.warehouse, "SELECT * FROM coverage"))
     click.echo(f"\nDone in {time.monotonic() - began:.0f} s. Where to look:")
-    click.echo(f"  {home.local_folder}/benchmark/index.html  the crashes, each with its page, replay and package")
+    click.echo(f"  {storage.path(INDEX)}  the crashes, each with its page, replay and package")
     for command, shows in (
         ("ui", "the same as Dagster assets"),
         ('sql "FROM verdicts"', "any question, in SQL"),
         ("score-truth", "how close the estimates come to the truth"),
     ):
-        click.echo(f"  trace-dag --root {root} {command}  {shows}")
+        click.echo(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
     sys.exit(code)
 
 

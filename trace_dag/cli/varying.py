@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.printing import print_table
+from trace_dag.cli.printing import print_table, write_json
 
 _ERRORS_SHOWN = 5
 
@@ -33,6 +34,7 @@ _ERRORS_SHOWN = 5
 @click.option("--reaction", "reaction_s", default=1.2, show_default=True, help="Longest braking before the impact, s.")
 @click.option("--collisions-only", is_flag=True, help="Keep no near misses.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Write a package of each there, too.")
+@click.option("--json", "as_json", is_flag=True, help="What came of each crash, as JSON.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
 @click.pass_obj
 def vary(
@@ -48,6 +50,7 @@ def vary(
     reaction_s: float,
     collisions_only: bool,
     output: Path | None,
+    as_json: bool,
     workers: int | None,
 ) -> None:
     """Make a family of each verified crash: perturbed, simulated, kept if it is drivable and still a conflict.
@@ -82,12 +85,15 @@ def vary(
         reports = make_families(pipeline, cases, request, tell=lambda report: tell(report.key))
     build_warehouse(pipeline.storage, home.local_folder)
     kept = sum(report.kept for report in reports)
-    near_misses = sum(report.near_misses for report in reports)
-    drawn = sum(report.drawn for report in reports)
-    print_table(
-        ["crashes", "variations", "collisions", "near misses", "drawn"],
-        [(len(reports), kept, kept - near_misses, near_misses, drawn)],
-    )
+    if as_json:
+        write_json([asdict(report) for report in reports])
+    else:
+        near_misses = sum(report.near_misses for report in reports)
+        drawn = sum(report.drawn for report in reports)
+        print_table(
+            ["crashes", "variations", "collisions", "near misses", "drawn"],
+            [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+        )
     broken = [report for report in reports if report.error]
     for report in broken[:_ERRORS_SHOWN]:
         click.echo(f"failed: {report.key}: {report.error.strip().splitlines()[-1]}", err=True)

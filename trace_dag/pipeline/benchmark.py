@@ -35,8 +35,14 @@ from trace_dag.storage import Storage
 from trace_dag.warehouse import query
 
 FOLDER = "benchmark"
+INDEX = f"{FOLDER}/index.html"
 _CODE = ("trace_dag.scenario.package", "trace_dag.scenario.site")
 _OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
+
+
+def page_name(key: str) -> str:
+    """Where the page of a crash lies below the root."""
+    return f"{FOLDER}/crashes/{key}.html"
 
 
 @dataclass(frozen=True)
@@ -202,7 +208,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
         replay=f"../replays/{key}.html" if replay else None,
         downloads=downloads,
     )
-    storage.write(f"{FOLDER}/crashes/{key}.html", write_crash_page(page))
+    storage.write(page_name(key), write_crash_page(page))
 
 
 def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
@@ -217,7 +223,7 @@ def _digests(storage: Storage) -> dict[str, str]:
     except (FileNotFoundError, json.JSONDecodeError):
         return {}
     present = storage.list(f"{FOLDER}/crashes")
-    return {key: digest for key, digest in digests.items() if f"{FOLDER}/crashes/{key}.html" in present}
+    return {key: digest for key, digest in digests.items() if page_name(key) in present}
 
 
 def _remove_others(storage: Storage, verified: set[str]) -> None:
@@ -232,7 +238,7 @@ def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str,
     from trace_dag.scenario.site import static_files, write_index
 
     funnel, coverage, reasons = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
-    storage.write(f"{FOLDER}/index.html", write_index(table, funnel, coverage, reasons, rights))
+    storage.write(INDEX, write_index(table, funnel, coverage, reasons, rights))
     publish_leaderboard(storage, warehouse)
     for name, data in static_files().items():
         storage.write(f"{FOLDER}/{name}", data)

@@ -95,6 +95,8 @@ def estimators_compared(
         raise UserError(f"no crash of cohort {cohort!r} has a road map yet; trace-dag run --cohort {cohort} makes them")
     tasks = [_Task(crash, tuple(named.items()), truth) for crash in mapped]
     rows: dict[str, Sequence[EstimatorRow]] = {}
+    if listener is not None:
+        listener(0, len(tasks))
     executor = make_executor(pipeline.settings.execution)
     try:
         for answer in run_redoing_lost(executor, _compare, tasks, lambda task: [task]):

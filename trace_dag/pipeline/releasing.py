@@ -64,6 +64,12 @@ class ReleaseReport:
     written: int
 
 
+def check_version(version: str) -> None:
+    """Raises :class:`UserError` for a version that is none."""
+    if not _VERSION.fullmatch(version):
+        raise UserError(f"--version {version}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
+
+
 def build_release(
     pipeline: Pipeline,
     warehouse: Path,
@@ -81,8 +87,7 @@ def build_release(
     :class:`UserError` for a version that is none and for a complete release of this version that has other content;
     :class:`Failure` where a package cannot be made.
     """
-    if not _VERSION.fullmatch(version):
-        raise UserError(f"--version {version}: expected a version such as 1, 1.2, 1.2.3 or 2.0-rc1")
+    check_version(version)
     cohorts = [pipeline.registry.cohort(cohort).name] if cohort else sorted(pipeline.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
     _bring_up_to_date(pipeline, warehouse, told)

@@ -31,8 +31,8 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
 
     with open_warehouse(path) as connection:
         try:
-            result = connection.execute(sql)
-            return [column[0] for column in result.description or []], result.fetchall()
+            connection.execute(sql)  # gives nothing for a query of nothing, so that the connection is asked
+            return [column[0] for column in connection.description or []], connection.fetchall()
         except duckdb.Error as error:
             raise UserError(f"sql: {str(error).strip()}") from error
 

@@ -1,0 +1,104 @@
+"""Families of crashes, and agents evaluated in them, from the command line: ``vary`` and ``evaluate``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from sample_runs import trace_dag
+
+CRASHES = ("2023-319003", "2023-319022")
+REJECTED = "2023-319061"
+COUNT = 2
+
+
+def vary(root: Path, *arguments: str, workers: int = 1) -> list[dict]:
+    done = trace_dag(
+        root, "vary", "--count", str(COUNT), "--only", *CRASHES, "--workers", str(workers), "--json", *arguments
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def evaluate(root: Path, *arguments: str) -> list[dict]:
+    done = trace_dag(root, "evaluate", "--workers", "1", "--json", *arguments)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def asked(root: Path, query: str) -> list[dict]:
+    return json.loads(trace_dag(root, "sql", query, "--format", "json").stdout)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.fixture(scope="module")
+def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A root of their own with a family of each crash: these commands write."""
+    root = Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("driving") / "root"))
+    packages = root.parent / "packages"
+    assert [(each["key"], each["kept"]) for each in vary(root, "--output", str(packages))] == [
+        (key, COUNT) for key in CRASHES
+    ]
+    return root
+
+
+def test_variations_enter_the_warehouse_and_have_packages(root: Path) -> None:
+    found = {row["variation_id"] for row in asked(root, "SELECT variation_id FROM variations")}
+    assert found == {f"{key}-v{number:03}" for key in CRASHES for number in range(1, COUNT + 1)}
+    assert set(files(root.parent / "packages")) == {f"{name}.zip" for name in found}
+
+
+def test_the_same_families_whatever_the_number_of_workers(root: Path, finished_root: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(finished_root, tmp_path / "root"))
+    vary(other, workers=2)
+    assert files(other / "variations") == files(root / "variations")
+
+
+def test_an_agent_takes_the_place_of_both_and_its_evaluations_enter_the_warehouse(root: Path) -> None:
+    rows = evaluate(root, "--agent", "replay", "--only", CRASHES[0])
+    # Whoever drives as recorded has the recorded crash.
+    assert [(row["case_id"], row["vehicle_number"], row["outcome"]) for row in rows] == [
+        (CRASHES[0], 1, "same"),
+        (CRASHES[0], 2, "same"),
+    ]
+    stored = asked(root, f"SELECT outcome FROM evaluations WHERE agent = 'replay' AND case_id = '{CRASHES[0]}'")
+    assert stored == [{"outcome": "same"}] * 2
+    assert asked(root, "SELECT agent, same FROM leaderboard WHERE agent = 'replay'") == [{"agent": "replay", "same": 2}]
+
+
+def test_agents_drive_in_the_variations_of_a_crash(root: Path) -> None:
+    rows = evaluate(root, "--agent", "brake", "--ego", "first", "--variations", "--only", CRASHES[0])
+    assert [(row["key"], row["case_id"]) for row in rows] == [
+        (CRASHES[0], f"{CRASHES[0]}-v{number:03}") for number in range(1, COUNT + 1)
+    ]
+
+
+def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
+    done = trace_dag(root, "evaluate", "--agent", "replay", "--ego", "first", "--only", CRASHES[0], "--workers", "1")
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[:2] for line in done.stdout.splitlines()[2:]] == [["replay", "all"], ["replay", "angle"]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["evaluate", "--agent", "nobody"], "--agent nobody: expected brake"),
+        (["evaluate", "--agent", "no_module:Agent"], "no module 'no_module'"),
+        (["evaluate", "--only", REJECTED], "is verified"),
+        (["evaluate", "--only", "2023-510999"], "is not registered"),
+        (["evaluate", "--variations"], "trace-dag vary makes them"),
+        (["vary", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
+        (["vary", "--only", REJECTED], "is verified"),
+        (["vary", "--speed", "nan"], "--speed is from 0 to 1"),
+        (["vary", "--friction", "0"], "--friction above 0"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_code_2(finished_root: Path, arguments: list[str], said: str) -> None:
+    done = trace_dag(finished_root, *arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert said in done.stderr
