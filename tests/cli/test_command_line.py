@@ -31,7 +31,7 @@ from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
         (["score-truth"], "has not been run"),
         (["cohort", "show", "nowhere"], "cohort 'nowhere' is not registered"),
         (["status", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
-        (["rerun", "--failed", "--only", "breakfast"], "'breakfast' is no crash key"),
+        (["rerun", "--failed"], "no crash is registered"),
         (["replay", "breakfast"], "'breakfast' is no crash key"),
         (["evaluate"], "no crash is registered"),
         (["vary"], "no crash is registered"),

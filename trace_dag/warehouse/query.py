@@ -31,8 +31,10 @@ def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
 
     with open_warehouse(path) as connection:
         try:
-            connection.execute(sql)  # gives nothing for a query of nothing, so that the connection is asked
-            return [column[0] for column in connection.description or []], connection.fetchall()
+            connection.execute(sql)
+            if connection.description is None:
+                raise UserError("sql: there is no query in it")
+            return [column[0] for column in connection.description], connection.fetchall()
         except duckdb.Error as error:
             raise UserError(f"sql: {str(error).strip()}") from error
 
