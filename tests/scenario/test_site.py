@@ -107,6 +107,22 @@ def test_every_crash_has_a_page_and_every_link_of_a_page_leads_somewhere():
             assert link.startswith("data:") or (page.parent / link).resolve().is_file(), (page, link)
 
 
+def test_a_rejected_crash_can_be_watched_as_far_as_it_got():
+    """Pages of crashes that are not verified offer map, verdict and replay where there are any, and no package."""
+    folder = sample_runs.finished() / "benchmark"
+    tables = sample_runs.finished() / "warehouse.duckdb"
+    simulated = {row["key"] for row in rows(tables, "simulations")}
+    mapped = {row["key"] for row in rows(tables, "maps")}
+    unverified = {row["key"] for row in rows(tables, "crashes") if row["final_state"] == "rejected"}
+    assert unverified & simulated
+    assert unverified - mapped
+    for key in unverified:
+        links = re.findall(r'href="\.\./(\w+)/([^"]+)"', (folder / "crashes" / f"{key}.html").read_text())
+        assert (("replays", f"{key}.html") in links) == (key in simulated)
+        assert (("files", f"{key}/map.xodr") in links) == (key in mapped)
+        assert "packages" not in {place for place, _ in links}
+
+
 def test_contrasts_are_those_of_wcag_aa():
     """Text 4.5 to 1 on every ground it stands on, by the formula of WCAG 2.2, in light and dark."""
     css = static_files()["site.css"].decode()

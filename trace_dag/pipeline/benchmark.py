@@ -1,9 +1,9 @@
 """The benchmark: a scenario package for every verified crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``files/`` single files of them, ``replays/``, ``pictures/``. A crash whose artefacts, outcome and code have not changed
-is not made again. Belongs here: what goes where. Does not belong here: what packages and pages look like
-(:mod:`trace_dag.scenario`).
+``files/`` single files, ``replays/`` and ``pictures/`` of every crash that got so far. A crash whose artefacts, outcome
+and code have not changed is not made again. Belongs here: what goes where. Does not belong here: what packages and
+pages look like (:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.leaderboard import publish_leaderboard
-from trace_dag.pipeline.packaging import map_attribution, package_of
+from trace_dag.pipeline.packaging import map_attribution, package_of, unverified_files
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
@@ -111,7 +111,7 @@ def build_benchmark(
     finally:
         if executor is None:
             ours.close()
-    _remove_others(storage, verified)
+    _remove_others(storage, {"packages": verified, "replays": {crash.key for crash in crashes}})
     _write_index(storage, warehouse, table, Rights.of(each for crash in crashes for each in crash.rights.attributions))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     storage.write(f"{FOLDER}/digests.json", json.dumps(digests, indent=0).encode())
@@ -180,19 +180,22 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
     from trace_dag.scenario.site import CrashPage, Download, write_crash_page
 
     storage, key = files.storage, files.key
+    verified = crash.row["final_state"] == FinalState.VERIFIED
+    made = package_of(files, crash.records) if verified else unverified_files(files)
     downloads: list[Download] = []
-    replay = None
-    if crash.row["final_state"] == FinalState.VERIFIED:
-        package = package_of(files, crash.records)
-        for name in _OFFERED:
-            stored = storage.write(f"{FOLDER}/files/{key}/{name}", package[name])
+    if verified:
+        archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, made))
+        downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
+    for name in _OFFERED:
+        if name in made:
+            stored = storage.write(f"{FOLDER}/files/{key}/{name}", made[name])
             downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
-        replay = storage.write(f"{FOLDER}/replays/{key}.html", package["replay.html"]).name
-        archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, package))
-        downloads.insert(0, Download("Scenario package", f"../packages/{key}.zip", archive.size))
+        else:
+            storage.delete(f"{FOLDER}/files/{key}/{name}")
+    if replay := made.get("replay.html"):
+        storage.write(f"{FOLDER}/replays/{key}.html", replay)
     else:
-        for name in storage.list(f"{FOLDER}/files/{key}"):
-            storage.delete(name)
+        storage.delete(f"{FOLDER}/replays/{key}.html")
     picture = None
     with suppress(FileNotFoundError):  # rejected before there was anything to draw
         picture = storage.write(f"{FOLDER}/{picture_name(key)}", storage.read(picture_name(key))).name
@@ -226,11 +229,11 @@ def _digests(storage: Storage) -> dict[str, str]:
     return {key: digest for key, digest in digests.items() if page_name(key) in present}
 
 
-def _remove_others(storage: Storage, verified: set[str]) -> None:
-    """Packages of crashes that are not verified any more."""
-    for folder in ("packages", "replays"):
+def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
+    """By folder, what is of other crashes than those with these keys: packages of crashes not verified any more."""
+    for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):
-            if Path(name).stem not in verified:
+            if Path(name).stem not in keys:
                 storage.delete(name)
 
 

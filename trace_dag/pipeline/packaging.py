@@ -44,6 +44,23 @@ def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
     )
 
 
+def unverified_files(files: CrashFiles) -> dict[str, bytes]:
+    """What there is to hand out of a crash that was not verified, by the names that a package has for it: the map, the
+    verdict and a replay, as far as it got."""
+    from trace_dag.scenario.replay import write_html_player
+
+    made = {}
+    if files.has(Stage.ROAD_MAP, "xodr"):
+        made["map.xodr"] = files.read(Stage.ROAD_MAP, "xodr")
+    if files.has(Stage.VERDICT, "json"):
+        made["verdict.json"] = files.read(Stage.VERDICT, "json")
+    if files.has(Stage.SIMULATION_LOG, "parquet"):
+        verdict = stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None
+        log = stages.logs_of(files)[verdict.hypothesis if verdict else 0]
+        made["replay.html"] = write_html_player(stages.record_of(files), stages.network_of(files), log, verdict)
+    return made
+
+
 def map_attribution(records: Records) -> str:
     """Whom the map of a crash is to be attributed to; empty where there is no map."""
     record = records.get(Stage.OSM_EXTRACT)
