@@ -35,6 +35,10 @@ _IMPACT_HALF_WINDOW_M = 16.0
 _APPROACH_MARGIN_M = 20.0
 _LEAST_APPROACH_HALF_WINDOW_M = 45.0
 
+_FIGURE_SIZE_IN = (13.0, 7.2)
+_PANELS = ((0.03, 0.04, 0.46, 0.8306), (0.53, 0.04, 0.46, 0.8306))
+"""Left, bottom, width and height of the two square panels, as shares; a layout engine takes a third of the drawing."""
+
 
 def draw_crash(
     record: CrashRecord,
@@ -51,9 +55,9 @@ def draw_crash(
     from matplotlib.figure import Figure
 
     hypothesis = _shown_hypothesis(estimate, verdict)
-    figure = Figure(figsize=(13.0, 7.2), dpi=dpi, layout="constrained")
+    figure = Figure(figsize=_FIGURE_SIZE_IN, dpi=dpi)
     canvas = FigureCanvasAgg(figure)
-    approach, impact = figure.subplots(1, 2)
+    approach, impact = (figure.add_axes(panel) for panel in _PANELS)
     centre, half_window_m = _approach_window(hypothesis, log)
     for axes, (x_m, y_m), half_m in (
         (approach, centre, half_window_m),
@@ -71,7 +75,7 @@ def draw_crash(
     impact.legend(
         handles=_legend(record, hypothesis, log), loc="upper right", fontsize=7, framealpha=0.92, borderpad=0.6
     ).set_zorder(50)
-    figure.suptitle(_headline(record, verdict), fontsize=11, x=0.01, ha="left")
+    figure.suptitle(_headline(record, verdict), fontsize=11, x=0.01, y=0.99, ha="left")
     stream = io.BytesIO()
     canvas.print_png(stream)  # type: ignore[no-untyped-call]
     return stream.getvalue()
