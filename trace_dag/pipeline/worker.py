@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import logging
 import time
-import traceback
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
-from trace_dag.logs import at_work, figures
+from trace_dag.logs import at_work
 from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.pipeline.locks import held
+from trace_dag.pipeline.outcomes import Attempt, failed_record, log_outcome, made_record
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.provenance import (
@@ -31,7 +31,7 @@ from trace_dag.provenance import (
     settings_of,
 )
 from trace_dag.settings import Settings
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
 
@@ -240,7 +240,8 @@ class _CrashWorker:
                 name = artefact_name(definition.stage, self.task.key, extension)
                 contents[name] = data
                 stored.append(self.work.storage.write(name, data))
-            record = self._judged(definition, provenance, product, stored, started_at, duration_s)
+            attempt = self._attempt(definition, provenance, started_at, duration_s)
+            record = made_record(attempt, product, stored)
             record = replace(record, attempts=attempts).superseding(earlier)
             write_record(self.work.storage, record)
             obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
@@ -251,7 +252,7 @@ class _CrashWorker:
         self._delete(obsolete)
         self.records[definition.stage] = record
         self.files.accept(record, contents)
-        _log_outcome(record)
+        log_outcome(record)
         return record
 
     def _delete(self, names: Iterable[str]) -> None:
@@ -283,32 +284,10 @@ class _CrashWorker:
             # A crash is not worse for want of a picture; the log says what to mend.
             log.exception("%s: no picture", self.task.key)
 
-    def _judged(
-        self,
-        definition: StageDefinition,
-        provenance: Provenance,
-        product: StageProduct,
-        stored: Sequence[StoredFile],
-        started_at: str,
-        duration_s: float,
-    ) -> OutcomeRecord:
-        rejection = product.rejection
-        return OutcomeRecord(
-            key=self.task.key,
-            stage=definition.stage,
-            outcome=Outcome.ACCEPTED if rejection is None else Outcome.REJECTED,
-            provenance=provenance,
-            fingerprint=provenance.fingerprint,
-            run_id=self.work.run_id,
-            started_at=started_at,
-            duration_s=round(duration_s, 4),
-            reason=rejection.reason if rejection else None,
-            detail=rejection.detail if rejection else "",
-            measured=rejection.measured if rejection else None,
-            threshold=rejection.threshold if rejection else None,
-            artefacts=tuple(stored),
-            figures=dict(product.figures),
-        )
+    def _attempt(
+        self, definition: StageDefinition, provenance: Provenance, started_at: str, duration_s: float
+    ) -> Attempt:
+        return Attempt(self.task.key, definition.stage, provenance, self.work.run_id, started_at, duration_s)
 
     def _failed(
         self,
@@ -318,20 +297,8 @@ class _CrashWorker:
         duration_s: float,
         error: Exception,
     ) -> OutcomeRecord:
-        known = isinstance(error, Failure)
-        record = OutcomeRecord(
-            key=self.task.key,
-            stage=definition.stage,
-            outcome=Outcome.FAILED,
-            provenance=provenance,
-            fingerprint=provenance.fingerprint,
-            run_id=self.work.run_id,
-            started_at=started_at,
-            duration_s=round(duration_s, 4),
-            detail=str(error) if known else f"{type(error).__name__}: {error}",
-            error="".join(traceback.format_exception(error)),
-            transient=isinstance(error, TransientFailure),
-        ).superseding(self.records.get(definition.stage))
+        attempt = self._attempt(definition, provenance, started_at, duration_s)
+        record = failed_record(attempt, error).superseding(self.records.get(definition.stage))
         try:
             write_record(self.work.storage, record)
         except Failure as second:
@@ -342,27 +309,6 @@ class _CrashWorker:
     def _event(self, record: OutcomeRecord) -> StageEvent:
         self.records[record.stage] = record
         return StageEvent(record.key, record.stage, Action.COMPUTED, record)
-
-
-def _log_outcome(record: OutcomeRecord) -> None:
-    with at_work(record.key, record.stage):
-        log.info(
-            "%s %s: %s in %.2f s",
-            record.key,
-            record.stage,
-            record.reason or record.outcome,
-            record.duration_s,
-            extra=figures(
-                outcome=record.outcome,
-                reason=record.reason,
-                detail=record.detail,
-                duration_s=record.duration_s,
-                attempts=record.attempts,
-                artefact_bytes=sum(file.size for file in record.artefacts),
-                run_id=record.run_id,
-                traceback=record.error,
-            ),
-        )
 
 
 def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent]:
