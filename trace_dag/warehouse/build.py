@@ -55,6 +55,7 @@ TABLES = (
     "funnel",
     "cohort_funnel",
     "failure_reasons",
+    "usable_information",
     "coverage",
     "coverage_cross",
     "cohort_gaps",
