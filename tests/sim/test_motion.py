@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from shapely import LineString, Point
 
 from tests.sim.motions import CAR, TRUCK, driven, meeting, participant, straight
 from tests.verdict.crashes import STREET, estimate, simulated
@@ -93,6 +94,20 @@ def test_a_plan_beyond_friction_is_not_followed() -> None:
     acceleration = np.hypot(np.gradient(vx, time), np.gradient(vy, time))
     assert tracking_errors(turn(10.0, 20.0, 20.0), vehicle, 8.0)[0].max() > 2.0
     assert np.percentile(acceleration, 99) < 0.75 * GRAVITY_MPS2 * 1.15
+
+
+def test_distances_from_a_path_are_those_to_its_nearest_piece() -> None:
+    """A path that loops over itself, driven by someone who keeps to it, leaves it for good, and jumps back: GEOS
+    measures the same distances."""
+    plan = driven(0.0, 0.0, 0.3, lambda _: 9.0, lambda s: 1 / 15 if 40 < s < 170 else 0.0, until_s=25.0)
+    log = run(participant(1, plan), participant(2, straight(900.0, 900.0, 0.0, 0.0))).vehicles[0]
+    apart_m = np.where(log.time_s < 12.0, 0.1, 40.0 * np.sin(log.time_s))
+    apart_m[-5:] = 500.0
+    strayed = replace(log, x_m=log.x_m + apart_m)
+    distance, _ = tracking_errors(plan, strayed, 25.0)
+    path = LineString(np.column_stack([plan.x_m, plan.y_m]))
+    expected = [path.distance(Point(x, y)) for x, y in zip(strayed.x_m, strayed.y_m, strict=True)]
+    assert distance == pytest.approx(expected[: len(distance)], abs=1e-9)
 
 
 def test_bodies_stay_on_the_surface_and_bridges_pass_over_roads() -> None:

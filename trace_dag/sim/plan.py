@@ -14,6 +14,7 @@ from trace_dag.sim.types import Participant, VehicleLog
 from trace_dag.states.types import Trajectory
 
 _STANDSTILL_MPS = 0.05
+_AT_A_TIME = 32  # points whose distance from a path is measured together
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +135,27 @@ def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> 
     t = trajectory
     if len(t.time_s) == 1:
         return np.hypot(x - t.x_m[0], y - t.y_m[0]), np.abs(log.speed_mps[use])
-    start, along = np.stack([t.x_m, t.y_m], axis=-1)[:-1], np.diff(np.stack([t.x_m, t.y_m], axis=-1), axis=0)
-    square = np.maximum((along**2).sum(axis=1), 1e-12)
-    to_point = np.stack([x, y], axis=-1)[:, None, :] - start[None]
-    fraction = np.clip((to_point * along).sum(axis=2) / square, 0, 1)
-    distance = np.linalg.norm(to_point - fraction[..., None] * along, axis=2).min(axis=1)
+    distance = _distances_m(x, y, t.x_m, t.y_m)
     planned = np.interp(log.time_s[use], t.time_s, t.speed_mps)
     return distance, np.abs(log.speed_mps[use] - planned)
+
+
+def _distances_m(x_m: FloatArray, y_m: FloatArray, path_x_m: FloatArray, path_y_m: FloatArray) -> FloatArray:
+    """Distance of each point from a polyline, exactly. Points that follow each other are near each other: for some of
+    them at a time only those segments are looked at that can be the nearest to any."""
+    along_x, along_y = np.diff(path_x_m), np.diff(path_y_m)
+    squares = np.maximum(along_x**2 + along_y**2, 1e-12)
+    longest = math.sqrt(squares.max())
+    start_x, start_y = path_x_m[:-1], path_y_m[:-1]
+    distances = np.empty(len(x_m))
+    for first in range(0, len(x_m), _AT_A_TIME):
+        some = slice(first, first + _AT_A_TIME)
+        middle = min(first + _AT_A_TIME // 2, len(x_m) - 1)
+        spread = np.hypot(x_m[some] - x_m[middle], y_m[some] - y_m[middle]).max()
+        off = np.hypot(start_x - x_m[middle], start_y - y_m[middle])
+        near = np.flatnonzero(off <= off.min() + 2 * spread + longest)
+        dx, dy = x_m[some, None] - start_x[near], y_m[some, None] - start_y[near]
+        ux, uy = along_x[near], along_y[near]
+        fraction = np.clip((dx * ux + dy * uy) / squares[near], 0, 1)
+        distances[some] = np.sqrt(((dx - fraction * ux) ** 2 + (dy - fraction * uy) ** 2).min(axis=1))
+    return distances
