@@ -89,6 +89,8 @@ def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
     [
         (["evaluate", "--agent", "nobody"], "--agent nobody: expected brake"),
         (["evaluate", "--agent", "no_module:Agent"], "no module 'no_module'"),
+        (["evaluate", "--agent", "replay", "json:Nope"], "--agent json:Nope: module json has no class Nope"),
+        (["evaluate", "--agent", "json:JSONDecoder"], "it has no method reset and act"),
         (["evaluate", "--only", REJECTED], "is verified"),
         (["evaluate", "--only", "2023-510999"], "is not registered"),
         (["evaluate", "--variations"], "trace-dag vary makes them"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +9,7 @@ import click
 
 from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.truth import SampleTruth
@@ -63,7 +62,7 @@ def compare(
     pipeline = home.pipeline({"execution": execution_overrides(executor, workers)})
     chosen = cohort or _only_cohort(list(pipeline.registry.cohorts()), root)
     names = [name.strip() for name in estimators.split(",") if name.strip()]
-    with _progress() as tell:
+    with progress_told("crashes") as tell:
         rows = estimators_compared(pipeline, chosen, names, truth=_truth(truth, chosen), listener=tell)
     build_warehouse(pipeline.storage, home.local_folder)
     if as_json:
@@ -129,24 +128,3 @@ def _percent(share: float | None) -> str:
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar from the first time it is told something; what cannot be compared has none."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("crashes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=Console(stderr=True))
-    task = progress.add_task("crashes", total=None)
-
-    def tell(done: int, total: int) -> None:
-        progress.start()
-        progress.update(task, completed=done, total=total)
-
-    try:
-        yield tell
-    finally:
-        if progress.live.is_started:
-            progress.stop()

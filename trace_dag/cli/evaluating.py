@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_of
 
 if TYPE_CHECKING:
     from trace_dag.evaluation.table import Row
@@ -93,7 +93,8 @@ def evaluate(
     """
     from trace_dag.evaluation.evaluate import Conditions
     from trace_dag.evaluation.observation import Sensing
-    from trace_dag.evaluation.registry import BASELINES, resolve
+    from trace_dag.evaluation.registry import BASELINES
+    from trace_dag.pipeline.agent_trials import try_agents
     from trace_dag.pipeline.evaluations import Limits, Role, evaluate_agents, verified_cases
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.leaderboard import publish_leaderboard
@@ -109,8 +110,8 @@ def evaluate(
 
         cases = stored_variations(pipeline, cases)
     names = agents or BASELINES
-    for name in names:
-        resolve(name)  # before anything begins
+    limits = Limits(time_s=time_limit_s)
+    try_agents(names, limits)  # before anything begins
     roles = (Role.FIRST, Role.SECOND) if ego == "both" else (Role(ego),)
     with progress_of("evaluations", len(cases) * len(names) * len(roles)) as tell:
         rows = evaluate_agents(
@@ -119,7 +120,7 @@ def evaluate(
             names,
             roles,
             Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed),
-            Limits(time_s=time_limit_s),
+            limits,
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
         )
     build_warehouse(pipeline.storage, home.local_folder)
@@ -158,15 +159,3 @@ def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimensio
         click.echo(f"{agent} faulty in {count}: {fault}", err=True)
     if len(faults) > _FAULTS_SHOWN:
         click.echo(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"', err=True)
-
-
-@contextmanager
-def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on the terminal's error stream, told the name of each thing that is done."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task(what, total=total)
-        yield lambda name: progress.update(task, advance=1, description=name)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.progress import progress_of
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.exporting import Layout
@@ -37,7 +38,6 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
 
     Exported again, only what has changed is written.
     """
-    from trace_dag.cli.evaluating import progress_of
     from trace_dag.pipeline.exporting import export as write
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
@@ -73,7 +73,6 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
     version.
     """
-    from trace_dag.cli.evaluating import progress_of
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.releasing import build_release, check_version

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, stage_option
+from trace_dag.cli.progress import progress_of
 from trace_dag.errors import Reason, Stage, UserError
 
 if TYPE_CHECKING:
@@ -111,12 +112,14 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         batches = planned(pipeline, instance, selection)
         errors: tuple[str, ...] = ()
         if batches:
-            summary = RunSummary()
-            with _progress(sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
+            summary, counts = RunSummary(), Counter[str]()
+            with progress_of("stages", sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
 
                 def hear(event: StageEvent) -> None:
                     summary.note(event)
-                    tell(event)
+                    if event.record is not None and event.record.stage is event.stage:
+                        counts[event.record.outcome.value] += 1
+                    tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
 
                 errors = run_batches(Home(root, FLOW, listener=hear), instance, batches, settings=settings).errors
             click.echo(summary.in_words())
@@ -138,33 +141,3 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         for error in errors:
             click.echo(f"failed: {one_line(error, 500)}", err=True)
     return 1 if failed or errors else 0
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[StageEvent], None]]:
-    """A progress bar over stages and crashes on the terminal; a line now and then where there is none."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    counts = {"rejected": 0, "failed": 0}
-
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-    ) as progress:
-        task = progress.add_task("stages", total=total)
-
-        def tell(event: StageEvent) -> None:
-            record = event.record
-            if record is not None and record.stage is event.stage and record.outcome.value in counts:
-                counts[record.outcome.value] += 1
-            progress.update(
-                task,
-                advance=1,
-                description=f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)",
-            )
-
-        yield tell

@@ -10,6 +10,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_of
 
 _ERRORS_SHOWN = 5
 
@@ -59,7 +60,6 @@ def vary(
     and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
     variations.
     """
-    from trace_dag.cli.evaluating import progress_of
     from trace_dag.errors import UserError
     from trace_dag.pipeline.evaluations import verified_cases
     from trace_dag.pipeline.home import Home

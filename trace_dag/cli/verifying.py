@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.home import Home
-    from trace_dag.pipeline.verify import Disagreement, Progress, StorageReport
+    from trace_dag.pipeline.verify import Disagreement, StorageReport
 
 _SHOWN = 50
 
@@ -69,7 +69,7 @@ def _look(storage: Any, home: Home, instance: Any, contents: bool = False) -> tu
     from trace_dag.pipeline.verify import verify_storage
     from trace_dag.warehouse.verify import verify_warehouse
 
-    with _progress(contents) as tell:
+    with progress_told("artefacts") as tell:
         report = verify_storage(storage, home.local_folder, contents=contents, progress=tell)
     found = [
         *report.disagreements,
@@ -126,17 +126,3 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
     else:
         lines.append("storage, Dagster and the warehouse agree")
     return ": ".join((lines[0], "; ".join(lines[1:])))
-
-
-@contextmanager
-def _progress(wanted: bool) -> Iterator[Progress | None]:
-    """A progress bar over the artefacts that are read."""
-    if not wanted:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    with Bar(console=Console(stderr=True)) as bar:
-        task = bar.add_task("artefacts")
-        yield lambda done, total: bar.update(task, completed=done, total=total)

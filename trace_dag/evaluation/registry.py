@@ -43,10 +43,15 @@ def resolve(agent: str) -> str:
 
 def make_agent(reference: str) -> Agent:
     """An instance of the class. Raises :class:`AgentFault` for whatever goes wrong on the way."""
-    module, _, name = reference.partition(":")
+    module_name, _, name = reference.partition(":")
     try:
-        factory: Callable[[], Any] = getattr(importlib.import_module(module), name)
+        module = importlib.import_module(module_name)
+        factory: Callable[[], Any] | None = getattr(module, name, None)
+        if factory is None:
+            raise AgentFault(f"module {module_name} has no class {name}")
         agent = factory()
+    except AgentFault:
+        raise
     except (Exception, SystemExit) as error:
         raise AgentFault(f"{reference} cannot be made: {described(error)}") from error
     missing = [method for method in ("reset", "act") if not callable(getattr(agent, method, None))]

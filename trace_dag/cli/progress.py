@@ -1,0 +1,43 @@
+"""Progress bars on the terminal's error stream, the same for every command that takes its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+@contextmanager
+def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A bar over things known beforehand, told the name of each that is done."""
+    with _bar() as progress:
+        task = progress.add_task(what, total=total)
+        yield lambda name: progress.update(task, advance=1, description=name)
+
+
+@contextmanager
+def progress_told(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar from the first time it is told how many are done, and of how many."""
+    progress = _bar()
+    task = progress.add_task(what, total=None)
+
+    def tell(done: int, total: int) -> None:
+        progress.start()
+        progress.update(task, completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        if progress.live.is_started:
+            progress.stop()
+
+
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True))
