@@ -94,11 +94,15 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     wanted = ASSEMBLED * settings.max_hypotheses
     chosen = (sorted(leaders, key=_order) + sorted(rest, key=_order))[:wanted]
     kept: list[tuple[int, int, Solution, Hypothesis]] = []
+    flawless = 0
     for solution in chosen:
         built = hypothesis(solution, scene.network, lead_time_s=settings.lead_time_s)
         failed = {each.name for each in built.checks if not each.passed}
         if not failed & ESSENTIAL:
             kept.append((len(failed), len(kept), solution, built))
+            flawless += not failed
+        if flawless == settings.max_hypotheses:  # none of the others comes before these
+            break
     kept.sort(key=lambda each: each[:2])
     if not kept:
         return (), 0.0

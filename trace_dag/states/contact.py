@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trace_dag.geometry import FloatArray
 from trace_dag.states.paths import Path
@@ -21,6 +22,8 @@ GRID_STEP_M = 0.5  # farthest a body moves between two looks at whether it touch
 MAX_GRID_STEPS = 400
 MAX_TIMING_RANGE_S = 8.0
 STANDING_MPS = 0.05
+_STEPS_AT_ONCE = 8
+_PATHS_BEND = 1.01  # room for a path's points being no farther apart than the distances along it say
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +115,12 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     else:
         widest = min(sum(reach / speed for speed in moving), MAX_TIMING_RANGE_S)
         ahead = np.linspace(-widest, widest, timings)
-    # Half of the timing goes to each mover, so that both stay near their station.
-    time_1, time_2 = time[None, :] + ahead[:, None] / 2, time[None, :] - ahead[:, None] / 2
-    size_1, size_2 = (one.length_m, one.width_m), (two.length_m, two.width_m)
-    gap = separation_m(one.at(time_1), size_1, two.at(time_2), size_2)
-    touching = gap <= 0
-    index = np.argmax(touching, axis=1)
-    rows = np.flatnonzero(touching.any(axis=1) & (index > 0))
+    rows, index = _first_touching(one, two, time, ahead)
+    rows, index = rows[index > 0], index[index > 0]
     if len(rows) == 0:
         return _nothing()
-    last_apart = time[index[rows] - 1]
+    last_apart = time[index - 1]
+    size_1, size_2 = (one.length_m, one.width_m), (two.length_m, two.width_m)
     width = np.full(len(rows), step)
     for _ in range(5):  # multisection: each round narrows the bracket eightfold, to a few micrometres
         inner = last_apart[:, None] + width[:, None] * np.arange(1, 9)[None, :] / 8
@@ -132,6 +131,30 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
         last_apart = last_apart + first * width
     time_1, time_2 = last_apart + ahead[rows] / 2, last_apart - ahead[rows] / 2
     return _describe(one, two, time_1, time_2)
+
+
+def _first_touching(
+    one: Mover, two: Mover, time_s: FloatArray, ahead_s: FloatArray
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The timings at which the bodies touch or overlap, and for each the index into ``time_s`` where they first do.
+
+    Half of a timing goes to each mover, so that both stay near their station. Bodies farther apart than they reach
+    cannot touch, nor can they a few steps on: that is looked at every few steps, and only where it may be the bodies.
+    """
+    half_s = ahead_s[:, None] / 2
+    coarse_s = time_s[::_STEPS_AT_ONCE]
+    x_1, y_1, _ = one.at(coarse_s + half_s)
+    x_2, y_2, _ = two.at(coarse_s - half_s)
+    travel_m = _STEPS_AT_ONCE * float(time_s[1] - time_s[0]) * (abs(one.speed_mps) + abs(two.speed_mps))
+    row, block = np.nonzero(np.hypot(x_2 - x_1, y_2 - y_1) <= (one.reach_m + two.reach_m + travel_m) * _PATHS_BEND)
+    column = np.minimum(block[:, None] * _STEPS_AT_ONCE + np.arange(_STEPS_AT_ONCE), len(time_s) - 1)
+    fine_s, half_s = time_s[column], half_s[row]
+    gap = separation_m(
+        one.at(fine_s + half_s), (one.length_m, one.width_m), two.at(fine_s - half_s), (two.length_m, two.width_m)
+    )
+    found, step = np.nonzero(gap <= 0)  # by timing, then in the order of time
+    timings, first = np.unique(row[found], return_index=True)
+    return timings, column[found[first], step[first]]
 
 
 def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) -> Contacts:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Path:
         """Length of the path."""
         return float(self.s_m[-1])
 
-    @property
+    @cached_property
     def curvature_1pm(self) -> FloatArray:
         """Curvature at each point, shape (n,), 1/m."""
         return np.asarray(np.gradient(self.heading_rad, self.s_m))
@@ -54,9 +55,19 @@ class Path:
         return x, y, np.interp(np.asarray(s_m, float), self.s_m, self.z_m), heading
 
     def pose(self, s_m: float) -> Pose:
-        """Pose at one distance."""
-        x, y, z, heading = self.at(np.array(s_m))
-        return Pose(float(x), float(y), math.remainder(float(heading), math.tau), float(z))
+        """Pose at one distance: as :meth:`at`, which is made for many."""
+        if not float(self.s_m[0]) <= s_m < float(self.s_m[-1]):
+            x, y, z, heading = (float(value) for value in self.at(np.array(s_m)))
+            return Pose(x, y, math.remainder(heading, math.tau), z)
+        i = int(self.s_m.searchsorted(s_m, side="right")) - 1
+        before, after = float(self.s_m[i]), float(self.s_m[i + 1])
+
+        def between(values: FloatArray) -> float:
+            first, second = float(values[i]), float(values[i + 1])
+            return (second - first) / (after - before) * (s_m - before) + first
+
+        heading = math.remainder(between(self.heading_rad), math.tau)
+        return Pose(between(self.x_m), between(self.y_m), heading, between(self.z_m))
 
     def project(self, x_m: float, y_m: float, *, near_s_m: float | None = None) -> tuple[float, float]:
         """Distance along the path closest to a point, and the point's offset to the left of the path there, metres.
