@@ -112,6 +112,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         batches = planned(pipeline, instance, selection)
         errors: tuple[str, ...] = ()
         if batches:
+            pipeline.check_requirements({stage for batch in batches for stage in batch.stages})
             summary, counts = RunSummary(), Counter[str]()
             with progress_of("stages", sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
 

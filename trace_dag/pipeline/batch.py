@@ -94,6 +94,17 @@ class Pipeline:
                     break
         return stale
 
+    def check_requirements(self, stages: Collection[Stage]) -> None:
+        """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
+
+        Workers of a cluster have an installation of their own, about which nothing is known here.
+        """
+        if self.settings.execution.executor == "dask":
+            return
+        for definition in self.flow.stages:
+            if definition.stage in stages and definition.requires is not None:
+                definition.requires(self.settings)
+
     def run(
         self,
         keys: Sequence[str],
@@ -108,6 +119,7 @@ class Pipeline:
         What is current is not run again unless its stage is in ``force``. A crash that fails never keeps another from
         going on. Events of one crash come in the order of the stages.
         """
+        self.check_requirements(stages)
         ours = executor is None
         executor = executor or make_executor(self.settings.execution)
         try:

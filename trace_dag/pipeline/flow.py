@@ -135,13 +135,21 @@ class Grouping(Protocol):
         """Groups of keys, together all of them."""
 
 
+class Requirement(Protocol):
+    """Raises :class:`trace_dag.errors.UserError` where this machine lacks what the settings ask of a stage."""
+
+    def __call__(self, settings: Settings, /) -> None:
+        """Nothing where all is there."""
+
+
 @dataclass(frozen=True)
 class StageDefinition:
     """One stage: its function and everything its result depends on.
 
     ``inputs`` are artefacts of earlier stages by stage and extension; ``from_source`` says whether the report or the
     maps outside the storage enter; ``settings`` picks the section that matters; ``code`` names the modules whose
-    sources, with all they import, make up its code version.
+    sources, with all they import, make up its code version. ``requires`` is asked once before a run, so that what no
+    crash could be done without is said once and before any is worked on.
     """
 
     stage: Stage
@@ -152,6 +160,7 @@ class StageDefinition:
     from_source: tuple[str, ...] = ()  # "report", "maps"
     settings: str | None = None  # name of the section
     code: tuple[str, ...] = ()
+    requires: Requirement | None = None
 
     def __post_init__(self) -> None:
         if (self.function is None) == (self.batch_function is None):

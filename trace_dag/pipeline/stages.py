@@ -280,6 +280,14 @@ def llm_client_of(settings: StateSettings, storage: Storage, run_id: str) -> Llm
     return llm_client(settings, files=storage, ledger=run_id or "run")
 
 
+def road_map_requires(settings: Settings) -> None:
+    """The converter the settings name has to be installed."""
+    if settings.roads.converter == "osm2odr":
+        from trace_dag.roads.osm2odr import require_osm2odr
+
+        require_osm2odr()
+
+
 def state_estimate(crash: CrashFiles) -> StageProduct:
     """Where the vehicles came from and how fast: hypotheses, best first."""
     from trace_dag.states.estimate import estimate
@@ -357,6 +365,14 @@ def simulation_log(crash: CrashFiles) -> StageProduct:
             threshold=1.0,
         )
     return StageProduct({"parquet": steps, "json": summary}, figures, rejection)
+
+
+def simulation_log_requires(settings: Settings) -> None:
+    """The simulator the settings name has to be there."""
+    if settings.sim.backend == "carla":
+        from trace_dag.sim.carla_backend import require_carla
+
+        require_carla(settings.sim)
 
 
 @lru_cache(maxsize=1)
@@ -470,6 +486,7 @@ FLOW = Flow(
             inputs=(_RECORD, (Stage.OSM_EXTRACT, "osm")),
             settings="roads",
             code=("trace_dag.roads.build", "trace_dag.roads.opendrive_writer", "trace_dag.osm.xml", _READS_RECORD),
+            requires=road_map_requires,
         ),
         StageDefinition(
             Stage.STATE_ESTIMATE,
@@ -483,6 +500,7 @@ FLOW = Flow(
             function=simulation_log,
             inputs=(_RECORD, _MAP[0], _ESTIMATE),
             settings="sim",
+            requires=simulation_log_requires,
             code=(
                 "trace_dag.sim.run",
                 "trace_dag.sim.embedded",

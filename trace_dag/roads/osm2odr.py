@@ -69,12 +69,17 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
     return with_way_tags(merge_directions(_without_dangling_links(network)), extract)
 
 
-def _run(osm: bytes, frame: LocalFrame) -> bytes:
+def require_osm2odr() -> None:
+    """Raises :class:`UserError` without the ``carla`` extra, which Osm2Odr is a part of."""
     if importlib.util.find_spec("carla") is None:
         raise UserError(
             "roads.converter = 'osm2odr' needs the carla package, which is not installed: "
             "pip install 'trace-dag[carla]', or use roads.converter = 'native'"
         )
+
+
+def _run(osm: bytes, frame: LocalFrame) -> bytes:
+    require_osm2odr()
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "map.osm", Path(folder) / "map.xodr"
         source.write_bytes(osm)

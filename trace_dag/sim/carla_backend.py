@@ -12,6 +12,7 @@ stand-in can take its place.
 
 from __future__ import annotations
 
+import socket
 from typing import Any
 
 from trace_dag.errors import Failure, UserError
@@ -22,6 +23,31 @@ from trace_dag.sim.types import Simulation
 
 SUPPORTED_VERSIONS = ("0.9.15", "0.9.16")
 _TIMEOUT_S = 60.0
+_PROBE_TIMEOUT_S = 5.0
+
+
+def require_carla(settings: SimSettings) -> None:
+    """Raises :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
+    _carla_package()
+    host, port = settings.carla_host, settings.carla_port
+    try:
+        socket.create_connection((host, port), timeout=_PROBE_TIMEOUT_S).close()
+    except OSError as error:
+        raise UserError(
+            f"no CARLA server answers at {host}:{port} ({error}); start one, set sim.carla_host and sim.carla_port, "
+            "or use sim.backend = 'embedded'"
+        ) from error
+
+
+def _carla_package() -> Any:
+    try:
+        import carla
+    except ImportError as error:
+        raise UserError(
+            "the CARLA back-end needs the carla package: pip install 'trace-dag[carla]', "
+            "or use sim.backend = 'embedded'"
+        ) from error
+    return carla
 
 
 class CarlaBackend:
@@ -62,14 +88,7 @@ class CarlaBackend:
         if self._client is not None:
             return self._client
         if self._carla is None:
-            try:
-                import carla
-            except ImportError as error:
-                raise UserError(
-                    "the CARLA back-end needs the carla package: pip install 'trace-dag[carla]', "
-                    "or choose the embedded back-end"
-                ) from error
-            self._carla = carla
+            self._carla = _carla_package()
         address = f"{self._settings.carla_host}:{self._settings.carla_port}"
         with server_errors(f"connecting to {address}"):
             client = self._carla.Client(self._settings.carla_host, self._settings.carla_port)
