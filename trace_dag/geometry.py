@@ -41,7 +41,10 @@ class LocalFrame:
     def _transformer(self) -> Transformer:
         from pyproj import Transformer  # costs 0.2 s of start-up
 
-        return Transformer.from_crs("EPSG:4326", self.proj, always_xy=True)
+        # WGS84 on both sides: what PROJ would find in its database, in a thirtieth of the time.
+        return Transformer.from_pipeline(
+            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step {self.proj}"
+        )
 
     def to_local(self, latitude_deg: FloatArray | float, longitude_deg: FloatArray | float) -> FloatArray:
         """Geographic degrees, scalars or shape (n,), to local metres, shape (2,) or (n, 2)."""
@@ -96,8 +99,8 @@ def rectangle_corners(pose: Pose, length_m: float, width_m: float) -> FloatArray
 
 def arc_lengths(xy_m: FloatArray) -> FloatArray:
     """Distance along a polyline of shape (n, 2 or 3) at each of its points, shape (n,), starting at 0."""
-    steps = np.linalg.norm(np.diff(xy_m[:, :2], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    dx, dy = np.diff(xy_m[:, 0]), np.diff(xy_m[:, 1])
+    return np.concatenate([[0.0], np.cumsum(np.sqrt(dx * dx + dy * dy))])
 
 
 def headings(xy_m: FloatArray) -> FloatArray:

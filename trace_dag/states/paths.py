@@ -112,7 +112,9 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
     columns = []
     for axis in range(3):
         # Odd reflection carries each end's direction on, so that the ends stay where they are.
-        padded = np.pad(np.interp(at, s, points[:, axis]), reach, mode="reflect", reflect_type="odd")
+        value = np.interp(at, s, points[:, axis])
+        reflected = value[::-1]
+        padded = np.concatenate([2 * value[0] - value[reach:0:-1], value, 2 * value[-1] - reflected[1 : reach + 1]])
         columns.append(np.convolve(padded, kernel, mode="valid"))
     return from_points(*columns)
 
