@@ -40,6 +40,7 @@ from trace_dag.roads.map_measures import MapComparison
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.stored_map import StoredMap
 from trace_dag.roads.osm2odr import convert_with_osm2odr, with_way_tags
 from trace_dag.settings import OsmSettings, RoadSettings
 
@@ -112,7 +113,7 @@ def measure_ours(places: Places, folder: Path) -> None:
             continue
         times_s.append(time.perf_counter() - start)
         xodr = write_opendrive(network)
-        for gate in check_map(network, extract, xodr, name=key):
+        for gate in check_map(network, extract, StoredMap(xodr, name=key)):
             if gate.passed is False:
                 failed[gate.name] += 1
                 print(f"  {key}: {gate.name} {gate.value} {gate.unit} ({gate.detail[:100]})")

@@ -21,6 +21,7 @@ from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_rules import find_violations
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.report import CrashPlacement, MapGate
+from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import RoadSettings
 
 _FRAME = LocalFrame(40.0, -100.0)
@@ -53,7 +54,7 @@ def network(crossing: OsmExtract) -> RoadNetwork:
 
 
 def _gates(network: RoadNetwork, extract: OsmExtract, placement: CrashPlacement | None = None) -> dict[str, MapGate]:
-    return {gate.name: gate for gate in check_map(network, extract, write_opendrive(network), placement)}
+    return {gate.name: gate for gate in check_map(network, extract, StoredMap(write_opendrive(network)), placement)}
 
 
 def _changed(network: RoadNetwork, change: Callable[[Road], Road], *, road_id: str | None = None) -> RoadNetwork:
@@ -242,7 +243,7 @@ def test_broken_rules_are_found(network: RoadNetwork, old: str, new: str, words:
 
 def test_a_file_that_breaks_rules_is_measured_no_further(network: RoadNetwork, crossing: OsmExtract) -> None:
     xodr = write_opendrive(network).replace(b'type="driving"', b'type="asphalt"', 1)
-    (gate,) = check_map(network, crossing, xodr)
+    (gate,) = check_map(network, crossing, StoredMap(xodr))
     assert (gate.name, gate.passed) == ("opendrive_rules", False)
     with pytest.raises(Rejection, match="enumeration"):
         require([gate])

@@ -19,6 +19,7 @@ from trace_dag.roads.gates import OSM2ODR_LIMITS, check_map
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import OsmSettings, RoadSettings
 
 _TOWN = Path(__file__).resolve().parents[2] / "data" / "sample" / "osm" / "merrow.osm"
@@ -78,7 +79,10 @@ def test_its_maps_go_through_the_same_gates(site: tuple[OsmExtract, LocalFrame])
     assert "Osm2Odr" in network.converter
     streets = [road for road in network.roads if road.junction_id is None]
     assert sum(bool(road.highway) for road in streets) > 0.9 * len(streets)
-    gates = {gate.name: gate for gate in check_map(network, extract, write_opendrive(network), limits=OSM2ODR_LIMITS)}
+    gates = {
+        gate.name: gate
+        for gate in check_map(network, extract, StoredMap(write_opendrive(network)), limits=OSM2ODR_LIMITS)
+    }
     assert gates["carla_map"].passed
     assert gates["geodesic_distances"].passed, gates["geodesic_distances"]
 

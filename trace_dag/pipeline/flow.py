@@ -28,12 +28,14 @@ class StageProduct:
     """What a stage made: contents by file extension, and the few figures a person looks at first.
 
     A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
-    ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead.
+    ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by
+    extension, what the artefact's reader would make of it, where the stage has read it back already.
     """
 
     files: Mapping[str, bytes]
     figures: Mapping[str, Figure] = field(default_factory=dict)
     rejection: Rejection | None = None
+    parsed: Mapping[str, object] = field(default_factory=dict)
 
 
 class DamagedArtefactError(Exception):
@@ -63,13 +65,19 @@ class CrashFiles:
         self._contents: dict[str, bytes] = {}
         self._parsed: dict[str, Any] = {}
 
-    def accept(self, record: OutcomeRecord, contents: Mapping[str, bytes] | None = None) -> None:
-        """Take over the outcome of a stage, with the contents of its artefacts by name where they are at hand."""
+    def accept(
+        self,
+        record: OutcomeRecord,
+        contents: Mapping[str, bytes] | None = None,
+        parsed: Mapping[str, object] | None = None,
+    ) -> None:
+        """Take over the outcome of a stage, with its artefacts by name, as bytes and parsed, where they are at hand."""
         self._records[record.stage] = record
         stale = f"{record.stage}/"
         self._contents = {name: data for name, data in self._contents.items() if not name.startswith(stale)}
         self._parsed = {name: value for name, value in self._parsed.items() if not name.startswith(stale)}
         self._contents.update(contents or {})
+        self._parsed.update(parsed or {})
 
     def has(self, stage: Stage, extension: str) -> bool:
         """Whether a stage left such an artefact."""

@@ -253,10 +253,8 @@ def _local_map(file: MapFile, storage: Storage) -> Path:
 def road_map(crash: CrashFiles) -> StageProduct:
     """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report."""
     from trace_dag.roads.build import build_road_map
-    from trace_dag.roads.opendrive_writer import write_opendrive
 
-    settings = crash.settings.roads
-    built = build_road_map(extract_of(crash), record_of(crash), settings)
+    built = build_road_map(extract_of(crash), record_of(crash), crash.settings.roads)
     report = built.report
     figures: dict[str, Figure] = {
         "roads": report.roads,
@@ -268,8 +266,8 @@ def road_map(crash: CrashFiles) -> StageProduct:
         "gates_failed": sum(gate.passed is False for gate in report.gates),
         "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
     }
-    xodr = write_opendrive(built.network, marks=settings.marks)
-    return StageProduct({"xodr": xodr, "json": _map_reports().dump_json(report, indent=1)}, figures)
+    files = {"xodr": built.stored.xodr, "json": _map_reports().dump_json(report, indent=1)}
+    return StageProduct(files, figures, parsed={"xodr": built.stored.network})
 
 
 @lru_cache(maxsize=1)

@@ -227,6 +227,7 @@ class _CrashWorker:
     ) -> OutcomeRecord:
         """Store what a stage made, then its record. A stage that fails leaves nothing but its record."""
         contents: dict[str, bytes] = {}
+        parsed: dict[str, object] = {}
         earlier = self.records.get(definition.stage)
         try:
             if isinstance(product, Rejection):
@@ -244,6 +245,7 @@ class _CrashWorker:
             record = made_record(attempt, product, stored)
             record = replace(record, attempts=attempts).superseding(earlier)
             write_record(self.work.storage, record)
+            parsed = {artefact_name(definition.stage, self.task.key, e): v for e, v in product.parsed.items()}
             obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
         except Exception as error:
             record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
@@ -251,7 +253,7 @@ class _CrashWorker:
             contents = {}
         self._delete(obsolete)
         self.records[definition.stage] = record
-        self.files.accept(record, contents)
+        self.files.accept(record, contents, parsed)
         log_outcome(record)
         return record
 

@@ -20,14 +20,16 @@ from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.osm2odr import convert_with_osm2odr
 from trace_dag.roads.placement import place_crash
 from trace_dag.roads.report import STRUCTURES_WITHIN_M, Comparison, CrashPlacement, MapReport, Structure
+from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import RoadSettings
 
 
 @dataclass(frozen=True)
 class RoadMap:
-    """A road map and what is recorded beside it."""
+    """A road map, as converted and as written, and what is recorded beside it."""
 
     network: RoadNetwork
+    stored: StoredMap
     report: MapReport
 
 
@@ -50,9 +52,9 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         network = _convert(filling.extract, frame, settings, filling.hints)
         placement = place_crash(network, record, settings)
         comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
-    xodr = write_opendrive(network, marks=settings.marks)
+    stored = StoredMap(write_opendrive(network, marks=settings.marks), name=f"road map of {record.key}")
     limits = OSM2ODR_LIMITS if settings.converter == "osm2odr" else None
-    gates = check_map(network, filling.extract, xodr, placement, limits=limits, name=f"road map of {record.key}")
+    gates = check_map(network, filling.extract, stored, placement, limits=limits)
     require(gates)
     report = MapReport(
         converter=network.converter,
@@ -64,7 +66,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         junctions=len(network.junctions),
         attribution=extract.attribution,
     )
-    return RoadMap(network, report)
+    return RoadMap(network, stored, report)
 
 
 def _convert(

@@ -36,9 +36,11 @@ class CubicProfile:
     @classmethod
     def of(cls, cubics: Iterable[Cubic], *, origin_m: float = 0.0) -> Self:
         """From OpenDRIVE records whose ``s`` counts from ``origin_m``; no record at all is 0 everywhere."""
-        ordered = sorted(cubics, key=lambda cubic: cubic.s_m)
+        ordered = list(cubics)
         if not ordered:
             return cls((origin_m,), ((0.0, 0.0, 0.0, 0.0),))
+        if len(ordered) > 1:
+            ordered.sort(key=lambda cubic: cubic.s_m)
         return cls([origin_m + c.s_m for c in ordered], [(c.a, c.b, c.c, c.d) for c in ordered])
 
     @classmethod

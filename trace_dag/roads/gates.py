@@ -16,14 +16,13 @@ import numpy as np
 
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads import map_measures as measures
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_rules import find_violations
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.network import RoadNetwork
+    from trace_dag.roads.stored_map import StoredMap
 
 _SHOWN: Final = 3  # examples named in a gate's detail
 _ANCHORS: Final = 8
@@ -70,23 +69,20 @@ OSM2ODR_LIMITS: Final = MapLimits(
 def check_map(
     network: RoadNetwork,
     extract: OsmExtract,
-    xodr: bytes,
+    stored_map: StoredMap,
     placement: CrashPlacement | None = None,
     *,
     limits: MapLimits | None = None,
-    name: str = "map",
 ) -> tuple[MapGate, ...]:
-    """All gates of a map: ``network`` as converted, ``xodr`` as it will be stored, ``extract`` it was made from.
+    """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
 
-    Everything is measured on ``xodr`` read back. A file that breaks more rules than allowed is measured no further.
-    ``name`` is for messages.
+    Everything is measured on the file read back. One that breaks more rules than allowed is measured no further.
     """
     limits = limits or MapLimits()
-    violations = find_violations(xodr, name=name)
-    rules = _count_gate("opendrive_rules", violations, "violations", limits.rule_violations)
+    rules = _count_gate("opendrive_rules", stored_map.violations, "violations", limits.rule_violations)
     if not rules.passed:
         return (rules,)
-    stored = read_opendrive(xodr, name=name)
+    stored = stored_map.network
     comparison = measures.MapComparison(stored, extract)
     return (
         rules,
@@ -98,7 +94,7 @@ def check_map(
         _geodesics(comparison, limits),
         *_heights(stored, limits),
         _crash(stored, placement, limits),
-        _carla(xodr, name),
+        _carla(stored_map),
     )
 
 
@@ -261,7 +257,7 @@ def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLim
     )
 
 
-def _carla(xodr: bytes, name: str) -> MapGate:
+def _carla(stored_map: StoredMap) -> MapGate:
     """CARLA's own parser reads the map and finds lanes in it."""
     unit = f"waypoints {_CARLA_SPACING_M:.0f} m apart"
     if importlib.util.find_spec("carla") is None:
@@ -269,7 +265,7 @@ def _carla(xodr: bytes, name: str) -> MapGate:
     import carla
 
     try:
-        waypoints = len(carla.Map(name, xodr.decode()).generate_waypoints(_CARLA_SPACING_M))
+        waypoints = len(carla.Map(stored_map.name, stored_map.xodr.decode()).generate_waypoints(_CARLA_SPACING_M))
     except RuntimeError as error:
         return MapGate("carla_map", None, None, unit, False, f"carla.Map: {error}")
     return MapGate("carla_map", waypoints, None, unit, waypoints > 0)

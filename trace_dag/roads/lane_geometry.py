@@ -142,8 +142,8 @@ class LaneGeometry:
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
-    def border(self, left: bool, step_m: float, span_m: tuple[float, float] | None = None) -> FloatArray:
-        """Left or right border as seen in the direction of travel, shape (n, 3): x, y, z, in that direction.
+    def borders(self, step_m: float, span_m: tuple[float, float] | None = None) -> tuple[FloatArray, FloatArray]:
+        """Left and right border as seen in the direction of travel, shape (n, 3) each: x, y, z, in that direction.
 
         Over the whole lane, or between two ``s`` (low, high).
         """
@@ -152,10 +152,14 @@ class LaneGeometry:
         if self.direction < 0:
             stations = stations[::-1]
         line = self.road.line.sample(stations)
-        side = self.direction if left else -self.direction
-        t = self.centre.sample(stations) + side * self.width.sample(stations) / 2
+        sine, cosine = np.sin(line[:, 2]), np.cos(line[:, 2])
+        centre_m, half_m = self.centre.sample(stations), self.width.sample(stations) / 2
         z = self.road.elevation.sample(stations)
-        return np.column_stack([line[:, 0] - t * np.sin(line[:, 2]), line[:, 1] + t * np.cos(line[:, 2]), z])
+
+        def beside(t: FloatArray) -> FloatArray:
+            return np.stack([line[:, 0] - t * sine, line[:, 1] + t * cosine, z], axis=1)
+
+        return beside(centre_m + self.direction * half_m), beside(centre_m - self.direction * half_m)
 
     @cached_property
     def _search_samples(self) -> tuple[FloatArray, FloatArray]:

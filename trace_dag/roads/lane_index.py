@@ -47,6 +47,13 @@ class LaneIndex:
                 if float(((line[:, 0] - x_m) ** 2 + (line[:, 1] - y_m) ** 2).min()) <= reach_m**2:
                     yield ref, geometry
 
+    def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
+        """Roads that may have a lane in a box (west, south, east, north), in their order."""
+        west, south, east, north = box_m
+        low_x, low_y, high_x, high_y = self._boxes
+        touching = (low_x < east) & (high_x > west) & (low_y < north) & (high_y > south)
+        return [self._roads[number] for number in np.flatnonzero(touching)]
+
     def _lines(self, number: int) -> list[tuple[LaneRef, LaneGeometry, FloatArray, float]]:
         if number not in self._looked_up:
             self._looked_up[number] = [
@@ -58,9 +65,8 @@ class LaneIndex:
 
 def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
     """A lane's surface."""
-    left = geometry.border(True, step_m)[:, :2]
-    right = geometry.border(False, step_m)[:, :2]
-    return shapely.Polygon(np.concatenate([left, right[::-1]]))
+    left, right = geometry.borders(step_m)
+    return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
 
 
 def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely.MultiPolygon:

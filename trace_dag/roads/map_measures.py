@@ -76,13 +76,13 @@ class MapComparison:
         return [way for way in self.extract.ways if is_drivable(way.tags, service_roads=True)]
 
     @cached_property
-    def _node_xy(self) -> dict[int, FloatArray]:
+    def _node_xy(self) -> dict[int, tuple[float, float]]:
         ids = list(self.extract.nodes)
         if not ids:
             return {}
         lat = np.array([self.extract.nodes[i].latitude_deg for i in ids])
         lon = np.array([self.extract.nodes[i].longitude_deg for i in ids])
-        return dict(zip(ids, self.network.frame.to_local(lat, lon), strict=True))
+        return {i: (x, y) for i, (x, y) in zip(ids, self.network.frame.to_local(lat, lon).tolist(), strict=True)}
 
     def way_line(self, way: OsmWay) -> FloatArray:
         """A way's nodes in the local frame, shape (n, 2), repeated points left out."""
@@ -129,7 +129,7 @@ class MapComparison:
             junction_id = self.network.road_by_id[ref.road_id].junction_id
             if junction_id is not None and junction_id not in folds:
                 geometry = self.network.geometry(ref)
-                points[junction_id] += [geometry.border(left, 2.0)[:, :2] for left in (True, False)]
+                points[junction_id] += [border[:, :2] for border in geometry.borders(2.0)]
         for junction_id, inner in self._inner_ways().items():
             points[junction_id].append(inner)
         hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in points.values()]
@@ -309,7 +309,7 @@ class MapComparison:
             if not roads:
                 continue
             for a, b in pairwise(way.node_ids):
-                here, there = self._node_xy[a], self._node_xy[b]
+                here, there = np.array(self._node_xy[a]), np.array(self._node_xy[b])
                 length_m = math.dist(here, there)
                 if length_m < _LEAST_ANCHOR_SEGMENT_M:
                     continue

@@ -47,7 +47,10 @@ class LaneType(StrEnum):
     @property
     def drivable(self) -> bool:
         """Whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
-        return self in (LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT)
+        return self in _DRIVABLE
+
+
+_DRIVABLE: Final = frozenset({LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT})
 
 
 @dataclass(frozen=True)
@@ -256,6 +259,11 @@ class RoadNetwork:
         return tuple(ref for road in self.roads for ref in self.drivable_lanes_of(road))
 
     @cached_property
+    def _drivable_of(self) -> dict[str, tuple[LaneRef, ...]]:
+        lane_of = self._lane_by_ref
+        return {road.id: tuple(ref for ref in _lanes_of(road) if lane_of[ref].type.drivable) for road in self.roads}
+
+    @cached_property
     def _links(self) -> LaneLinks:
         return LaneLinks(self)
 
@@ -269,7 +277,7 @@ class RoadNetwork:
 
     def drivable_lanes_of(self, road: Road) -> tuple[LaneRef, ...]:
         """The lanes of one road traffic drives in."""
-        return tuple(ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.drivable)
+        return self._drivable_of[road.id]
 
     def is_drivable(self, ref: LaneRef) -> bool:
         """Whether there is such a lane and traffic drives in it."""
@@ -380,6 +388,10 @@ class RoadNetwork:
                 matches.append(match)
         matches.sort(key=lambda match: (match.outside_m, abs(match.offset_m), match.lane))
         return matches
+
+    def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
+        """Roads that may have a lane in a box (west, south, east, north; m), in their order; none is missed."""
+        return self._index.roads_within(box_m)
 
     def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
         """Height of the road surface at ``s_m``."""

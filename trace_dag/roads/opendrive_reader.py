@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from lxml import etree
@@ -52,9 +53,12 @@ _OTHER_LANE_TYPES: Final = {
     "curb": LaneType.BORDER,
     "walking": LaneType.SIDEWALK,
 }
+_LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
 _LONGEST_ROAD_M: Final = 1e6  # longer is a slip, and sampling it would fill the memory
 _ARC_TURN_RAD: Final = 0.005
 """Turn per arc that stands for a piece of a spiral: off the clothoid by less than a millimetre on any road."""
+
+_Notes = dict[str, list[str]]
 
 
 def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
@@ -65,7 +69,11 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
 
     Raises :class:`UserError` for anything that cannot be read as OpenDRIVE.
     """
-    root = parse_opendrive(data, name)
+    return network_of(parse_opendrive(data, name), name=name)
+
+
+def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
+    """The network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
     reader = _Reader(name)
     header = root.find("header")
     if header is None:
@@ -75,7 +83,7 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
         roads=tuple(reader.road(element) for element in root.iterchildren("road")),
         junctions=tuple(reader.junction(element) for element in root.iterchildren("junction")),
         converter=header.get("vendor", ""),
-        attribution=_note(header, "attribution"),
+        attribution=_first(_notes(header), "attribution"),
     )
 
 
@@ -90,9 +98,10 @@ def parse_opendrive(data: bytes, name: str) -> etree._Element:
         raise UserError(
             f"{name}: not OpenDRIVE ({error}); expected an XML document <OpenDRIVE> ... </OpenDRIVE>"
         ) from error
-    for element in root.iter(tag=etree.Element):
-        if element.tag.startswith("{"):
-            element.tag = etree.QName(element).localname
+    if b"xmlns" in data or root.nsmap:  # in any other encoding than ASCII's kin the root at least says so
+        for element in root.iter(tag=etree.Element):
+            if element.tag.startswith("{"):
+                element.tag = etree.QName(element).localname
     if root.tag != "OpenDRIVE":
         raise UserError(f"{name}: not OpenDRIVE: the document is a <{root.tag}>, expected <OpenDRIVE>")
     return root
@@ -118,10 +127,12 @@ class _Reader:
 
     def _number(self, element: etree._Element, key: str, default: float | None = None) -> float:
         value = element.get(key)
-        if value is None and default is not None:
-            return default
+        if value is None:
+            if default is not None:
+                return default
+            value = self._text(element, key)
         try:
-            number = float(self._text(element, key))
+            number = float(value)
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
@@ -135,8 +146,8 @@ class _Reader:
         except ValueError:
             raise self._fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
 
-    def _note_integers(self, element: etree._Element, code: str) -> tuple[int, ...]:
-        text = _note(element, code)
+    def _note_integers(self, element: etree._Element, notes: _Notes, code: str) -> tuple[int, ...]:
+        text = _first(notes, code)
         try:
             return tuple(int(part) for part in text.split())
         except ValueError:
@@ -156,69 +167,80 @@ class _Reader:
     # --- roads -----------------------------------------------------------------------------------------------
     def road(self, element: etree._Element) -> Road:
         length = self._number(element, "length")
-        plan = tuple(self._plan(element))
+        parts = _children(element)
+        plan = tuple(piece for child in parts.get("planView", ()) for piece in self._plan(child))
         if not plan or not 0.0 < length <= _LONGEST_ROAD_M:
             raise self._fail(element, f"road of length {length:g} with {len(plan)} pieces of plan view")
-        offsets = tuple(self._cubics(element.iterfind("lanes/laneOffset")))
         junction = element.get("junction", "-1")
-        link = element.find("link")
+        link, lanes = parts.get("link"), parts.get("lanes", ())
+        notes = _notes(element)
         return Road(
             id=self._text(element, "id"),
             length_m=length,
             plan=plan,
-            lane_sections=tuple(self._sections(element, length)),
-            elevation=tuple(self._cubics(element.iterfind("elevationProfile/elevation"))),
-            lane_offset=offsets,
+            lane_sections=tuple(self._sections(element, lanes, length)),
+            elevation=self._cubics(child for child in parts.get("elevationProfile", ()) if child.tag == "elevation"),
+            lane_offset=self._cubics(child for child in lanes if child.tag == "laneOffset"),
             name=element.get("name", ""),
             junction_id=None if junction == "-1" else junction,
-            predecessor=self._road_link(link, "predecessor"),
-            successor=self._road_link(link, "successor"),
-            signals=tuple(self._signal(child) for child in element.iterfind("signals/signal")),
-            highway=_note(element, "highway"),
-            names=tuple(_notes(element, "altName")),
-            osm_way_ids=self._note_integers(element, "osmWays"),
+            predecessor=None if link is None else self._road_link(link, "predecessor"),
+            successor=None if link is None else self._road_link(link, "successor"),
+            signals=tuple(self._signal(child) for child in parts.get("signals", ()) if child.tag == "signal"),
+            highway=_first(notes, "highway"),
+            names=tuple(notes.get("altName", ())),
+            osm_way_ids=self._note_integers(element, notes, "osmWays"),
             speed_mps=self._road_speed(element),
-            layer=sum(self._note_integers(element, "layer")),
-            bridge=_note(element, "bridge") == "true",
-            tunnel=_note(element, "tunnel") == "true",
-            lanes_from_tags=_note(element, "lanesFromTags") == "true",
-            turn=_note(element, "turn") or None,
+            layer=sum(self._note_integers(element, notes, "layer")),
+            bridge=_first(notes, "bridge") == "true",
+            tunnel=_first(notes, "tunnel") == "true",
+            lanes_from_tags=_first(notes, "lanesFromTags") == "true",
+            turn=_first(notes, "turn") or None,
         )
 
-    def _plan(self, road: etree._Element) -> Iterator[PlanElement]:
-        for geometry in road.iterfind("planView/geometry"):
-            s, x, y, heading, length = (self._number(geometry, key) for key in ("s", "x", "y", "hdg", "length"))
-            shape = next(iter(geometry), None)
-            if shape is None:
-                raise self._fail(geometry, "<geometry> without a shape")
-            match shape.tag:
-                case "line":
-                    yield PlanElement(s, x, y, heading, length)
-                case "arc":
-                    yield PlanElement(s, x, y, heading, length, self._number(shape, "curvature"))
-                case "paramPoly3":
-                    a_u, b_u, c_u, d_u = (self._number(shape, key) for key in ("aU", "bU", "cU", "dU"))
-                    a_v, b_v, c_v, d_v = (self._number(shape, key) for key in ("aV", "bV", "cV", "dV"))
-                    normalized = shape.get("pRange", "normalized") == "normalized"
-                    poly = (a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v)
-                    yield PlanElement(s, x, y, heading, length, poly=poly, poly_normalized=normalized)
-                case "poly3":
-                    a, b, c, d = (self._number(shape, key) for key in "abcd")
-                    u_end = _poly3_reach(b, c, d, length)
-                    scaled = (0.0, u_end, 0.0, 0.0, a, b * u_end, c * u_end**2, d * u_end**3)
-                    yield PlanElement(s, x, y, heading, length, poly=scaled, poly_normalized=True)
-                case "spiral":
-                    start, end = self._number(shape, "curvStart"), self._number(shape, "curvEnd")
-                    yield from _spiral_as_arcs(PlanElement(s, x, y, heading, length), start, end)
-                case other:
-                    raise self._fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
+    def _plan(self, geometry: etree._Element) -> Iterable[PlanElement]:
+        if geometry.tag != "geometry":
+            return ()
+        number = self._number
+        place = (number(geometry, "s"), number(geometry, "x"), number(geometry, "y"), number(geometry, "hdg"))
+        length = number(geometry, "length")
+        shape = next(iter(geometry), None)
+        if shape is None:
+            raise self._fail(geometry, "<geometry> without a shape")
+        match shape.tag:
+            case "line":
+                return (PlanElement(*place, length),)
+            case "arc":
+                return (PlanElement(*place, length, number(shape, "curvature")),)
+            case "paramPoly3":
+                a_u, b_u, c_u, d_u = (number(shape, key) for key in ("aU", "bU", "cU", "dU"))
+                a_v, b_v, c_v, d_v = (number(shape, key) for key in ("aV", "bV", "cV", "dV"))
+                normalized = shape.get("pRange", "normalized") == "normalized"
+                poly = (a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v)
+                return (PlanElement(*place, length, poly=poly, poly_normalized=normalized),)
+            case "poly3":
+                a, b, c, d = (number(shape, key) for key in "abcd")
+                u_end = _poly3_reach(b, c, d, length)
+                scaled = (0.0, u_end, 0.0, 0.0, a, b * u_end, c * u_end**2, d * u_end**3)
+                return (PlanElement(*place, length, poly=scaled, poly_normalized=True),)
+            case "spiral":
+                start, end = number(shape, "curvStart"), number(shape, "curvEnd")
+                return _spiral_as_arcs(PlanElement(*place, length), start, end)
+            case other:
+                raise self._fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
 
-    def _cubics(self, elements: Iterable[etree._Element], key: str = "s") -> Iterator[Cubic]:
-        for e in elements:
-            yield Cubic(*(self._number(e, name, 0.0) for name in (key, "a", "b", "c", "d")))
+    def _cubics(self, elements: Iterable[etree._Element], key: str = "s") -> tuple[Cubic, ...]:
+        return tuple(self._cubic(element, key) for element in elements)
 
-    def _road_link(self, link: etree._Element | None, which: str) -> RoadLink | None:
-        element = link.find(which) if link is not None else None
+    def _cubic(self, element: etree._Element, key: str) -> Cubic:
+        get = element.get
+        numbers = get(key, "0"), get("a", "0"), get("b", "0"), get("c", "0"), get("d", "0")
+        cubic = _cubic_of(numbers)
+        if cubic is None:  # say which number it is
+            cubic = Cubic(*(self._number(element, name, 0.0) for name in (key, "a", "b", "c", "d")))
+        return cubic
+
+    def _road_link(self, link: etree._Element, which: str) -> RoadLink | None:
+        element = next(link.iterchildren(which), None)
         if element is None:
             return None
         return RoadLink(self._text(element, "elementType"), self._text(element, "elementId"), self._contact(element))
@@ -258,12 +280,15 @@ class _Reader:
             z_offset_m=self._number(element, "zOffset", 0.0),
             height_m=self._number(element, "height", 0.0),
             width_m=self._number(element, "width", 0.0),
-            osm_node_id=next(iter(self._note_integers(element, "osmNode")), None),
+            osm_node_id=next(iter(self._note_integers(element, _notes(element), "osmNode")), None),
         )
 
     # --- lanes -----------------------------------------------------------------------------------------------
-    def _sections(self, road: etree._Element, road_length_m: float) -> Iterator[LaneSection]:
-        sections = sorted(road.iterfind("lanes/laneSection"), key=lambda section: self._number(section, "s"))
+    def _sections(
+        self, road: etree._Element, lanes: Iterable[etree._Element], road_length_m: float
+    ) -> Iterator[LaneSection]:
+        sections = [child for child in lanes if child.tag == "laneSection"]
+        sections.sort(key=lambda section: self._number(section, "s"))
         if not sections:
             raise self._fail(road, "<road> without a lane section")
         ends = [*(self._number(section, "s") for section in sections[1:]), road_length_m]
@@ -272,37 +297,37 @@ class _Reader:
             # A section without length holds no place on the road and would have to be skipped by every query.
             if end - begin <= 1e-9 and len(sections) > 1:
                 raise self._fail(section, f"lane section at s={begin:g} without length")
-            lanes = [
-                self._lane(lane) for side in ("left", "center", "right") for lane in section.iterfind(f"{side}/lane")
-            ]
-            lanes.sort(key=lambda lane: -lane.id)
-            yield LaneSection(begin, tuple(self._with_border_widths(section, lanes)))
+            sides = [side for side in section if side.tag in ("left", "center", "right")]
+            read = [self._lane(lane) for side in sides for lane in side.iterchildren("lane")]
+            read.sort(key=lambda lane: -lane.id)
+            if not all(lane.widths for lane in read if lane.id):
+                read = self._with_border_widths(section, read)
+            yield LaneSection(begin, tuple(read))
 
     def _lane(self, element: etree._Element) -> Lane:
-        lane_type = element.get("type", "none")
-        known = lane_type in LaneType._value2member_map_
-        mark = element.find("roadMark")
+        parts = _children(element)
+        notes = _notes(element) if "userData" in parts else {}
         written = None
-        if mark is not None:
-            written = RoadMark(mark.get("type", "none"), mark.get("color", "standard"), mark.get("laneChange", "both"))
-        speed = element.find("speed")
-        legal = _mark_of(_note(element, "legalMark"))
-        turns = _note(element, "turns")
+        if (mark := parts.get("roadMark")) is not None:
+            written = _mark(mark.get("type", "none"), mark.get("color", "standard"), mark.get("laneChange", "both"))
+        legal = _mark_of(_first(notes, "legalMark"))
+        link, speed = parts.get("link"), parts.get("speed")
+        turns = _first(notes, "turns")
         return Lane(
             id=self._integer(element, "id"),
-            type=LaneType(lane_type) if known else _OTHER_LANE_TYPES.get(lane_type, LaneType.NONE),
-            widths=tuple(self._cubics(element.iterchildren("width"), "sOffset")),
-            predecessor=self._lane_link(element, "predecessor"),
-            successor=self._lane_link(element, "successor"),
+            type=_LANE_TYPES.get(element.get("type", "none"), LaneType.NONE),
+            widths=self._cubics(element.iterchildren("width"), "sOffset") if "width" in parts else (),
+            predecessor=None if link is None else self._lane_link(link, "predecessor"),
+            successor=None if link is None else self._lane_link(link, "successor"),
             # Which of the two marks is the road mark depends on how the map was written.
-            mark=written if legal is None else _mark_of(_note(element, "mark")),
+            mark=written if legal is None else _mark_of(_first(notes, "mark")),
             legal_mark=legal,
             speed_mps=None if speed is None else self._speed(speed),
             turns=tuple(turns.split(";")) if turns else (),
         )
 
-    def _lane_link(self, lane: etree._Element, which: str) -> int | None:
-        element = lane.find(f"link/{which}")
+    def _lane_link(self, link: etree._Element, which: str) -> int | None:
+        element = next(link.iterchildren(which), None)
         return None if element is None else self._integer(element, "id")
 
     def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
@@ -312,8 +337,6 @@ class _Reader:
             for lane in section.iterfind("*/lane")
             if lane.find("border") is not None and lane.find("width") is None
         }
-        if not borders:
-            return lanes
         out = []
         for lane in lanes:
             if lane.id in borders:
@@ -329,6 +352,7 @@ class _Reader:
 
     # --- junctions -------------------------------------------------------------------------------------------
     def junction(self, element: etree._Element) -> Junction:
+        notes = _notes(element)
         return Junction(
             id=self._text(element, "id"),
             connections=tuple(
@@ -338,13 +362,13 @@ class _Reader:
                 if child.get("connectingRoad") is not None and child.get("incomingRoad") is not None
             ),
             name=element.get("name", ""),
-            osm_node_ids=self._note_integers(element, "osmNodes"),
-            kind=_note(element, "kind"),
-            centre_xy_m=self._centre(element),
+            osm_node_ids=self._note_integers(element, notes, "osmNodes"),
+            kind=_first(notes, "kind"),
+            centre_xy_m=self._centre(element, notes),
         )
 
-    def _centre(self, element: etree._Element) -> tuple[float, float] | None:
-        text = _note(element, "centre")
+    def _centre(self, element: etree._Element, notes: _Notes) -> tuple[float, float] | None:
+        text = _first(notes, "centre")
         if not text:
             return None
         try:
@@ -367,17 +391,41 @@ class _Reader:
         )
 
 
-def _notes(element: etree._Element, code: str) -> Iterator[str]:
-    """Values of an element's ``<userData>`` of one code."""
-    return (child.get("value", "") for child in element.iterchildren("userData") if child.get("code") == code)
+def _children(element: etree._Element) -> dict[str, etree._Element]:
+    """The first child of each kind."""
+    return {child.tag: child for child in element.iterchildren(reversed=True)}
 
 
-def _note(element: etree._Element, code: str) -> str:
-    return next(_notes(element, code), "")
+def _notes(element: etree._Element) -> _Notes:
+    """Values of an element's ``<userData>`` by code, in order."""
+    notes: _Notes = {}
+    for child in element.iterchildren("userData"):
+        notes.setdefault(child.get("code", ""), []).append(child.get("value", ""))
+    return notes
 
 
+def _first(notes: _Notes, code: str) -> str:
+    return notes[code][0] if code in notes else ""
+
+
+@lru_cache(maxsize=1024)
+def _mark(kind: str, colour: str, lane_change: str) -> RoadMark:
+    return RoadMark(kind, colour, lane_change)
+
+
+@lru_cache(maxsize=1024)
 def _mark_of(text: str) -> RoadMark | None:
     return RoadMark(*text.split(",")) if text.count(",") == 2 else None
+
+
+@lru_cache(maxsize=1024)  # widths and heights of a map repeat
+def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
+    """None where one of the texts is no finite number."""
+    try:
+        numbers = tuple(map(float, texts))
+    except ValueError:
+        return None
+    return Cubic(*numbers) if all(map(math.isfinite, numbers)) else None
 
 
 def _spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: float) -> Iterator[PlanElement]:

@@ -9,8 +9,9 @@ sections 6 to 14). The tests hold them against the official checker.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -90,7 +91,11 @@ def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
 
     Raises :class:`~trace_dag.errors.UserError` if the file is not OpenDRIVE at all.
     """
-    root = parse_opendrive(xodr, name)
+    return violations_of(parse_opendrive(xodr, name))
+
+
+def violations_of(root: etree._Element) -> list[str]:
+    """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed."""
     found = list(_schema(root))
     if found:
         return found  # what follows relies on attributes being there and readable
@@ -114,26 +119,29 @@ def _float(element: etree._Element, key: str) -> float:
 def _schema(root: etree._Element) -> Iterator[str]:
     """Order of elements, required attributes, numbers that are numbers, words out of the enumerations."""
     for element in root.iter(tag=etree.Element):
-        tag = str(element.tag)
-        order = _CHILDREN.get(tag)
-        if order is not None:
-            positions = [order.index(c.tag) if c.tag in order else -1 for c in element.iterchildren(tag=etree.Element)]
+        rules = _RULES_OF_TAG.get(element.tag)
+        if rules is None:
+            continue
+        tag = element.tag
+        if rules.order:
+            positions = [rules.order.get(child.tag, -1) for child in element.iterchildren(tag=etree.Element)]
             if -1 in positions:
                 yield f"<{tag}> holds <{element[positions.index(-1)].tag}>, out of place ({_place(element)})"
             elif positions != sorted(positions):
                 yield f"children of <{tag}> are out of order ({_place(element)})"
-        for key in _REQUIRED.get(tag, ()):
-            if key not in element.attrib:
-                yield f"<{tag}> without {key!r} ({_place(element)})"
-        for raw_key, value in element.attrib.items():
-            key = str(raw_key)
-            allowed = _ENUMERATED.get((tag, key))
-            if allowed is not None and value not in allowed:
-                yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
-            elif (tag, key) == ("roadMark", "height") and not (_finite(str(value)) and float(value) > 0.0):
+        attributes = element.items()
+        missing = rules.required.difference([key for key, _ in attributes]) if rules.required else ()
+        for key in sorted(missing):
+            yield f"<{tag}> without {key!r} ({_place(element)})"
+        for key, value in attributes:
+            if key in rules.numbers:
+                if not _finite(value):
+                    yield f"<{tag} {key}={value!r}> is not a finite number ({_place(element)})"
+            elif key in rules.words:
+                if value not in rules.words[key]:
+                    yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
+            elif (tag, key) == ("roadMark", "height") and not (_finite(value) and float(value) > 0.0):
                 yield f"<{tag} {key}={value!r}> is not above 0 ({_place(element)})"
-            elif key in _NUMBERS.get(tag, ()) and not _finite(str(value)):
-                yield f"<{tag} {key}={value!r}> is not a finite number ({_place(element)})"
 
 
 _NUMBERS: Final[dict[str, _Order]] = {
@@ -141,6 +149,27 @@ _NUMBERS: Final[dict[str, _Order]] = {
     for tag, keys in _REQUIRED.items()
     if tag not in ("road", "signal", "junction", "connection")
 } | {"road": ("length",), "signal": ("s", "t", "zOffset")}
+
+
+@dataclass(frozen=True)
+class _TagRules:
+    """What the schema says of one kind of element."""
+
+    order: dict[str, int]  # place of each child; empty if not looked at
+    required: frozenset[str]
+    numbers: frozenset[str]
+    words: dict[str, frozenset[str]]
+
+
+_RULES_OF_TAG: Final = {
+    tag: _TagRules(
+        order={child: place for place, child in enumerate(_CHILDREN.get(tag, ()))},
+        required=frozenset(_REQUIRED.get(tag, ())),
+        numbers=frozenset(_NUMBERS.get(tag, ())),
+        words={key: words for (owner, key), words in _ENUMERATED.items() if owner == tag},
+    )
+    for tag in {*_CHILDREN, *_REQUIRED, *(tag for tag, _ in _ENUMERATED)}
+}
 
 
 def _finite(text: str) -> bool:
@@ -172,7 +201,9 @@ def _ids(root: etree._Element) -> Iterator[str]:
 
 
 def _ascending(elements: Iterable[etree._Element], key: str, what: str) -> Iterator[str]:
-    values = [_float(element, key) for element in elements]
+    values = [float(element.get(key, "nan")) for element in elements]
+    if values == [0.0]:
+        return
     if values and abs(values[0]) > 1e-9:
         yield f"first {what} at {key}={values[0]:g}, expected 0"
     if any(b <= a for a, b in pairwise(values)):
@@ -220,16 +251,17 @@ def _joint(piece: etree._Element, following: etree._Element) -> Iterator[str]:
 
 
 def _profiles(root: etree._Element) -> Iterator[str]:
-    for road in root.iterfind("road"):
-        for path, what in (
-            ("elevationProfile/elevation", "elevation"),
-            ("lanes/laneOffset", "laneOffset"),
-            ("lanes/laneSection", "laneSection"),
-            ("type", "type"),
+    for road in root.iterchildren("road"):
+        lanes = _grouped(road.iterchildren("lanes"))
+        sections = lanes["laneSection"]
+        for records, what in (
+            (_grouped(road.iterchildren("elevationProfile"))["elevation"], "elevation"),
+            (lanes["laneOffset"], "laneOffset"),
+            (sections, "laneSection"),
+            (road.iterchildren("type"), "type"),
         ):
-            for problem in _ascending(road.iterfind(path), "s", what):
+            for problem in _ascending(records, "s", what):
                 yield f"{problem} ({_place(road)})"
-        sections = road.findall("lanes/laneSection")
         if not sections:
             yield f"no lane section ({_place(road)})"
         elif _float(sections[-1], "s") >= _float(road, "length"):
@@ -239,9 +271,10 @@ def _profiles(root: etree._Element) -> Iterator[str]:
 def _lanes(root: etree._Element) -> Iterator[str]:
     for section in root.iterfind("road/lanes/laneSection"):
         where = f"{_place(section)}, section at s={section.get('s')}"
-        centre = [lane.get("id") for lane in section.iterfind("center/lane")]
-        left = [int(lane.get("id", "0")) for lane in section.iterfind("left/lane")]
-        right = [int(lane.get("id", "0")) for lane in section.iterfind("right/lane")]
+        sides = {side: _grouped(section.iterchildren(side))["lane"] for side in ("left", "center", "right")}
+        centre = [lane.get("id") for lane in sides["center"]]
+        left = [int(lane.get("id", "0")) for lane in sides["left"]]
+        right = [int(lane.get("id", "0")) for lane in sides["right"]]
         if centre != ["0"]:
             yield f"centre lanes {centre}, expected one with id 0 ({where})"
         if left != list(range(len(left), 0, -1)):
@@ -250,17 +283,26 @@ def _lanes(root: etree._Element) -> Iterator[str]:
             yield f"right lanes {right}, expected -1 to -n ({where})"
         if not left and not right:
             yield f"no lane but the centre one ({where})"
-        for lane in section.iterfind("*/lane"):
-            widths = lane.findall("width")
+        for lane in (lane for lanes in sides.values() for lane in lanes):
+            parts = _grouped([lane])
             if lane.get("id") == "0":
-                if widths:
+                if parts["width"]:
                     yield f"centre lane with a width ({where})"
                 continue
-            if not widths and lane.find("border") is None:
+            if not parts["width"] and not parts["border"]:
                 yield f"lane {lane.get('id')} without width ({where})"
             for what in ("width", "roadMark"):
-                for problem in _ascending(lane.iterfind(what), "sOffset", what):
+                for problem in _ascending(parts[what], "sOffset", what):
                     yield f"{problem}, lane {lane.get('id')} ({where})"
+
+
+def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._Element]]:
+    """Children of some elements by tag."""
+    groups: defaultdict[str, list[etree._Element]] = defaultdict(list)
+    for owner in owners:
+        for child in owner:
+            groups[child.tag].append(child)
+    return groups
 
 
 class _Ends:
@@ -278,7 +320,7 @@ class _Ends:
 
 
 def _lane_ids(section: etree._Element) -> set[str]:
-    return {lane.get("id", "") for lane in section.iterfind("*/lane") if lane.get("id") != "0"}
+    return {lane.get("id", "") for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"}
 
 
 def _road_links(ends: _Ends) -> Iterator[str]:
@@ -309,13 +351,15 @@ def _lane_links(ends: _Ends) -> Iterator[str]:
         sections = road.findall("lanes/laneSection")
         ids = [_lane_ids(section) for section in sections]
         for index, section in enumerate(sections):
-            for which, step in (("predecessor", -1), ("successor", 1)):
-                known = _linked_lane_ids(ends, road, ids, index + step, which)
-                for lane in section.iterfind("*/lane"):
-                    link = lane.find(f"link/{which}")
-                    if link is not None and lane.get("id") != "0" and link.get("id") not in known:
+            known = {
+                which: _linked_lane_ids(ends, road, ids, index + step, which)
+                for which, step in (("predecessor", -1), ("successor", 1))
+            }
+            for lane in (lane for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"):
+                for link in (link for links in lane.iterchildren("link") for link in links):
+                    if link.tag in known and link.get("id") not in known[link.tag]:
                         yield (
-                            f"{which} of lane {lane.get('id')} is lane {link.get('id')}, which does not exist there "
+                            f"{link.tag} of lane {lane.get('id')} is lane {link.get('id')}, which does not exist there "
                             f"(road {key}, section {index})"
                         )
 

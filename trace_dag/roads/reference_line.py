@@ -17,6 +17,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.network import PlanElement
 
@@ -167,22 +169,33 @@ class ReferenceLine:
     def _arrays(self) -> FloatArray:
         return np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in self.elements]).T
 
+    @cached_property
+    def _curved(self) -> bool:
+        return any(element.curvature_1pm for element in self.elements)
+
     def sample(self, s_m: FloatArray) -> FloatArray:
         """x, y, heading and curvature at many ``s``, shape (n, 4); headings are continuous along the line."""
-        inside = np.clip(s_m, 0.0, self.length_m)
-        starts, x0, y0, h0, k0 = self._arrays
-        index = np.maximum(np.searchsorted(starts, inside, side="right") - 1, 0)
-        ds = inside - starts[index]
-        heading, curvature = h0[index], k0[index]
-        turn = curvature * ds
-        chord = ds * np.sinc(turn / (2 * np.pi))
+        inside = np.minimum(np.maximum(s_m, 0.0), self.length_m)
+        if len(self.elements) == 1:
+            index: NDArray[np.intp] | int = 0
+        else:
+            index = np.maximum(np.searchsorted(self._arrays[0], inside, side="right") - 1, 0)
+        start, x, y, heading, curvature = self._arrays[:, index]
+        ds = inside - start
         out = np.empty((len(s_m), 4))
-        out[:, 0] = x0[index] + chord * np.cos(heading + turn / 2)
-        out[:, 1] = y0[index] + chord * np.sin(heading + turn / 2)
-        out[:, 2] = heading + turn
+        if self._curved:
+            turn = curvature * ds
+            chord = ds * np.sinc(turn / (2 * np.pi))
+            direction = heading + turn / 2
+            out[:, 2] = heading + turn
+        else:
+            chord, direction = ds, heading
+            out[:, 2] = heading
+        out[:, 0] = x + chord * np.cos(direction)
+        out[:, 1] = y + chord * np.sin(direction)
         out[:, 3] = curvature
         for number, poly in self._polys.items():
-            chosen = index == number
+            chosen = np.broadcast_to(index == number, len(s_m))
             if chosen.any():
                 element = self.elements[number]
                 u, v, bend, k = poly.sample(ds[chosen])
@@ -195,13 +208,18 @@ class ReferenceLine:
         if beyond.any():
             out[:, 0] += beyond * np.cos(out[:, 2])
             out[:, 1] += beyond * np.sin(out[:, 2])
-        out[:, 2] = np.unwrap(out[:, 2])
+        steps = out[1:, 2] - out[:-1, 2]
+        if (np.abs(steps) >= np.pi).any():
+            out[:, 2] = np.unwrap(out[:, 2])
         return out
 
     def stations(self, step_m: float, begin_m: float = 0.0, end_m: float | None = None) -> FloatArray:
         """Evenly spaced ``s`` from ``begin_m`` to ``end_m`` at most ``step_m`` apart, both ends included."""
         end = self.length_m if end_m is None else end_m
-        return np.linspace(begin_m, end, max(2, math.ceil((end - begin_m) / step_m - 1e-9) + 1))
+        pieces = max(1, math.ceil((end - begin_m) / step_m - 1e-9))
+        stations = begin_m + np.arange(pieces + 1) * ((end - begin_m) / pieces)
+        stations[-1] = end
+        return stations
 
     @cached_property
     def _samples(self) -> tuple[FloatArray, FloatArray]:

@@ -149,7 +149,7 @@ class _Scene:
 
     def border(self, ref: LaneRef, *, left: bool) -> FloatArray:
         """A lane's border inside the window, shape (n, 3), in its direction of travel."""
-        return self.network.geometry(ref).border(left, _STEP_M, self.spans[ref])
+        return self.network.geometry(ref).borders(_STEP_M, self.spans[ref])[0 if left else 1]
 
     def outline(self, ref: LaneRef) -> FloatArray:
         """A lane's surface inside the window, a ring of shape (n, 2)."""
