@@ -58,16 +58,16 @@ class RigidBodies:
 
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(_mjcf(models, restitution))
-        self._data = mujoco.MjData(self._model)
-        self._wrench = np.zeros(6)
+        self._data = data = mujoco.MjData(self._model)
+        self._positions, self._rates, self._forces = data.qpos, data.qvel, data.qfrc_applied  # MuJoCo's own memory
         self._friction = friction
         self._inverse = [(1.0 / m.body.mass_kg, 1.0 / m.yaw_inertia_kgm2) for m in models]
         self.version = mujoco.mj_versionString()
 
     def place(self, positions: list[float], velocities: list[float]) -> None:
         """Set every body's x, y, yaw and their rates, flat lists."""
-        self._data.qpos[:] = positions
-        self._data.qvel[:] = velocities
+        self._positions[:] = positions
+        self._rates[:] = velocities
 
     def set_heights(self, heights_m: list[float]) -> None:
         """Heights of the road under the bodies."""
@@ -76,7 +76,7 @@ class RigidBodies:
     @property
     def state(self) -> tuple[list[float], list[float]]:
         """Every body's x, y, yaw and their rates, flat lists."""
-        return self._data.qpos.tolist(), self._data.qvel.tolist()
+        return self._positions.tolist(), self._rates.tolist()
 
     def step(self, forces: list[float], step_s: float, count: int = 1) -> dict[tuple[int, int], tuple[float, float]]:
         """Advance ``count`` steps of ``step_s`` under constant forces x, y and moments.
@@ -84,7 +84,7 @@ class RigidBodies:
         Returns the force x, y (N) on the second body of each touching pair, over the last of the steps.
         """
         self._model.opt.timestep = step_s
-        self._data.qfrc_applied[:] = forces
+        self._forces[:] = forces
         self._mujoco.mj_step(self._model, self._data, count)
         return self._rub(count * step_s) if self._data.ncon else {}
 
@@ -93,14 +93,16 @@ class RigidBodies:
         Coulomb's share of the normal force ``over_s``. Returns the forces of all contacts, friction among them."""
         total: dict[tuple[int, int], tuple[float, float]] = {}
         contacts: Any = self._data.contact
-        positions, rates = self._data.qpos, self._data.qvel.tolist()
-        for i in range(self._data.ncon):
-            contact = contacts[i]
-            self._mujoco.mj_contactForce(self._model, self._data, i, self._wrench)
-            normal_n = float(self._wrench[0])
-            nx, ny = contact.frame[:2].tolist()
-            px, py = contact.pos[:2].tolist()
-            pair = (int(contact.geom1), int(contact.geom2))
+        positions, rates, forces = self._positions.tolist(), self._rates.tolist(), self._data.efc_force.tolist()
+        # Contacts without friction of MuJoCo's have one row of constraint each: its force is the normal one.
+        for pair, row, (nx, ny, *_), (px, py, _) in zip(
+            map(tuple, contacts.geom.tolist()),
+            contacts.efc_address.tolist(),
+            contacts.frame.tolist(),
+            contacts.pos.tolist(),
+            strict=True,
+        ):
+            normal_n = forces[row] if row >= 0 else 0.0
             tx, ty = -ny, nx
             sliding = yielding = 0.0  # of the second body past the first, and how easily an impulse changes it
             arms = []
@@ -121,7 +123,7 @@ class RigidBodies:
             x, y = total.get(pair, (0.0, 0.0))
             across_n = impulse / over_s
             total[pair] = (x + normal_n * nx + across_n * tx, y + normal_n * ny + across_n * ty)
-        self._data.qvel[:] = rates
+        self._rates[:] = rates
         return total
 
 
