@@ -14,8 +14,6 @@ import math
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from trace_dag.sim.vehicles import VehicleModel
 
 _CONTACT_RATE_RPS = 150.0  # undamped natural frequency of the contact

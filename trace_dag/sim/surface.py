@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import RoadNetwork
@@ -60,17 +59,15 @@ class Surface:
         """Whether this is the plane at height 0."""
         return not len(self._points)
 
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self._points[:, :2])
-
     def at(self, x_m: float, y_m: float, near_z_m: float) -> Ground:
         """The surface under a point, on the level nearest to ``near_z_m``."""
         if self.flat:
             return Ground(x_m, y_m, 0.0, 0.0, 0.0)
-        count = min(_NEIGHBOURS, len(self._points))
-        _, found = self._tree.query((x_m, y_m), k=count)
-        nearest = np.atleast_1d(found)
+        squared = (self._points[:, 0] - x_m) ** 2 + (self._points[:, 1] - y_m) ** 2
+        near = np.arange(len(squared))
+        if len(squared) > _NEIGHBOURS:
+            near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]
+        nearest = near[np.lexsort((near, squared[near]))]  # where lanes end at one point, in the order of the map
         chosen = next(
             (i for i in nearest if abs(self._points[i, 2] - near_z_m) < _LEVEL_GAP_M),
             min(nearest, key=lambda i: abs(float(self._points[i, 2]) - near_z_m)),
