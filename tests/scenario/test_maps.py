@@ -29,6 +29,8 @@ from trace_dag.roads.network import (
     Signal,
 )
 from trace_dag.scenario import maps
+from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES
 
 _PIXELS_PER_M = 8
 _HALF_M = 50
@@ -58,9 +60,9 @@ def _is(colour: tuple[float, ...], expected: str, tolerance: float = 0.05) -> bo
 def test_asphalt_lies_where_the_lanes_are() -> None:
     picture = _picture(crossroads(), names=False)
     for x, y in ((-30, -1.7), (-30, 1.7), (1.7, 30), (-1.7, -30), (0, 0)):
-        assert _is(_at(picture, x, y), maps._ASPHALT, 0.2), (x, y)  # arrows may lie there
+        assert _is(_at(picture, x, y), ASPHALT, 0.2), (x, y)  # arrows may lie there
     for x, y in ((-30, 6), (-30, -6), (30, 30)):
-        assert not _is(_at(picture, x, y), maps._ASPHALT, 0.2), (x, y)
+        assert not _is(_at(picture, x, y), ASPHALT, 0.2), (x, y)
 
 
 def test_the_centre_line_is_yellow_and_its_gaps_are_where_it_is_broken() -> None:
@@ -94,8 +96,8 @@ def test_a_bridge_covers_what_passes_under_it() -> None:
     )
     over = Road("2", 100, (PlanElement(0, -4, -50, math.pi / 2, 100),), lanes, layer=1, bridge=True)
     picture = _picture(RoadNetwork(FRAME, (over, under)), names=False)
-    assert _is(_at(picture, 2.5, 2.5), maps._ASPHALT, 0.25)
-    assert _is(_at(picture, 30, 2.5), maps._SURFACES[LaneType.MEDIAN], 0.05)
+    assert _is(_at(picture, 2.5, 2.5), ASPHALT, 0.25)
+    assert _is(_at(picture, 30, 2.5), SURFACES[LaneType.MEDIAN], 0.05)
 
 
 def test_signs_stand_beside_the_road_on_their_side() -> None:
@@ -122,7 +124,7 @@ def test_maps_with_other_origins_show_the_same_ground(monkeypatch: pytest.Monkey
     windows = []
     drawn = maps.draw_network
 
-    def spy(axes: Axes, network: RoadNetwork, *, window_m: maps.Window) -> None:
+    def spy(axes: Axes, network: RoadNetwork, *, window_m: Window) -> None:
         windows.append(window_m)
         drawn(axes, network, window_m=window_m)
 

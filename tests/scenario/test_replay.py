@@ -17,7 +17,7 @@ from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.errors import UserError
 from trace_dag.scenario.animation import write_animation
-from trace_dag.scenario.pictures import VEHICLE_COLOURS
+from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.replay import replay_windows, write_html_player
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog

@@ -8,7 +8,6 @@ used, so that a worker loads only what its stages need.
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
     from trace_dag.states.llm.client import LlmClient
     from trace_dag.states.types import EstimatorRun, StateEstimate
     from trace_dag.verdict.types import Verdict
-
-_THUMBNAIL_WIDTH_PX = 640
 
 
 # --- artefacts as the later stages read them ---------------------------------------------------------------------
@@ -423,7 +420,7 @@ def picture(crash: CrashFiles) -> dict[str, bytes]:
     """What is known of a crash from above; nothing while it has no road map."""
     if not crash.has(Stage.ROAD_MAP, "xodr"):
         return {}
-    from trace_dag.scenario.pictures import draw_crash
+    from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
     from trace_dag.scenario.sketch import draw_sketch
 
     estimate = estimate_of(crash) if crash.has(Stage.STATE_ESTIMATE, "json") else None
@@ -431,19 +428,9 @@ def picture(crash: CrashFiles) -> dict[str, bytes]:
     log = None
     if crash.has(Stage.SIMULATION_LOG, "json"):
         log = logs_of(crash)[judged.hypothesis if judged else 0]
-    png = draw_crash(record_of(crash), network_of(crash), map_report_of(crash), estimate, log, judged)
-    return {"png": png, "webp": _thumbnail(png), "svg": draw_sketch(network_of(crash), log).encode()}
-
-
-def _thumbnail(png: bytes) -> bytes:
-    """A picture reduced to what an event log can hold by the thousand."""
-    from PIL import Image
-
-    image = Image.open(io.BytesIO(png)).convert("RGB")
-    image.thumbnail((_THUMBNAIL_WIDTH_PX, _THUMBNAIL_WIDTH_PX))
-    small = io.BytesIO()
-    image.save(small, "WEBP", quality=60)
-    return small.getvalue()
+    drawn = draw_crash(record_of(crash), network_of(crash), map_report_of(crash), estimate, log, judged)
+    sketch = draw_sketch(network_of(crash), log).encode()
+    return {"png": as_png(drawn), "webp": as_thumbnail(drawn), "svg": sketch}
 
 
 # --- the flow ------------------------------------------------------------------------------------------------------

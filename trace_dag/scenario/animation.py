@@ -16,8 +16,10 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.network import RoadNetwork
-from trace_dag.scenario.maps import Window, draw_network
-from trace_dag.scenario.pictures import CONTACT_COLOUR, VEHICLE_COLOURS
+from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
+from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.replay import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import SimulationLog
@@ -114,10 +116,7 @@ class _View:
         self._west, _, self._east, self._north = window
         figure = Figure(figsize=(self.size_px / 100, self.size_px / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        draw_network(axes, network, window_m=window)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        MapDrawing(network, window).draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         self.background = Image.fromarray(pixels[..., :3].copy())
@@ -164,7 +163,7 @@ def _frame(
 def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, time_s: float) -> None:
     vehicle = log.vehicles[index]
     body = log.bodies[vehicle.number]
-    colour = VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]
+    colour = vehicle_colour(index)
     past = vehicle.time_s <= time_s
     x_m, y_m, heading_rad = (
         float(np.interp(time_s, vehicle.time_s, values))
@@ -203,5 +202,5 @@ def _draw_header(
         speed = float(np.interp(time_s, vehicle.time_s, np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)))
         label = f"V{vehicle.number} {log.bodies[vehicle.number].vehicle_class.replace('_', ' ')} "
         text = label + f"{mps_to_mph(speed):.0f} mph"
-        draw.text((x, 24), text, fill=VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)], font=small)
+        draw.text((x, 24), text, fill=vehicle_colour(index), font=small)
         x += 170

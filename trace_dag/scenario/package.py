@@ -24,7 +24,7 @@ from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.openscenario import Flavour, write_openscenario
-from trace_dag.scenario.pictures import draw_crash
+from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.sim.log_io import SIMULATION_STEPS
 from trace_dag.sim.types import SimulationLog, VehicleLog
@@ -163,7 +163,7 @@ def _results(crash: PackageInput) -> list[_File]:
         _File("trajectories.json", _CC0, "the simulated motion and contacts", _trajectories(crash)),
         _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
         _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
-        _File("picture.png", crash.rights.licence, "the crash from above", picture),
+        _File("picture.png", crash.rights.licence, "the crash from above", as_png(picture)),
         _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
     ]
     if crash.variation is not None:

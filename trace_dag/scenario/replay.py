@@ -18,8 +18,10 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import RoadNetwork
-from trace_dag.scenario.maps import Window, draw_network
-from trace_dag.scenario.pictures import CONTACT_COLOUR, VEHICLE_COLOURS
+from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
+from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.maps import MapDrawing
 from trace_dag.sim.types import SimulationLog, VehicleLog
 from trace_dag.verdict.types import Verdict
 
@@ -106,12 +108,7 @@ def _map_svg(network: RoadNetwork, window: Window) -> bytes:
 
     figure = Figure(figsize=(_MAP_INCHES * _MAP_WIDER, _MAP_INCHES))
     FigureCanvasSVG(figure)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_network(axes, network, window_m=window)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    MapDrawing(network, window).draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
     stream = io.BytesIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trace-dag"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
@@ -129,7 +126,7 @@ def _data(record: CrashRecord, log: SimulationLog, windows: ReplayWindows) -> di
                 "number": vehicle.number,
                 "label": body.vehicle_class.replace("_", " "),
                 "make": said.make_model if said else "",
-                "colour": VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)],
+                "colour": vehicle_colour(index),
                 "length": round(body.length_m, 2),
                 "width": round(body.width_m, 2),
                 "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),

@@ -13,13 +13,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
-from trace_dag.roads.network import LaneRef, Road, RoadNetwork
+from trace_dag.roads.network import LaneRef, RoadNetwork
+from trace_dag.scenario.colours import vehicle_colour
 from trace_dag.sim.types import SimulationLog
 
 MOST_CHARACTERS = 900
 _HALF_WINDOW_M = 35
 _WIDTH_PX = 320
-_COLOURS = ("0072b2", "d55e00", "009e73", "cc79a7")
 _TOLERANCES_M = (0.7, 1.5, 3.0, 6.0, 12.0)
 _ESCAPES = str.maketrans({"<": "%3C", ">": "%3E", "#": "%23", " ": "%20", '"': "'"})
 
@@ -49,14 +49,15 @@ def data_url(svg: str) -> str:
 def _roads(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatArray]]:
     """Width and centre line of every road within the window, the nearest first."""
     found = []
-    for road in network.roads:
+    reach_m = 1.4 * _HALF_WINDOW_M  # to the corners
+    for road in network.roads_within((*(centre - reach_m), *(centre + reach_m))):
         for section, lanes in enumerate(road.lane_sections):
             drivable = sorted(lane.id for lane in lanes.lanes if lane.type.drivable)
             if not drivable:
                 continue
             refs = [LaneRef(road.id, section, lane) for lane in drivable]
-            line = _middle(network, road, refs) - centre
-            near = np.abs(line).max(axis=1) <= _HALF_WINDOW_M * 1.4
+            line = _middle(network, refs) - centre
+            near = np.abs(line).max(axis=1) <= reach_m
             if near.any():
                 width_m = sum(network.width_m(ref, sum(network.lane_span(ref)) / 2) for ref in refs)
                 first, last = np.flatnonzero(near)[[0, -1]]
@@ -65,18 +66,9 @@ def _roads(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatA
     return [(width_m, line) for _, width_m, line in sorted(found, key=lambda each: each[0])]
 
 
-def _middle(network: RoadNetwork, road: Road, refs: Sequence[LaneRef]) -> FloatArray:
-    """The line halfway between the outermost drivable lanes, along the road, shape (n, 2)."""
-    lines = []
-    for ref in (refs[0], refs[-1]):
-        line = network.centreline(ref, 2.0)[:, :2]
-        lines.append(line if network.direction(ref) > 0 else line[::-1])
-    steps = np.linspace(0, 1, max(map(len, lines)))
-    spread = [
-        np.stack([np.interp(steps, np.linspace(0, 1, len(line)), line[:, axis]) for axis in (0, 1)], axis=1)
-        for line in lines
-    ]
-    return np.asarray((spread[0] + spread[1]) / 2, float)
+def _middle(network: RoadNetwork, refs: Sequence[LaneRef]) -> FloatArray:
+    """The line halfway between the outermost drivable lanes of a section, along the road, shape (n, 2)."""
+    return np.asarray((network.geometry(refs[0]).search_line + network.geometry(refs[-1]).search_line) / 2)
 
 
 def _svg(
@@ -101,16 +93,17 @@ def _svg(
 
 def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str]:
     contact = log.first_contact
-    for vehicle, colour in zip(log.vehicles, _COLOURS, strict=False):
+    for index, vehicle in enumerate(log.vehicles):
+        colour = vehicle_colour(index).lower()
         path = np.stack([vehicle.x_m, vehicle.y_m], axis=1) - centre
         inside = path[np.abs(path).max(axis=1) <= _HALF_WINDOW_M]
         if len(inside) > 1:
-            yield f"<path d='{_path([inside], min(by_m, 3.0))}' fill='none' stroke='#{colour}'/>"
+            yield f"<path d='{_path([inside], min(by_m, 3.0))}' fill='none' stroke='{colour}'/>"
         pose = _pose_at_contact(log, vehicle.number)
         if contact is not None and pose is not None:
             body = log.bodies[vehicle.number]
             corners = rectangle_corners(pose, body.length_m, body.width_m) - centre
-            yield f"<path d='{_path([corners], 0.0, decimals=1)}z' fill='#{colour}'/>"
+            yield f"<path d='{_path([corners], 0.0, decimals=1)}z' fill='{colour}'/>"
 
 
 def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:

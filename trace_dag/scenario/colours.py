@@ -1,0 +1,15 @@
+"""The colours that pictures, replays and sketches of a crash share."""
+
+from __future__ import annotations
+
+from typing import Final
+
+VEHICLE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9")
+"""Okabe and Ito's palette: told apart with every common kind of colour vision. Vehicle 1 is blue, 2 vermilion."""
+REPORTED_COLOUR: Final = "#000000"
+CONTACT_COLOUR: Final = "#B00020"
+
+
+def vehicle_colour(index: int) -> str:
+    """The colour of the vehicle that is the ``index``-th by number, from 0."""
+    return VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]

@@ -1,0 +1,104 @@
+"""The names of streets on a drawn map, each once, along the street and clear of the middle and of each other."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import shapely
+
+from trace_dag.roads.lane_geometry import CENTRE_STEP_M
+from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.map_scene import MapScene, Window, inside
+
+if TYPE_CHECKING:
+    from matplotlib.path import Path
+
+    from trace_dag.geometry import FloatArray
+
+_SIZE_PT: Final = 6.5
+_MIDDLE: Final = 0.3  # of the size: how far above the baseline letters have their middle
+_INK: Final = "#1D2024"
+_LEAST_SHARE: Final = 0.12  # of the window's width: what a stretch of street must show to be named
+
+
+class _Label(NamedTuple):
+    text: str
+    x_m: float
+    y_m: float
+    angle_rad: float  # within a quarter turn, so that it is read from below
+
+
+class Names:
+    """The named streets of a scene and where they run."""
+
+    def __init__(self, scene: MapScene) -> None:
+        roads: dict[str, list[FloatArray]] = defaultdict(list)
+        names: dict[str, str] = {}
+        for section in scene.sections:
+            if section.road.name and section.road.junction_id is None:
+                roads[section.road.id].append(section.line_m)
+                names[section.road.id] = section.road.name
+        self._lines = [(names[road], np.concatenate(lines)) for road, lines in roads.items()]
+
+    def draw(self, panel: Panel, z: float, backing: str) -> None:
+        """Name the streets that the window shows, on a ground that keeps the letters readable."""
+        from matplotlib.collections import LineCollection, PathCollection
+        from matplotlib.transforms import Affine2D
+
+        height_m = _SIZE_PT / panel.points_per_m
+        taken: list[shapely.LineString] = []
+        letters: list[Path] = []
+        places: list[FloatArray] = []
+        for label in self._labels(panel.window):
+            path, length_pt = _lettering(label.text)
+            along = (
+                np.array([math.cos(label.angle_rad), math.sin(label.angle_rad)]) * length_pt / panel.points_per_m / 2
+            )
+            place = np.array([label.x_m, label.y_m])
+            room = shapely.LineString([place - along, place + along])
+            if not any(shapely.dwithin(room, other, 1.6 * height_m) for other in taken):
+                taken.append(room)
+                letters.append(path.transformed(Affine2D().rotate(label.angle_rad)))
+                places.append(place)
+        if not taken:
+            return
+        lines = [shapely.get_coordinates(room) for room in taken]
+        width = 1.5 * _SIZE_PT
+        panel.add(LineCollection(lines, colors=backing, linewidths=width, capstyle="round", alpha=0.75, zorder=z))
+        names = PathCollection(letters, offsets=places, offset_transform=panel.to_pixels, facecolors=_INK, lw=0)
+        names.set_transform(Affine2D().scale(1 / 72) + panel.figure.dpi_scale_trans)
+        names.set_zorder(z + 0.1)
+        panel.add(names)
+
+    def _labels(self, window: Window) -> list[_Label]:
+        """Each name on its longest stretch in the window, the longest first."""
+        span_m = max(window[2] - window[0], window[3] - window[1])
+        longest: dict[str, FloatArray] = {}
+        for name, line in self._lines:
+            shown = line[inside(line, window)]
+            if len(shown) > max(len(longest.get(name, ())), _LEAST_SHARE * span_m / CENTRE_STEP_M):
+                longest[name] = shown
+        centre = np.array([window[0] + window[2], window[1] + window[3]]) / 2
+        labels = []
+        for name, line in sorted(longest.items(), key=lambda each: -len(each[1])):
+            # What happens is in the middle: the name stands on the longer side of it.
+            nearest = int(np.hypot(*(line[:, :2] - centre).T).argmin())
+            side = line[: nearest + 1] if nearest > len(line) / 2 else line[nearest:]
+            x, y, heading, _ = side[len(side) // 2].tolist()
+            labels.append(_Label(name, x, y, math.remainder(heading, math.pi)))
+        return labels
+
+
+@lru_cache(maxsize=256)
+def _lettering(text: str) -> tuple[Path, float]:
+    """A name as outlines in points around its middle, and its length: several times quicker than text is drawn."""
+    from matplotlib.path import Path
+    from matplotlib.textpath import TextPath
+
+    path = TextPath((0.0, 0.0), text, size=_SIZE_PT)
+    length_pt = float(path.vertices[:, 0].max())
+    return Path(path.vertices - (length_pt / 2, _MIDDLE * _SIZE_PT), path.codes), length_pt

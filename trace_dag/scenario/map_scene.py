@@ -1,0 +1,139 @@
+"""What of a road network lies in a window, sampled once for however many views are drawn of it.
+
+Belongs here: which roads are seen, and their lines and borders as points. Does not belong here: how anything looks
+(:mod:`trace_dag.scenario.maps` and the modules it draws with).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from trace_dag.roads.lane_geometry import CENTRE_STEP_M
+from trace_dag.roads.network import LaneRef
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+    from trace_dag.roads.lane_geometry import LaneGeometry
+    from trace_dag.roads.network import Road, RoadNetwork
+
+Window = tuple[float, float, float, float]
+"""West, south, east and north border, metres."""
+
+_MARGIN_M: Final = 25.0  # half of a wide road, so that nothing is missed of which an edge shows
+
+
+@dataclass(frozen=True, eq=False)
+class SeenLane:
+    """A lane of a road in sight: its borders next to the reference line and away from it, shape (n, 3): x, y, z."""
+
+    geometry: LaneGeometry
+    road: Road
+    inner_m: FloatArray
+    outer_m: FloatArray
+
+    @cached_property
+    def outline_m(self) -> FloatArray:
+        """The surface, a ring of shape (2n, 2)."""
+        return np.concatenate([self.inner_m[:, :2], self.outer_m[::-1, :2]])
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSection:
+    """The stretch of a lane section in sight. ``line_m``: x, y, heading and curvature of the reference line, (n, 4);
+    ``centre_m``: where lane 0 lies, shape (n, 2)."""
+
+    road: Road
+    index: int
+    line_m: FloatArray
+    centre_m: FloatArray
+    lanes: tuple[SeenLane, ...]
+
+
+class MapScene:
+    """The sections inside a window (m), in the order of the network's roads."""
+
+    def __init__(self, network: RoadNetwork, window: Window) -> None:
+        self.network = network
+        self.sections = tuple(_seen(network, window))
+
+    @property
+    def lanes(self) -> Iterator[SeenLane]:
+        """Every lane in sight."""
+        return (lane for section in self.sections for lane in section.lanes)
+
+    @cached_property
+    def major_junctions(self) -> set[str | None]:
+        """Junctions that more than service roads lead through."""
+        return {road.junction_id for road in self.network.roads if road.highway != "service"} - {None}
+
+    def sections_by_layer(self) -> list[tuple[int, list[SeenSection]]]:
+        """From the lowest layer to the highest, so that a bridge covers what passes under it."""
+        layers: dict[int, list[SeenSection]] = defaultdict(list)
+        for section in self.sections:
+            road = section.road
+            layers[road.layer or (1 if road.bridge else -1 if road.tunnel else 0)].append(section)
+        return sorted(layers.items())
+
+
+def _seen(network: RoadNetwork, window: Window) -> Iterator[SeenSection]:
+    for road in network.roads_within(window):
+        geometry = network.road_geometry(road.id)
+        for index in range(len(road.lane_sections)):
+            begin_m, end_m = geometry.section_span(index)
+            stations = geometry.line.stations(CENTRE_STEP_M, begin_m, end_m)
+            line = geometry.line.sample(stations)
+            shown = np.flatnonzero(inside(line, window, _MARGIN_M))
+            if not len(shown):
+                continue
+            seen = slice(max(int(shown[0]) - 1, 0), int(shown[-1]) + 2)
+            yield _section(network, road, index, stations[seen], line[seen])
+
+
+def _section(network: RoadNetwork, road: Road, index: int, stations: FloatArray, line: FloatArray) -> SeenSection:
+    geometry = network.road_geometry(road.id)
+    left = np.column_stack([-np.sin(line[:, 2]), np.cos(line[:, 2])])
+    height = geometry.elevation.sample(stations)
+
+    def beside(t_m: FloatArray) -> FloatArray:
+        return np.column_stack([line[:, :2] + t_m[:, None] * left, height])
+
+    lanes = []
+    for each in road.lane_sections[index].lanes:
+        if each.id == 0:
+            continue
+        lane = network.geometry(LaneRef(road.id, index, each.id))
+        centre, half = lane.centre.sample(stations), lane.width.sample(stations) / 2
+        outward = 1 if each.id > 0 else -1
+        lanes.append(SeenLane(lane, road, beside(centre - outward * half), beside(centre + outward * half)))
+    centre_line = beside(geometry.lane_offset.sample(stations))[:, :2]
+    return SeenSection(road, index, line, centre_line, tuple(lanes))
+
+
+def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:
+    """Which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,)."""
+    west, south, east, north = window
+    x, y = points_m[:, 0], points_m[:, 1]
+    shown = (x > west - margin_m) & (x < east + margin_m) & (y > south - margin_m) & (y < north + margin_m)
+    return np.asarray(shown)
+
+
+class Shapes:
+    """Rings or lines, shape (n, 2) each, that are looked up by window."""
+
+    def __init__(self, points_m: Sequence[FloatArray]) -> None:
+        self.points_m = points_m
+        self._boxes = np.array([(*points.min(axis=0), *points.max(axis=0)) for points in points_m]).reshape(-1, 4)
+
+    def within(self, window: Window) -> list[int]:
+        """The numbers of those whose box touches a window."""
+        west, south, east, north = window
+        boxes = self._boxes
+        touching = (boxes[:, 0] < east) & (boxes[:, 2] > west) & (boxes[:, 1] < north) & (boxes[:, 3] > south)
+        numbers: list[int] = np.flatnonzero(touching).tolist()
+        return numbers

@@ -1,0 +1,136 @@
+"""The surfaces of a drawn map: lanes by type, the asphalt between them, the decks of bridges, heights as colours."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from trace_dag.roads.network import LaneType
+from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Shapes
+from trace_dag.scenario.paving import paved_gaps
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+
+ASPHALT: Final = "#6B7075"
+SURFACES: Final = {
+    LaneType.DRIVING: ASPHALT,
+    LaneType.ENTRY: ASPHALT,
+    LaneType.EXIT: ASPHALT,
+    LaneType.BIDIRECTIONAL: "#7A746B",
+    LaneType.SHOULDER: "#8E9296",
+    LaneType.PARKING: "#7F8488",
+    LaneType.MEDIAN: "#C3CDAF",
+    LaneType.SIDEWALK: "#D9D3C7",
+    LaneType.BORDER: "#C9C4B8",
+}
+_MINOR_SURFACE: Final = "#878B8E"  # service roads and driveways
+_BRIDGE_EDGE: Final = "#3A3D40"
+_LEAST_RISE_M: Final = 0.5  # flatter ground is of one colour
+
+
+class Shade(NamedTuple):
+    """Heights to colours."""
+
+    low_m: float
+    high_m: float
+    colours: FloatArray  # (256, 4)
+
+    def of(self, height_m: float) -> FloatArray:
+        """The colour of a height, shape (4,), 0 to 1."""
+        share = (height_m - self.low_m) / max(self.high_m - self.low_m, 1e-9)
+        return np.asarray(self.colours[int(255 * min(max(share, 0.0), 1.0))])
+
+
+def height_shades(scene: MapScene) -> Shade | None:
+    """Colours for the heights in sight; none where the ground is flat."""
+    from matplotlib import colormaps
+
+    heights = [lane.inner_m[:, 2] for lane in scene.lanes]
+    if not heights:
+        return None
+    every = np.concatenate(heights)
+    low, high = float(every.min()), float(every.max())
+    return Shade(low, high, colormaps["viridis"](np.linspace(0.0, 1.0, 256))) if high - low >= _LEAST_RISE_M else None
+
+
+class Surfaces:
+    """What is paved or planted on one level, the later above the earlier."""
+
+    def __init__(self, scene: MapScene, sections: Sequence[SeenSection], shade: Shade | None) -> None:
+        rings: list[FloatArray] = []
+        colours: list[object] = []
+        lanes = [lane for section in sections for lane in section.lanes]
+        for ring, colour in _gaps(scene, lanes, shade):
+            rings.append(ring)
+            colours.append(colour)
+        self._first_lane = len(rings)
+        for lane in sorted(lanes, key=lambda lane: _order(scene, lane)):
+            lane_type = lane.geometry.lane.type
+            if lane_type is LaneType.NONE:
+                continue
+            if shade is not None and lane_type.drivable:
+                inner, outer = lane.inner_m, lane.outer_m
+                # One quad per step, each with the colour of its own height.
+                rings += list(np.stack([inner[:-1, :2], outer[:-1, :2], outer[1:, :2], inner[1:, :2]], axis=1))
+                colours += [shade.of(height) for height in (inner[:-1, 2] + inner[1:, 2]) / 2]
+                continue
+            rings.append(lane.outline_m)
+            colours.append(_MINOR_SURFACE if _is_minor(scene, lane) else SURFACES[lane_type])
+        self._shapes, self._colours = Shapes(rings), colours
+
+    def draw(self, panel: Panel, z: float, *, bridge: bool) -> None:
+        """Draw what the window shows; a bridge's deck has a dark rim against what lies below."""
+        from matplotlib.collections import PolyCollection
+
+        shown = self._shapes.within(panel.window)
+        if not shown:
+            return
+        rings = [self._shapes.points_m[number] for number in shown]
+        if bridge:
+            deck = [ring for number, ring in zip(shown, rings, strict=True) if number >= self._first_lane]
+            rim = PolyCollection(deck, facecolors=_BRIDGE_EDGE, edgecolors=_BRIDGE_EDGE, linewidths=2.5, zorder=z)
+            panel.add(rim)
+        colours = [self._colours[number] for number in shown]
+        # Edges in the colour of the face close the hairlines that smoothing leaves between neighbours.
+        surfaces = PolyCollection(rings, facecolors=colours, edgecolors="face", linewidths=0.6, zorder=z + 0.1)
+        panel.add(surfaces)
+
+
+def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
+    """What is drawn later covers what is earlier: drivable lanes, greater roads, centre lanes that go on past a
+    driveway."""
+    lane_type = lane.geometry.lane.type
+    return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
+
+
+def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, FloatArray | str]]:
+    """What is paved between the lanes of junctions, below the lanes, so that seams close: rings and their colours."""
+    paved: list[SeenLane] = []
+    through: dict[str, list[int]] = defaultdict(list)
+    for lane in lanes:
+        lane_type, junction = lane.geometry.lane.type, lane.road.junction_id
+        if lane_type.drivable and junction is not None:
+            through[junction].append(len(paved))
+        if lane_type is LaneType.BIDIRECTIONAL or (lane_type.drivable and junction is not None):
+            paved.append(lane)
+    gaps: list[tuple[FloatArray, FloatArray | str]] = []
+    for gap in paved_gaps([lane.outline_m for lane in paved], through.values()):
+        bordering = [paved[number] for number in gap.lanes]
+        if shade is not None:
+            gaps.append((gap.outline_m, shade.of(float(np.mean([lane.inner_m[:, 2].mean() for lane in bordering])))))
+        else:
+            gaps.append(
+                (gap.outline_m, _MINOR_SURFACE if all(_is_minor(scene, each) for each in bordering) else ASPHALT)
+            )
+    return gaps
+
+
+def _is_minor(scene: MapScene, lane: SeenLane) -> bool:
+    if lane.road.highway != "service" or lane.road.junction_id in scene.major_junctions:
+        return False
+    return lane.geometry.lane.type is LaneType.DRIVING

@@ -1,0 +1,133 @@
+"""What is written on the picture of a crash: headline, who is who, what the signs mean.
+
+Letters are set on the finished picture by Pillow: matplotlib takes ten times as long for each line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.sim.types import SimulationLog
+from trace_dag.states.types import Hypothesis
+from trace_dag.units import mps_to_mph
+from trace_dag.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont
+
+INK: Final = "#1D2024"
+_SIZE_PT: Final = 7.5
+_HEADLINE_PT: Final = 10.5
+_HEADLINE_IN: Final = (0.13, 0.32)
+"""How far below the top its two lines have their middle."""
+_ROWS: Final = 2
+_FIRST_ROW_IN, _ROW_IN, _STROKE_IN, _TEXT_IN = 0.11, 0.15, 0.2, 0.28
+_VEHICLE_COLUMN_IN, _SIGN_COLUMN_IN = 3.2, 2.3
+_PATH_COLOUR: Final = "#555555"
+
+
+class Words(NamedTuple):
+    """A line of text: its left end and the middle of its height in inches from the picture's top left."""
+
+    x_in: float
+    y_in: float
+    text: str
+    size_pt: float = _SIZE_PT
+
+
+def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
+    """Set lines of text on a picture of so many pixels per inch."""
+    from PIL import ImageDraw
+
+    draw = ImageDraw.Draw(picture)
+    for each in words:
+        place = each.x_in * dpi, each.y_in * dpi
+        draw.text(place, each.text, fill=INK, font=_font(each.size_pt * dpi / 72), anchor="lm")
+
+
+@lru_cache(maxsize=8)
+def _font(size_px: float) -> FreeTypeFont:
+    """The font that the rest of the picture has."""
+    from matplotlib.font_manager import findfont
+    from PIL import ImageFont
+
+    return ImageFont.truetype(findfont("DejaVu Sans"), size_px)
+
+
+def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
+    """Which crash it is, of what kind and where, and what it was judged to be."""
+    roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
+    place = ", ".join(filter(None, (roads, record.state_name)))
+    classes = ", ".join(
+        value.replace("_", " ") for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
+    )
+    lines = [f"{record.key}   {place}   ({classes})"]
+    if verdict:
+        outcome = "verified" if verdict.accepted else f"not verified: {verdict.reason}"
+        lines.append(f"{outcome}   {verdict.detail}")
+    return [Words(0.08, y_in, line, _HEADLINE_PT) for y_in, line in zip(_HEADLINE_IN, lines, strict=False)]
+
+
+def draw_legend(
+    figure: Figure,
+    top_in: float,
+    columns_in: tuple[float, float],
+    record: CrashRecord,
+    hypothesis: Hypothesis | None,
+    log: SimulationLog | None,
+) -> list[Words]:
+    """Draw the signs below the panels and give what is written beside them: vehicles in the first column, what the
+    signs mean in the second."""
+    words = []
+    width_in, height_in = figure.get_size_inches()
+    entries = (
+        (columns_in[0], _VEHICLE_COLUMN_IN, _vehicles(record, hypothesis)),
+        (columns_in[1], _SIGN_COLUMN_IN, _signs(hypothesis, log)),
+    )
+    for left_in, column_in, signs in entries:
+        for number, (style, label) in enumerate(signs):
+            x_in = left_in + 0.06 + number // _ROWS * column_in
+            y_in = top_in + _FIRST_ROW_IN + _ROW_IN * (number % _ROWS)
+            figure.add_artist(_sign(x_in / width_in, 1 - y_in / height_in, _STROKE_IN / width_in, style))
+            words.append(Words(x_in + _TEXT_IN, y_in, label))
+    return words
+
+
+def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
+    """A stroke or a symbol in its middle, in shares of the figure."""
+    from matplotlib.lines import Line2D
+
+    xs = [x + length / 2] if "marker" in style else [x, x + length]
+    return Line2D(xs, [y] * len(xs), **style)
+
+
+def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
+    """How each vehicle is drawn, and what it is, does and how fast."""
+    reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in record.vehicles}
+    planned = sorted(hypothesis.participants, key=lambda each: each.vehicle_number) if hypothesis else ()
+    entries = []
+    for index, each in enumerate(planned):
+        source = "inferred" if reported.get(each.vehicle_number) is None else "as reported"
+        speed = f"{mps_to_mph(each.initial_speed_mps):.0f} mph {source}"
+        words = [each.vehicle_class.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
+        entries.append(({"color": vehicle_colour(index), "lw": 5}, f"V{each.vehicle_number} {', '.join(words)}"))
+    return entries
+
+
+def _signs(hypothesis: Hypothesis | None, log: SimulationLog | None) -> list[tuple[dict[str, Any], str]]:
+    """How the signs in this picture look, and what they mean."""
+    signs: list[tuple[dict[str, Any], str]] = []
+    if hypothesis:
+        signs.append(({"color": _PATH_COLOUR, "lw": 1, "ls": (0, (4, 3))}, "planned path, outline at its start"))
+    if log:
+        signs.append(({"color": _PATH_COLOUR, "lw": 1.6}, "driven path, pale body at rest"))
+    if log and log.first_contact:
+        signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, "first contact"))
+    signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))
+    return signs
