@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 from lxml import etree
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.scenario.openscenario_motion import Motion, motion
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
@@ -155,7 +156,7 @@ def _storyboard(log: SimulationLog, flavour: Flavour, motions: dict[int, Motion]
     for logged in log.vehicles:
         name = entity_name(logged.number)
         speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
-        init.add_init_action(name, xosc.TeleportAction(_position(motions[logged.number], 0)))
+        init.add_init_action(name, xosc.TeleportAction(_positions(motions[logged.number])[0]))
         init.add_init_action(
             name,
             xosc.AbsoluteSpeedAction(
@@ -195,7 +196,7 @@ def _follow(name: str, motion: Motion, flavour: Flavour) -> xosc.ManeuverGroup:
     trajectory.add_shape(
         xosc.Polyline(
             [round(float(time_s), 6) for time_s in motion.time_s],
-            [_position(motion, i) for i in range(len(motion.time_s))],
+            _positions(motion),
         )
     )
     action = xosc.FollowTrajectoryAction(
@@ -217,12 +218,16 @@ def _follow(name: str, motion: Motion, flavour: Flavour) -> xosc.ManeuverGroup:
     return group
 
 
-def _position(motion: Motion, index: int) -> xosc.WorldPosition:
+def _positions(motion: Motion) -> list[xosc.WorldPosition]:
     from scenariogeneration import xosc
 
-    place = (round(float(each[index]), 5) + 0.0 for each in (motion.x_m, motion.y_m, motion.z_m))
-    angles = (motion.heading_rad, motion.pitch_rad, motion.roll_rad)
-    return xosc.WorldPosition(*place, *(round(float(each[index]), 6) + 0.0 for each in angles))
+    places = (_rounded(values, 5) for values in (motion.x_m, motion.y_m, motion.z_m))
+    angles = (_rounded(values, 6) for values in (motion.heading_rad, motion.pitch_rad, motion.roll_rad))
+    return [xosc.WorldPosition(*values) for values in zip(*places, *angles, strict=True)]
+
+
+def _rounded(values: FloatArray, digits: int) -> list[float]:
+    return [round(value, digits) + 0.0 for value in values.tolist()]  # no minus before a zero
 
 
 def _at_start(name: str, flavour: Flavour) -> xosc.ValueTrigger:

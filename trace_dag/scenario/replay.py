@@ -10,8 +10,8 @@ import base64
 import io
 import json
 from dataclasses import dataclass
-from importlib import resources
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.sim.types import SimulationLog, VehicleLog
 from trace_dag.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
@@ -63,17 +66,12 @@ def write_html_player(
 
     ``log`` is of the hypothesis that ``verdict`` is about. The same input gives the same bytes.
     """
-    from jinja2 import Environment, StrictUndefined
-
     windows = replay_windows(log)
-    template = Environment(undefined=StrictUndefined, autoescape=True).from_string(
-        resources.files("trace_dag.scenario").joinpath("templates", "replay.html.jinja").read_text(encoding="utf-8")
-    )
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
     svg = base64.b64encode(_map_svg(network, map_window)).decode("ascii")
-    page = template.render(
+    page = _template().render(
         title=f"Crash {record.key}",
         place=_place(record),
         classes=" · ".join(
@@ -86,6 +84,16 @@ def write_html_player(
         data=_script_safe({**_data(record, log, windows), "map": [round(value, 2) for value in map_window]}),
     )
     return page.encode("utf-8")
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("trace_dag.scenario", "templates"), undefined=StrictUndefined, autoescape=True
+    )
+    return environment.get_template("replay.html.jinja")
 
 
 def _place(record: CrashRecord) -> str:
