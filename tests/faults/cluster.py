@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from trace_dag.storage import Storage
+
 BUCKET = "crashes"
 
 
@@ -71,6 +73,16 @@ def dask_cluster(folder: Path, workers: int, environment: Mapping[str, str]) -> 
         yield cluster
     finally:
         cluster.close()
+
+
+def kill_when_under_way(cluster: DaskCluster, run: subprocess.Popen[str], storage: Storage) -> None:
+    """Kill one worker once maps have been made."""
+    deadline = time.monotonic() + 600
+    while len(storage.list("road_map")) < 2:
+        assert run.poll() is None, run.communicate()[0]
+        assert time.monotonic() < deadline, "the run never got going"
+        time.sleep(0.2)
+    cluster.workers[0].kill()
 
 
 def free_port() -> int:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import subprocess
-import time
 
-from faults.cluster import BUCKET, dask_cluster, object_store
+from faults.cluster import BUCKET, dask_cluster, kill_when_under_way, object_store
 from result_tables import differences
 from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag
 
 from trace_dag.pipeline.home import Home
 from trace_dag.pipeline.stages import FLOW
+from trace_dag.storage import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 
@@ -29,7 +29,7 @@ def test_a_cohort_on_a_cluster_with_a_killed_worker_gives_the_tables_of_a_local_
                 monkeypatch.setenv(name, value)
             monkeypatch.setenv("TRACE_DAG_EXECUTION__CHUNK_SIZE", "1")
             run = subprocess.Popen(command(ROOT, "run"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-            kill_when_under_way(cluster, run)
+            kill_when_under_way(cluster, run, Storage(ROOT))
             said, _ = run.communicate(timeout=900)
             assert run.returncode == 0, said
         assert f"{len(KEYS)} in all" in said
@@ -37,15 +37,3 @@ def test_a_cohort_on_a_cluster_with_a_killed_worker_gives_the_tables_of_a_local_
         assert differences(here / "warehouse.duckdb", warehouse) == {}
         done = trace_dag(ROOT, "verify", "--contents")
         assert done.returncode == 0, done.stdout
-
-
-def kill_when_under_way(cluster, run: subprocess.Popen[str]) -> None:
-    """Kill one worker once maps have been made."""
-    from trace_dag.storage import Storage
-
-    storage, deadline = Storage(ROOT), time.monotonic() + 600
-    while len(storage.list("road_map")) < 2:
-        assert run.poll() is None, run.communicate()[0]
-        assert time.monotonic() < deadline, "the run never got going"
-        time.sleep(0.2)
-    cluster.workers[0].kill()
