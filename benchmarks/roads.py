@@ -2,15 +2,17 @@
 
     TRACE_DAG_JUDGES=.venv-judges python benchmarks/roads.py ../shared/data [--random 200] [--every 1]
 
-Converts each site and measures it: time, gates, deviation from the OSM ways, 1 m steps in CARLA's library, ASAM's
-checker at version 1.7, lanes as SUMO's netconvert reads them back. Osm2Odr and netconvert convert some of the sites for
-comparison. Without the judges' environment or the ``carla`` extra, what they would have said is left out.
+Converts every site and measures it: time, gates (loading in CARLA's library is one), deviation from the OSM ways,
+ASAM's checker at version 1.7, lanes as SUMO's netconvert reads them back. Some are walked in CARLA's library in steps
+of 1 m, and Osm2Odr and netconvert convert some for comparison. Without the judges' environment or the ``carla`` extra,
+what they would have said is left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import random
 import re
 import subprocess
@@ -18,7 +20,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,8 +43,8 @@ from trace_dag.roads.map_measures import MapComparison
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive
-from trace_dag.roads.stored_map import StoredMap
 from trace_dag.roads.osm2odr import convert_with_osm2odr, with_way_tags
+from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import OsmSettings, RoadSettings
 
 Result = TypeVar("Result")
@@ -97,11 +100,19 @@ def cut(data: Path, sites: list[Site]) -> Places:
     }
 
 
-def measure_ours(places: Places, folder: Path) -> None:
-    """Gates and judges of the native converter's maps."""
-    times_s, deviations, steps = [], [], []
+def measure_ours(places: Places, folder: Path, walk_every: int) -> None:
+    """The native converter's maps: their gates, then the judges of all of them."""
+    files = convert_all(places, folder)
+    walk(list(files)[::walk_every])
+    ask_asam(list(files))
+    ask_sumo(files, folder)
+
+
+def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
+    """Convert the sites, measure the maps, and write them down."""
+    times_s, deviations = [], []
     failed: Counter[str] = Counter()
-    lanes_compared = lanes_differing = 0
+    lanes_compared = lanes_differing = loaded = 0
     files: dict[Path, RoadNetwork] = {}
     for key, (extract, frame) in places.items():
         start = time.perf_counter()
@@ -114,6 +125,7 @@ def measure_ours(places: Places, folder: Path) -> None:
         times_s.append(time.perf_counter() - start)
         xodr = write_opendrive(network)
         for gate in check_map(network, extract, StoredMap(xodr, name=key)):
+            loaded += gate.name == "carla_map" and gate.passed is True
             if gate.passed is False:
                 failed[gate.name] += 1
                 print(f"  {key}: {gate.name} {gate.value} {gate.unit} ({gate.detail[:100]})")
@@ -124,10 +136,6 @@ def measure_ours(places: Places, folder: Path) -> None:
         path = folder / f"{key}.xodr"
         path.write_bytes(xodr)
         files[path] = network
-        step = judged(lambda xodr=xodr: judges.carla_steps(judges.carla_map(xodr)).distances_m)
-        if step is not None and len(step) and step.max() > 2.0:
-            print(f"  {key}: a step of {step.max():.2f} m in carla.Map")
-        steps.append(step)
     length = sum(d.length_m for d in deviations)
     print(f"converted {len(times_s)} of {len(places)}, {1e3 * np.mean(times_s):.0f} ms on average")
     print(f"gates that do not hold: {dict(failed) or 'none'}")
@@ -137,35 +145,58 @@ def measure_ours(places: Places, folder: Path) -> None:
         f"{max(d.worst_public_m for d in deviations):.2f} m, over {length / 1e3:.0f} km outside junctions"
     )
     print(f"lane counts: {lanes_compared - lanes_differing} of {lanes_compared} tagged roads as tagged")
-    walked = [step for step in steps if step is not None]
-    if walked:
-        every = np.concatenate(walked)
-        inside = np.mean((every >= 0.8) & (every <= 1.25))
-        print(
-            f"carla.Map: all {len(walked)} load; {len(every)} steps of 1 m, {inside:.3%} in 0.8 to 1.25 m, "
-            f"longest {every.max():.2f} m"
-        )
-    verdicts = judged(lambda: judges.official_check(list(files)))
-    if verdicts is not None:
-        rules = Counter(len(verdict["rules"]) for verdict in verdicts)
-        wrong = [verdict["file"] for verdict in verdicts if any(" WARNING" not in issue for issue in verdict["issues"])]
-        print(
-            f"ASAM checker at 1.7: {len(verdicts) - len(wrong)} of {len(verdicts)} without error; "
-            f"maps by number of rules run: {dict(rules)}"
-        )
-        for name in wrong:
-            print(f"  {Path(name).stem}")
-    compared = differing = 0
-    for path, network in files.items():
-        lanes = judged(lambda path=path: judges.sumo_lanes(path, folder))
-        if lanes is None:
-            break
-        compared += 1
-        if lanes != judges.our_lanes(network):
-            differing += 1
-            print(f"  {path.stem}: netconvert reads other lanes")
-    if compared:
-        print(f"netconvert: {compared - differing} of {compared} re-imported with the same lanes in every road")
+    print(f"carla.Map: {loaded} of {len(files)} load with lanes to drive on")
+    return files
+
+
+def walk(files: Sequence[Path]) -> None:
+    """Steps of 1 m along every lane in CARLA's library."""
+    steps = []
+    for path in files:
+        step = judged(lambda path=path: judges.carla_steps(judges.carla_map(path.read_bytes())).distances_m)
+        if step is None:
+            return
+        if len(step) and step.max() > 2.0:
+            print(f"  {path.stem}: a step of {step.max():.2f} m in carla.Map")
+        steps.append(step)
+    every = np.concatenate(steps)
+    inside = np.mean((every >= 0.8) & (every <= 1.25))
+    print(
+        f"carla.Map: {len(steps)} walked, {len(every)} steps of 1 m, {inside:.3%} in 0.8 to 1.25 m, "
+        f"longest {every.max():.2f} m"
+    )
+
+
+def ask_asam(files: Sequence[Path]) -> None:
+    """What ASAM's checker says, and how many of its rules ran."""
+    verdicts = judged(lambda: judges.official_check(files))
+    if verdicts is None:
+        return
+    rules = Counter(len(verdict["rules"]) for verdict in verdicts)
+    wrong = [verdict for verdict in verdicts if verdict["broken"] or any(_is_error(i) for i in verdict["issues"])]
+    print(
+        f"ASAM checker at 1.7: {len(verdicts) - len(wrong)} of {len(verdicts)} without error; "
+        f"maps by number of rules run: {dict(rules)}, broken off: {sum(len(v['broken']) for v in verdicts)}"
+    )
+    for verdict in wrong:
+        errors = [*verdict["broken"], *filter(_is_error, verdict["issues"])]
+        print(f"  {Path(verdict['file']).stem}: {len(errors)}, such as {errors[0][:150]}")
+
+
+def _is_error(issue: str) -> bool:
+    return " WARNING" not in issue
+
+
+def ask_sumo(files: Mapping[Path, RoadNetwork], folder: Path) -> None:
+    """Whether netconvert reads the same lanes back."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        answers = list(pool.map(lambda path: judged(lambda: judges.sumo_lanes(path, folder)), files))
+    if None in answers:
+        return
+    differing = [path for path, lanes in zip(files, answers, strict=True) if lanes != judges.our_lanes(files[path])]
+    print(f"netconvert: {len(files) - len(differing)} of {len(files)} re-imported with the same lanes in every road")
+    for path in differing:
+        print(f"  {path.stem}: netconvert reads other lanes")
 
 
 def judged(judge: Callable[[], Result]) -> Result | None:
@@ -232,6 +263,7 @@ def main() -> int:
     parser.add_argument(
         "--others", type=int, default=10, help="every n-th measured site also by Osm2Odr and netconvert"
     )
+    parser.add_argument("--walk", type=int, default=1, help="every n-th measured site walked in carla.Map")
     arguments = parser.parse_args()
     data: Path = arguments.data
     cohorts = {
@@ -243,7 +275,7 @@ def main() -> int:
         chosen = dict(list(places.items())[:: arguments.every])
         print(f"\n{name}: {len(chosen)} sites")
         with tempfile.TemporaryDirectory() as folder:
-            measure_ours(chosen, Path(folder))
+            measure_ours(chosen, Path(folder), arguments.walk)
             measure_others(dict(list(chosen.items())[:: arguments.others]), Path(folder))
     return 0
 

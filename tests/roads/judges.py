@@ -12,6 +12,7 @@ import os
 import subprocess
 from collections import defaultdict
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from trace_dag.roads.network import LaneType, RoadNetwork
 
 _REPOSITORY = Path(__file__).resolve().parents[2]
 _CHECKER = Path(__file__).with_name("official_checker.py")
+_FILES_PER_PROCESS = 10
 _SUMO_LANE_TYPES = (LaneType.DRIVING, LaneType.ENTRY, LaneType.EXIT, LaneType.BIDIRECTIONAL)
 
 
@@ -84,11 +86,21 @@ def distance_from_carla(network: RoadNetwork, carla_map: Any, per_lane: int = 5)
 
 
 def official_check(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """ASAM's checker on every file: ``rules`` run, ``skipped``, ``broken`` and ``issues``."""
+    """ASAM's checker on every file: ``rules`` run, ``skipped``, ``broken`` and ``issues``.
+
+    Its start takes a second and a large map some more: many files are divided among as many processes as there are
+    cores, a few files at a time.
+    """
     python = judges_environment() / "python"
-    done = subprocess.run([python, _CHECKER, *files], capture_output=True, text=True, timeout=900, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return [json.loads(line) for line in done.stdout.splitlines()]
+
+    def check(batch: Sequence[Path]) -> list[dict[str, Any]]:
+        done = subprocess.run([python, _CHECKER, *batch], capture_output=True, text=True, timeout=900, check=False)
+        assert done.returncode == 0, done.stderr[-2000:]
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+    batches = [files[start : start + _FILES_PER_PROCESS] for start in range(0, len(files), _FILES_PER_PROCESS)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return [verdict for verdicts in pool.map(check, batches) for verdict in verdicts]
 
 
 def sumo_lanes(xodr: Path, folder: Path) -> dict[tuple[str, int], int]:

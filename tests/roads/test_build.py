@@ -14,6 +14,8 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.roads.build import RoadMap, build_road_map
+from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.opendrive_writer import Marks
 from trace_dag.settings import RoadSettings
 
 
@@ -47,6 +49,12 @@ def test_what_the_report_fills_is_on_the_map_and_said_so() -> None:
     assert said["intersection type"] == ("agrees", False)
     assert road_map.report.roads == 1
     assert all(gate.passed is not False for gate in road_map.report.gates)
+
+
+@pytest.mark.parametrize("marks", ["reconstruction", "legal"])
+def test_the_stages_after_are_handed_what_the_written_file_says(marks: Marks) -> None:
+    road_map = build_road_map(town_with_a_bridge().extract(), report(street="MAIN ST"), RoadSettings(marks=marks))
+    assert road_map.stored.network == read_opendrive(road_map.stored.xodr, name="map")
 
 
 def test_with_elevation_off_a_bridge_near_the_crash_rejects_it_as_published() -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Final
 
 from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.cutting import cut_roads
-from trace_dag.osm.extraction import FileHeader, FilePass, extract_raw, no_garbage_collection, read_header
+from trace_dag.osm.extraction import FileHeader, FilePass, extract_raw, read_header
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.settings import OsmSettings
 

@@ -12,7 +12,6 @@ Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing t
 from __future__ import annotations
 
 import bz2
-import gc
 import gzip
 import math
 import tempfile
@@ -29,6 +28,7 @@ import shapely
 from lxml import etree
 
 from trace_dag.errors import UserError
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import is_drivable
@@ -199,18 +199,6 @@ def _reading(path: Path) -> Iterator[None]:
         raise UserError(
             f"{path}: cannot be read as OSM data ({error}); expected .osm, .osm.gz, .osm.bz2 or .osm.pbf, whole"
         ) from error
-
-
-@contextmanager
-def no_garbage_collection() -> Iterator[None]:
-    """For building many objects without cycles: else a third of the time goes into looking for some."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 class _WayPlace(NamedTuple):

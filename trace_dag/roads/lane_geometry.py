@@ -32,6 +32,19 @@ class LaneProjection(NamedTuple):
     outside_m: float
 
 
+class SectionLine(NamedTuple):
+    """The reference line along a lane section every :data:`CENTRE_STEP_M`, which all its lanes are laid beside."""
+
+    stations_m: FloatArray
+    line: FloatArray  # (n, 4): x, y, heading, curvature
+    sine: FloatArray
+    cosine: FloatArray
+
+    def beside(self, t_m: FloatArray) -> FloatArray:
+        """Points ``t_m`` to the left of the line, shape (n, 2)."""
+        return np.stack([self.line[:, 0] - t_m * self.sine, self.line[:, 1] + t_m * self.cosine], axis=1)
+
+
 class RoadGeometry:
     """Reference line, lane offset and elevation of one road."""
 
@@ -40,6 +53,20 @@ class RoadGeometry:
         self.line = ReferenceLine(road.plan, road.length_m)
         self.lane_offset = CubicProfile.of(road.lane_offset)
         self.elevation = CubicProfile.of(road.elevation)
+        self._section_lines: dict[tuple[float, float], SectionLine] = {}
+
+    def section_line(self, begin_m: float, end_m: float) -> SectionLine:
+        """The reference line between the ends of a lane section."""
+        found = self._section_lines.get((begin_m, end_m))
+        if found is None:
+            found = self.line_along(self.line.stations(CENTRE_STEP_M, begin_m, end_m))
+            self._section_lines[begin_m, end_m] = found
+        return found
+
+    def line_along(self, stations_m: FloatArray) -> SectionLine:
+        """The reference line at some stations."""
+        line = self.line.sample(stations_m)
+        return SectionLine(stations_m, line, np.sin(line[:, 2]), np.cos(line[:, 2]))
 
     def section_span(self, index: int) -> tuple[float, float]:
         """``s_m`` where a lane section begins and ends."""
@@ -142,29 +169,21 @@ class LaneGeometry:
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
-    def borders(self, step_m: float, span_m: tuple[float, float] | None = None) -> tuple[FloatArray, FloatArray]:
-        """Left and right border as seen in the direction of travel, shape (n, 3) each: x, y, z, in that direction.
-
-        Over the whole lane, or between two ``s`` (low, high).
-        """
-        low, high = span_m or (self.begin_m, self.end_m)
-        stations = self.road.line.stations(step_m, low, high)
-        if self.direction < 0:
-            stations = stations[::-1]
-        line = self.road.line.sample(stations)
-        sine, cosine = np.sin(line[:, 2]), np.cos(line[:, 2])
-        centre_m, half_m = self.centre.sample(stations), self.width.sample(stations) / 2
-        z = self.road.elevation.sample(stations)
-
-        def beside(t: FloatArray) -> FloatArray:
-            return np.stack([line[:, 0] - t * sine, line[:, 1] + t * cosine, z], axis=1)
-
-        return beside(centre_m + self.direction * half_m), beside(centre_m - self.direction * half_m)
+    def borders(self, step_m: float = CENTRE_STEP_M) -> tuple[FloatArray, FloatArray]:
+        """Left and right border as seen in the direction of travel, shape (n, 2) each, in that direction."""
+        if step_m == CENTRE_STEP_M:
+            line = self.road.section_line(self.begin_m, self.end_m)
+        else:
+            line = self.road.line_along(self.road.line.stations(step_m, self.begin_m, self.end_m))
+        centre_m, half_m = self.centre.sample(line.stations_m), self.width.sample(line.stations_m) / 2
+        left = line.beside(centre_m + self.direction * half_m)
+        right = line.beside(centre_m - self.direction * half_m)
+        return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
 
     @cached_property
     def _search_samples(self) -> tuple[FloatArray, FloatArray]:
-        stations = self.road.line.stations(CENTRE_STEP_M, self.begin_m, self.end_m)
-        return stations, self.sample(stations)[:, :2]
+        line = self.road.section_line(self.begin_m, self.end_m)
+        return line.stations_m, line.beside(self.centre.sample(line.stations_m))
 
     @property
     def search_line(self) -> FloatArray:

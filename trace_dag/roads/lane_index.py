@@ -7,13 +7,15 @@ once, lines along the lanes of those roads alone that a question comes near.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.lane_geometry import LaneGeometry
@@ -34,7 +36,7 @@ class LaneIndex:
         self._roads = tuple(roads)
         self._lanes_of = lanes_of
         self._boxes = _boxes(self._roads)
-        self._looked_up: dict[int, list[tuple[LaneRef, LaneGeometry, FloatArray, float]]] = {}
+        self._looked_up: dict[int, _Lines | None] = {}
 
     def near(self, x_m: float, y_m: float, distance_m: float) -> Iterator[tuple[LaneRef, LaneGeometry]]:
         """Candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
@@ -42,10 +44,13 @@ class LaneIndex:
         apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
         apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
         for number in np.flatnonzero(np.hypot(apart_x, apart_y) <= distance_m):
-            for ref, geometry, line, half_width_m in self._lines(int(number)):
-                reach_m = distance_m + half_width_m + _SEARCH_M
-                if float(((line[:, 0] - x_m) ** 2 + (line[:, 1] - y_m) ** 2).min()) <= reach_m**2:
-                    yield ref, geometry
+            lines = self._lines(int(number))
+            if lines is None:
+                continue
+            apart_2 = (lines.points[:, 0] - x_m) ** 2 + (lines.points[:, 1] - y_m) ** 2
+            near = np.minimum.reduceat(apart_2, lines.first) <= (distance_m + lines.reach_m) ** 2
+            for lane in np.flatnonzero(near):
+                yield lines.lanes[lane]
 
     def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
         """Roads that may have a lane in a box (west, south, east, north), in their order."""
@@ -54,19 +59,34 @@ class LaneIndex:
         touching = (low_x < east) & (high_x > west) & (low_y < north) & (high_y > south)
         return [self._roads[number] for number in np.flatnonzero(touching)]
 
-    def _lines(self, number: int) -> list[tuple[LaneRef, LaneGeometry, FloatArray, float]]:
+    def _lines(self, number: int) -> _Lines | None:
+        """The lanes of a road with their lines; None if it has none to drive in."""
         if number not in self._looked_up:
-            self._looked_up[number] = [
-                (ref, geometry, geometry.search_line, _widest_m(geometry) / 2)
-                for ref, geometry in self._lanes_of(self._roads[number])
-            ]
+            lanes = list(self._lanes_of(self._roads[number]))
+            self._looked_up[number] = _Lines.of(lanes) if lanes else None
         return self._looked_up[number]
+
+
+class _Lines(NamedTuple):
+    """The search lines of a road's lanes, one after the other."""
+
+    lanes: list[tuple[LaneRef, LaneGeometry]]
+    points: FloatArray  # (n, 2)
+    first: NDArray[np.intp]  # of each lane's points
+    reach_m: FloatArray  # from its line to its surface, and room for what the line leaves out
+
+    @classmethod
+    def of(cls, lanes: list[tuple[LaneRef, LaneGeometry]]) -> _Lines:
+        lines = [geometry.search_line for _, geometry in lanes]
+        first = np.cumsum([0, *(len(line) for line in lines[:-1])])
+        reach_m = np.array([_widest_m(geometry) / 2 + _SEARCH_M for _, geometry in lanes])
+        return cls(lanes, np.concatenate(lines), first, reach_m)
 
 
 def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
     """A lane's surface."""
     left, right = geometry.borders(step_m)
-    return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
+    return shapely.Polygon(np.concatenate([left, right[::-1]]))
 
 
 def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely.MultiPolygon:

@@ -13,7 +13,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, cast
 
 from lxml import etree
 
@@ -129,7 +129,7 @@ def _schema(root: etree._Element) -> Iterator[str]:
                 yield f"<{tag}> holds <{element[positions.index(-1)].tag}>, out of place ({_place(element)})"
             elif positions != sorted(positions):
                 yield f"children of <{tag}> are out of order ({_place(element)})"
-        attributes = element.items()
+        attributes = cast("list[tuple[str, str]]", element.items())
         missing = rules.required.difference([key for key, _ in attributes]) if rules.required else ()
         for key in sorted(missing):
             yield f"<{tag}> without {key!r} ({_place(element)})"

@@ -217,7 +217,7 @@ class ReferenceLine:
         """Evenly spaced ``s`` from ``begin_m`` to ``end_m`` at most ``step_m`` apart, both ends included."""
         end = self.length_m if end_m is None else end_m
         pieces = max(1, math.ceil((end - begin_m) / step_m - 1e-9))
-        stations = begin_m + np.arange(pieces + 1) * ((end - begin_m) / pieces)
+        stations = begin_m + np.arange(pieces + 1, dtype=np.float64) * ((end - begin_m) / pieces)
         stations[-1] = end
         return stations
 

@@ -1,0 +1,43 @@
+"""What a stage function is given of the stages before it."""
+
+from __future__ import annotations
+
+import pytest
+
+from trace_dag.errors import Stage
+from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.registry import CrashSource, ReportSource
+from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.settings import Settings
+from trace_dag.storage import Storage
+
+NAME = "road_map/2023-1.xodr"
+
+
+@pytest.fixture
+def storage(tmp_path) -> Storage:
+    return Storage(str(tmp_path))
+
+
+@pytest.fixture
+def crash(storage) -> CrashFiles:
+    return CrashFiles("2023-1", CrashSource("cohort", ReportSource("file", "report.xml")), Settings(), storage)
+
+
+def made(storage: Storage, content: bytes) -> OutcomeRecord:
+    file = storage.write(NAME, content)
+    provenance = Provenance(code="", inputs={}, settings={})
+    return OutcomeRecord(
+        "2023-1", Stage.ROAD_MAP, Outcome.ACCEPTED, provenance, "", "run", "2026-01-01", artefacts=(file,)
+    )
+
+
+def test_what_a_stage_has_read_back_itself_is_not_read_again(crash, storage):
+    crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
+    assert crash.parsed(Stage.ROAD_MAP, "xodr", bytes.decode) == "as read back"
+
+
+def test_a_stage_made_again_is_read_anew(crash, storage):
+    crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
+    crash.accept(made(storage, b"another map"))
+    assert crash.parsed(Stage.ROAD_MAP, "xodr", bytes.decode) == "another map"
