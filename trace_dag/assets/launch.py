@@ -19,6 +19,8 @@ from dagster import (
     JobDefinition,
     RunsFilter,
 )
+from dagster._core.events import RunFailureReason
+from dagster._core.instance.ref import InstanceRef
 from dagster_shared.error import SerializableErrorInfo
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
@@ -55,6 +57,10 @@ concurrency:
   runs:
     max_concurrent_runs: 2
 """
+# What a command's own runs print goes to its terminal, not by way of files and processes that copy them there.
+_ON_THE_TERMINAL = {
+    "compute_logs": {"module": "dagster._core.storage.noop_compute_log_manager", "class": "NoOpComputeLogManager"}
+}
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,8 @@ def prepare_dagster_home(home: Home) -> Path:
 
 def open_instance(home: Home) -> DagsterInstance:
     """Dagster's records of this root. Runs whose process is gone are closed as failed."""
-    instance = DagsterInstance.from_config(str(prepare_dagster_home(home)))
+    folder = str(prepare_dagster_home(home))
+    instance = DagsterInstance.from_ref(InstanceRef.from_dir(folder, overrides=_ON_THE_TERMINAL))
     _close_orphans(instance)
     return instance
 
@@ -179,7 +186,10 @@ def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _errors(result: ExecuteInProcessResult) -> list[str]:
-    """What failed, in the words of the step's own failure where there are any."""
+    """What failed, in the words of the step's own failure where there are any.
+
+    Raises ``KeyboardInterrupt`` where it was this: Dagster makes a failed run of it and returns.
+    """
     if result.success:
         return []
     messages = []
@@ -188,6 +198,8 @@ def _errors(result: ExecuteInProcessResult) -> list[str]:
             data = event.step_failure_data
             stated = data.user_failure_data.description if data.user_failure_data else None
             messages.append(stated or _innermost(data.error) or event.message or "a step failed")
+        elif event.is_run_failure and event.job_failure_data.failure_reason is RunFailureReason.UNEXPECTED_TERMINATION:
+            raise KeyboardInterrupt
         elif event.is_run_failure and not messages:
             messages.append(_innermost(event.job_failure_data.error) or event.message or "the run failed")
     return messages

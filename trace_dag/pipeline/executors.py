@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import multiprocessing
+import multiprocessing.connection
 import os
 import signal
 import threading
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Any, Generic, Protocol, TypeVar
 
 from trace_dag.errors import UserError
@@ -125,9 +127,17 @@ class ProcessExecutor:
     def __init__(self, workers: int) -> None:
         self.workers = workers
         self._pool: ProcessPoolExecutor | None = None
+        self._lifeline: Connection | None = None
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`. At most two tasks per worker are under way, so few are lost with a worker."""
+        try:
+            yield from self._run(function, tasks)
+        except BaseException:  # interrupted: nobody waits for what is under way any more
+            self._drop_pool(at_once=True)
+            raise
+
+    def _run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         waiting = list(reversed(tasks))
         under_way: dict[Future[R], T] = {}
         while waiting or under_way:
@@ -157,11 +167,12 @@ class ProcessExecutor:
 
     def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
         """See :class:`Executor`: in a pool of one process made for it."""
-        with _new_pool(1) as pool:
-            try:
-                return pool.submit(function, task).result()
-            except BrokenProcessPool as error:
-                return WorkerLost(str(error))
+        single = ProcessExecutor(1)
+        try:
+            (answer,) = single.run(function, [task])
+        finally:
+            single.close()
+        return answer.result
 
     def close(self) -> None:
         """End the worker processes."""
@@ -169,35 +180,39 @@ class ProcessExecutor:
 
     def _ready_pool(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            self._pool = _new_pool(self.workers)
+            context = multiprocessing.get_context("spawn")
+            theirs, self._lifeline = context.Pipe(duplex=False)
+            self._pool = ProcessPoolExecutor(
+                self.workers, mp_context=context, initializer=_prepare_worker, initargs=(theirs,)
+            )
         return self._pool
 
-    def _drop_pool(self) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
-            self._pool = None
+    def _drop_pool(self, *, at_once: bool = False) -> None:
+        """End the workers when they are done with what they have in hand, or ``at_once``."""
+        if self._pool is None or self._lifeline is None:
+            return
+        if at_once:
+            self._lifeline.close()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._lifeline.close()
+        self._pool = self._lifeline = None
 
 
-def _new_pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare_worker)
-
-
-def _prepare_worker() -> None:
+def _prepare_worker(lifeline: Connection) -> None:
     # One thread per process: the processes are the parallelism.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     configure_logging()
     # Ctrl-C is the parent's to handle; it ends its workers in good order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    # A worker of a killed parent would wait for its next task for ever.
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _end_with(lifeline: Connection) -> None:
+    # Its other end closes when the parent wants no more of this worker, and when the parent is killed: a worker of a
+    # killed parent would wait for its next task for ever.
+    multiprocessing.connection.wait([lifeline])
+    os._exit(1)
 
 
 class DaskExecutor:
