@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import random
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,6 +57,26 @@ def test_a_store_that_fails_now_and_then_is_asked_again(store, tmp_path, error):
     pipeline = pipeline_on_store(tmp_path)
     store.fault = every(5, error)
     assert not any(failed for _, _, failed in run(pipeline))
+    assert_whole(pipeline, tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_on_a_slow_store_that_often_fails_every_crash_ends_done_or_failed_and_to_be_tried_again(store, tmp_path, seed):
+    pipeline, draw = pipeline_on_store(tmp_path), random.Random(seed)
+
+    def slow_and_unreliable(kind: str, path: str) -> None:
+        threading.Event().wait(0.001)
+        if kind == "put" and draw.random() < 0.6:  # four times in a row for one request in eight
+            raise TimeoutError
+
+    store.fault = slow_and_unreliable
+    ends = {key: failed for key, _, failed in run(pipeline)}
+    store.fault = None
+    assert ends.keys() == BEHAVIOURS.keys()
+    assert any(ends.values())
+    recorded = [each for of in read_records(pipeline.storage, list(BEHAVIOURS)).values() for each in of.values()]
+    assert all(record.transient for record in recorded if record.outcome is Outcome.FAILED)
+    assert not any(failed for _, _, failed in run(pipeline, "second"))
     assert_whole(pipeline, tmp_path)
 
 
