@@ -170,17 +170,20 @@ def now() -> str:
 
 
 def settings_of(section: BaseModel | None) -> dict[str, Any]:
-    """A section of settings as provenance holds it: JSON values, without fields that only say how to reach a service.
+    """A section of settings as provenance holds it: JSON values, without fields on which nothing made depends.
 
-    Such fields are declared with ``json_schema_extra={"provenance": False}``.
+    Those are the ones that only say how to reach a service, declared with ``json_schema_extra={"provenance": False}``,
+    and the ones that matter only where another field has a certain value, ``{"provenance": {"estimator": "llm"}}``.
     """
     if section is None:
         return {}
-    outside = {
-        name
-        for name, info in type(section).model_fields.items()
-        if isinstance(info.json_schema_extra, dict) and info.json_schema_extra.get("provenance") is False
-    }
+    outside = set()
+    for name, info in type(section).model_fields.items():
+        counts = info.json_schema_extra.get("provenance") if isinstance(info.json_schema_extra, dict) else None
+        if counts is False or (
+            isinstance(counts, dict) and any(getattr(section, other) != value for other, value in counts.items())
+        ):
+            outside.add(name)
     return section.model_dump(mode="json", exclude=outside)
 
 

@@ -2,7 +2,8 @@
 
 Read from ``<root>/settings.toml`` and from the environment (``TRACE_DAG_SIM__STEP_S=0.002``), the environment winning.
 One section per stage: a stage's provenance holds exactly its own section, so that changing a setting recomputes from
-the stage it belongs to. Secrets (API keys) are not settings: they are read from the environment where they are used
+the stage it belongs to, and from none if it only says how a service is reached or what an estimator not chosen would
+do. Secrets (API keys) are not settings: they are read from the environment where they are used
 and never stored.
 """
 
@@ -19,6 +20,7 @@ from trace_dag.errors import UserError
 RuleSetName = Literal["trace-dag", "strict", "published"]
 
 _NOT_IN_PROVENANCE: dict[str, Any] = {"provenance": False}  # says how a service is reached, not what comes out
+_OF_THE_LLM: dict[str, Any] = {"provenance": {"estimator": "llm"}}  # changes nothing that another estimator makes
 
 
 class _Section(BaseModel):
@@ -61,12 +63,19 @@ class StateSettings(_Section):
     estimator: Literal["analytic", "llm"] = "analytic"
     lead_time_s: float = Field(5.0, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
-    llm_model: str = "gemini/gemini-3-flash-preview"
-    llm_prompt: str = Field("segments-v1", description="Name of the prompt file.")
-    llm_max_attempts: int = Field(3, ge=1, description="Answers to one crash before the fallback.")
-    llm_fallback: Literal["analytic", "reject"] = Field("analytic", description="What follows unusable answers.")
+    llm_model: str = Field("gemini/gemini-3-flash-preview", json_schema_extra=_OF_THE_LLM)
+    llm_prompt: str = Field("segments-v1", description="Name of the prompt file.", json_schema_extra=_OF_THE_LLM)
+    llm_max_attempts: int = Field(
+        3, ge=1, description="Answers to one crash before the fallback.", json_schema_extra=_OF_THE_LLM
+    )
+    llm_fallback: Literal["analytic", "reject"] = Field(
+        "analytic", description="What follows unusable answers.", json_schema_extra=_OF_THE_LLM
+    )
     llm_max_output_tokens: int | None = Field(
-        None, ge=1, description="Longest answer, thinking included; null leaves it to the provider."
+        None,
+        ge=1,
+        description="Longest answer, thinking included; null leaves it to the provider.",
+        json_schema_extra=_OF_THE_LLM,
     )
     llm_timeout_s: float = Field(
         120.0, gt=0, description="Longest wait for one answer.", json_schema_extra=_NOT_IN_PROVENANCE

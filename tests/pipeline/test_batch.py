@@ -106,6 +106,19 @@ def test_setting_that_only_says_how_a_service_is_reached_changes_nothing(make_pi
     assert make_pipeline(sim={"carla_port": 2002}, states={"llm_timeout_s": 1.0}).first_stale([GOOD]) == {}
 
 
+def test_settings_of_an_estimator_that_is_not_chosen_change_nothing(make_pipeline):
+    run(make_pipeline({GOOD: ""}))
+    other_model = {"llm_model": "openai/gpt-4.1", "llm_prompt": "coordinates-v1", "llm_max_attempts": 1}
+    assert make_pipeline(states=other_model).first_stale([GOOD]) == {}
+    assert make_pipeline(states={"estimator": "llm"}).first_stale([GOOD]) == {GOOD: Stage.STATE_ESTIMATE}
+
+
+def test_settings_of_the_estimator_that_is_chosen_recompute_its_estimates(make_pipeline):
+    run(make_pipeline({GOOD: ""}, states={"estimator": "llm"}))
+    changed = make_pipeline(states={"estimator": "llm", "llm_model": "openai/gpt-4.1"})
+    assert changed.first_stale([GOOD]) == {GOOD: Stage.STATE_ESTIMATE}
+
+
 def test_failures_are_tried_again_and_rejections_are_kept(make_pipeline, tmp_path: Path):
     pipeline = make_pipeline({GOOD: "fail-once:road_map", OTHER: "reject:road_map"})
     assert any(event.failed for event in run(pipeline).values())
