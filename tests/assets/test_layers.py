@@ -52,7 +52,7 @@ def test_packages_do_not_import_what_comes_later_or_above(package):
 def test_the_whole_flow_runs_without_dagster_being_loaded():
     code = (
         "import sys, trace_dag.pipeline.batch, trace_dag.pipeline.stages, trace_dag.warehouse.build\n"
-        "from trace_dag.pipeline.worker import Work\n"
+        "from trace_dag.pipeline.tasks import Work\n"
         "Work.code_versions(trace_dag.pipeline.stages.FLOW)\n"
         "sys.exit(any(name.split('.')[0] == 'dagster' for name in sys.modules))"
     )

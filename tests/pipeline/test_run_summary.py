@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.run_summary import RunSummary
-from trace_dag.pipeline.worker import Action, StageEvent
+from trace_dag.pipeline.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.storage import StoredFile
 

@@ -13,7 +13,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.ingest import ingest
 from trace_dag.pipeline.records import read_records
 from trace_dag.pipeline.stages import FLOW
-from trace_dag.pipeline.worker import Action
+from trace_dag.pipeline.tasks import Action
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.storage import Storage
 

@@ -30,7 +30,7 @@ from trace_dag.errors import Stage, UserError
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import Home
 from trace_dag.pipeline.run_summary import RunSummary
-from trace_dag.pipeline.worker import StageEvent
+from trace_dag.pipeline.tasks import StageEvent
 from trace_dag.processes import this_process
 from trace_dag.settings import ExecutionSettings
 

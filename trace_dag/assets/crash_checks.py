@@ -25,7 +25,7 @@ from dagster._utils.warnings import PreviewWarning
 
 from trace_dag.assets.partitions import CRASHES
 from trace_dag.errors import Stage
-from trace_dag.pipeline.worker import Action, StageEvent
+from trace_dag.pipeline.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
 
 _LOGGED_AT_ONCE = 50

@@ -11,7 +11,8 @@ from dagster import AssetMaterialization, MetadataValue
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.benchmark import page_name
-from trace_dag.pipeline.worker import Action, StageEvent, picture_name
+from trace_dag.pipeline.tasks import Action, StageEvent
+from trace_dag.pipeline.worker import picture_name
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
 from trace_dag.storage import Storage

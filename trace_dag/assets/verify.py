@@ -14,8 +14,8 @@ from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitio
 from trace_dag.errors import Stage
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.standing import valid_records
+from trace_dag.pipeline.tasks import Action, StageEvent
 from trace_dag.pipeline.verify import Disagreement, Kind
-from trace_dag.pipeline.worker import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.storage import Storage
 

@@ -16,7 +16,7 @@ from trace_dag.errors import Reason, Stage, UserError
 if TYPE_CHECKING:
     from trace_dag.pipeline.batch import Pipeline
     from trace_dag.pipeline.selection import Selection
-    from trace_dag.pipeline.worker import StageEvent
+    from trace_dag.pipeline.tasks import StageEvent
 
 _FAILURES_SHOWN = 20
 

@@ -20,15 +20,8 @@ from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
 from trace_dag.pipeline.record_index import write_index
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource, Registry
-from trace_dag.pipeline.worker import (
-    Action,
-    Chunk,
-    CrashTask,
-    StageEvent,
-    Work,
-    provenance_of,
-    work_on_chunk,
-)
+from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, provenance_of
+from trace_dag.pipeline.worker import work_on_chunk
 from trace_dag.provenance import Outcome, OutcomeRecord, now
 from trace_dag.settings import Settings, load_settings
 from trace_dag.storage import Storage

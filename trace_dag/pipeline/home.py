@@ -12,7 +12,7 @@ from typing import Any
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor
 from trace_dag.pipeline.flow import Flow
-from trace_dag.pipeline.worker import StageEvent
+from trace_dag.pipeline.tasks import StageEvent
 from trace_dag.storage import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"

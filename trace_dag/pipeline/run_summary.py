@@ -11,7 +11,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
 from trace_dag.errors import Stage
-from trace_dag.pipeline.worker import Action, StageEvent
+from trace_dag.pipeline.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome
 
 _SLOWEST_NAMED = 3

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import replace
 
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
 from trace_dag.logs import at_work
-from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
+from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, StageDefinition, StageProduct
 from trace_dag.pipeline.locks import held
 from trace_dag.pipeline.outcomes import Attempt, failed_record, log_outcome, made_record
-from trace_dag.pipeline.records import Records, intact, read_records, write_record
-from trace_dag.pipeline.registry import CrashSource
+from trace_dag.pipeline.records import intact, read_records, write_record
+from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, provenance_of
 from trace_dag.provenance import (
     Outcome,
     OutcomeRecord,
@@ -28,82 +27,10 @@ from trace_dag.provenance import (
     artefact_name,
     code_version,
     now,
-    settings_of,
 )
-from trace_dag.settings import Settings
 from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
-
-
-class Action(StrEnum):
-    """What a stage of a run did for a crash."""
-
-    COMPUTED = "computed"
-    UNCHANGED = "unchanged"  # its record is current
-    NOT_REACHED = "not_reached"  # an earlier stage rejected the crash
-    BLOCKED = "blocked"  # an earlier stage failed or has not run
-
-
-@dataclass(frozen=True)
-class StageEvent:
-    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it."""
-
-    key: str
-    stage: Stage
-    action: Action
-    record: OutcomeRecord | None
-
-    @property
-    def failed(self) -> bool:
-        """Whether the crash stands failed at this stage after the run."""
-        if self.action is Action.BLOCKED:
-            return True
-        return self.record is not None and self.record.outcome is Outcome.FAILED
-
-
-@dataclass(frozen=True)
-class Work:
-    """What is the same for every chunk of a run; travels to the workers."""
-
-    storage: Storage
-    settings: Settings
-    flow: Flow
-    run_id: str
-    code: Mapping[Stage, str]
-    force: frozenset[Stage] = frozenset()
-
-    @staticmethod
-    def code_versions(flow: Flow) -> dict[Stage, str]:
-        """Code version of every stage of a flow, from the sources in this process."""
-        return {definition.stage: code_version(definition.code) for definition in flow.stages}
-
-
-@dataclass(frozen=True)
-class CrashTask:
-    """One crash to work on, with its records as they were when the task was made."""
-
-    key: str
-    source: CrashSource
-    records: Records = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some crashes and the stages to run for them. ``last``: no later chunk of this run goes on with them.
-
-    ``again``: the chunk was with a worker that died; what it finished is in storage and is looked up.
-    """
-
-    work: Work
-    crashes: tuple[CrashTask, ...]
-    stages: tuple[Stage, ...]
-    last: bool = True
-    again: bool = False
-
-    def split(self) -> list[Chunk]:
-        """One chunk per crash, to be tried again."""
-        return [replace(self, crashes=(crash,), again=True) for crash in self.crashes]
 
 
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
@@ -364,23 +291,6 @@ def _call_batch(
         key = crash[0].task.key
         product = products.get(key, Failure(f"{definition.stage}: no answer for {key} from the batch"))
         yield crash, product, started_at, duration_s
-
-
-def provenance_of(
-    definition: StageDefinition, work: Work, source: CrashSource, records: Mapping[Stage, OutcomeRecord]
-) -> Provenance:
-    """What the stage's result would be made from now."""
-    inputs = {}
-    if "report" in definition.from_source:
-        report = source.report
-        inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
-    if "maps" in definition.from_source:
-        inputs["maps"] = source.maps_digest
-    for stage, extension in definition.inputs:
-        record = records.get(stage)
-        file = record.artefact(extension) if record else None
-        inputs[f"{stage}.{extension}"] = file.sha256 if file else ""
-    return Provenance(work.code[definition.stage], settings_of(definition.section(work.settings)), inputs)
 
 
 def is_current(record: OutcomeRecord, provenance: Provenance, storage: Storage) -> bool:
