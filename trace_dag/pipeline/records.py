@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from trace_dag.errors import Failure, Stage
 from trace_dag.pipeline.record_index import indexed
@@ -62,20 +62,3 @@ def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool
     records = list(records)
     sizes = storage.sizes({file.name for record in records for file in record.artefacts})
     return {record.name: all(sizes.get(file.name) == file.size for file in record.artefacts) for record in records}
-
-
-def built_on(record: OutcomeRecord, earlier: Mapping[Stage, OutcomeRecord]) -> bool:
-    """Whether a record's inputs are the artefacts that the records of earlier stages list now."""
-    made = {
-        f"{stage}.{file.name.partition('.')[2]}": file.sha256
-        for stage, other in earlier.items()
-        for file in other.artefacts
-    }
-    return all(
-        made.get(name) == digest
-        for name, digest in record.provenance.inputs.items()
-        if name.partition(".")[0] in _STAGE_NAMES
-    )
-
-
-_STAGE_NAMES = frozenset(stage.value for stage in Stage)

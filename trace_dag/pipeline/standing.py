@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from trace_dag.errors import Reason, Stage
-from trace_dag.pipeline.records import Records, built_on
+from trace_dag.pipeline.records import Records
 from trace_dag.provenance import Outcome, OutcomeRecord
 
 
@@ -37,19 +37,31 @@ def valid_records(records: Records) -> Records:
     A later stage's record from before an earlier stage was run again is history, not a standing.
     """
     valid: Records = {}
+    made: dict[str, str] = {}  # digests of the artefacts so far, as the inputs of a record name them
     for stage in Stage:
         record = records.get(stage)
-        if record is None or record.outcome is Outcome.STARTED or not built_on(record, valid):
+        if record is None or record.outcome is Outcome.STARTED:
+            break
+        inputs = record.provenance.inputs.items()
+        if any(made.get(name) != digest for name, digest in inputs if name.partition(".")[0] in _STAGE_NAMES):
             break
         valid[stage] = record
         if record.outcome is not Outcome.ACCEPTED:
             break
+        made.update((f"{stage.value}.{file.name.partition('.')[2]}", file.sha256) for file in record.artefacts)
     return valid
+
+
+_STAGE_NAMES = frozenset(stage.value for stage in Stage)
 
 
 def standing(key: str, records: Records) -> Standing:
     """Where one crash stands."""
-    valid = valid_records(records)
+    return standing_of_valid(key, valid_records(records))
+
+
+def standing_of_valid(key: str, valid: Records) -> Standing:
+    """Where one crash stands by the records that count, as :func:`valid_records` finds them."""
     if not valid:
         return Standing(key, FinalState.PENDING)
     last: OutcomeRecord = valid[max(valid, key=lambda stage: stage.position)]

@@ -41,7 +41,8 @@ class DocumentTables:
         for name, stage in JSON_DOCUMENTS.items():
             found = [(crash.key, crash.documents[stage]) for crash in crashes if stage in crash.documents]
             keys, contents = ([each[column] for each in found] for column in (0, 1))
-            table = pa.table({"key": pa.array(keys, pa.string()), "content": pa.array(contents, pa.string())})
+            texts = pa.array(contents, pa.binary()).cast(pa.string())  # never texts of Python's
+            table = pa.table({"key": pa.array(keys, pa.string()), "content": texts})
             self._connection.register("document", table)
             self._take(name)
             self._connection.unregister("document")

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.pipeline.standing import standing
+from trace_dag.pipeline.standing import standing_of_valid
 from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
 from trace_dag.warehouse.snapshot import CrashSnapshot
 
@@ -71,7 +71,7 @@ class OutcomeTables:
 
 
 def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
-    stands = standing(crash.key, crash.valid)
+    stands = standing_of_valid(crash.key, crash.valid)
     return {
         "key": crash.key,
         "cohort": cohort,

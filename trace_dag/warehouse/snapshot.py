@@ -22,12 +22,12 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CrashSnapshot:
-    """One crash: every record there is, those that count, and its JSON artefacts by stage."""
+    """One crash: every record there is, those that count, and its JSON artefacts (UTF-8) by stage."""
 
     key: str
     records: Records
     valid: Records
-    documents: Mapping[Stage, str]
+    documents: Mapping[Stage, bytes]
 
 
 def read_snapshots(storage: Storage, keys: Sequence[str], stages: Collection[Stage]) -> Iterator[list[CrashSnapshot]]:
@@ -58,7 +58,7 @@ def _read(
         if stage in stages and (file := record.artefact("json")) is not None
     )
     for key, of_crash in valid.items():
-        documents: dict[Stage, str] = {}
+        documents: dict[Stage, bytes] = {}
         replaced = None
         for stage, record in of_crash.items():
             file = record.artefact("json") if stage in stages else None
@@ -68,7 +68,7 @@ def _read(
             if hashlib.sha256(data).hexdigest() != file.sha256:
                 replaced = stage
                 break
-            documents[stage] = data.decode()
+            documents[stage] = data
         if replaced is not None:
             of_crash = {stage: record for stage, record in of_crash.items() if stage.position < replaced.position}
         yield CrashSnapshot(key, records[key], of_crash, documents), replaced
