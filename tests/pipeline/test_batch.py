@@ -12,7 +12,7 @@ import pytest
 from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.records import read_records, write_record
-from trace_dag.pipeline.worker import Action, StageEvent
+from trace_dag.pipeline.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord, artefact_name
 
 GOOD, OTHER, THIRD = "2023-510001", "2023-510002", "2023-510003"
