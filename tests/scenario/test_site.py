@@ -210,5 +210,23 @@ def test_in_a_browser_the_page_of_a_crash_plays_its_replay(tmp_path):
         before = page.run(clock)
         page.run("[...document.querySelectorAll('button')].find((b) => /Play/.test(b.textContent)).click()")
         page.wait(f"{clock} != '{before}'")
+        page.run("[...document.querySelectorAll('button')].find((b) => /Pause/.test(b.textContent)).click()")
+        before = float(page.run(clock))
+        page.run("document.getElementById('time').focus()")
+        for kind in ("keyDown", "keyUp"):
+            page.send(
+                "Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight", windowsVirtualKeyCode=39
+            )
+        assert float(page.run(clock)) == pytest.approx(before + 0.02, abs=0.011), "a step is seen on the clock"
         assert page.errors == []
         assert all(url.startswith(("file:", "data:", "about:", "blob:")) for url in page.requests)
+
+
+@needs_chromium
+def test_in_a_browser_a_replay_waits_for_room(tmp_path):
+    page_file = next((sample_runs.finished() / "benchmark/replays").glob("*.html"))
+    with Page(tmp_path / "profile") as page:
+        (tmp_path / "frame.html").write_text(f"<iframe hidden src='{page_file.as_uri()}'></iframe>")
+        page.open((tmp_path / "frame.html").as_uri())
+        page.run("document.querySelector('iframe').hidden = false")
+        assert page.errors == []

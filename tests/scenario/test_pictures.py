@@ -1,0 +1,62 @@
+"""Pictures of crashes: what happened is seen where it happened, and what is not known yet is left out."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from tests.sim.motions import straight
+from tests.verdict.crashes import STREET, record, simulated, vehicle
+from trace_dag.roads.report import CrashPlacement, MapReport
+from trace_dag.scenario.colours import VEHICLE_COLOURS
+from trace_dag.scenario.map_surfaces import ASPHALT
+from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
+from trace_dag.sim.types import SimulationLog
+from trace_dag.states.types import Hypothesis
+
+RECORD = record(vehicle(1, 12, 50, speed_mps=20.0), vehicle(2, 12, 51))
+REPORT = MapReport("by hand", CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "by hand"), ())
+
+
+@pytest.fixture(scope="module")
+def crash() -> tuple[Hypothesis, SimulationLog]:
+    """Vehicle 1 from the west and vehicle 2 from the east, head-on."""
+    return simulated(straight(-62.35, -1.75, 0.0, 20.0), straight(47.35, -1.5, math.pi, 15.0))
+
+
+def _of_colour(picture: Image.Image, colour: str) -> np.ndarray:
+    """Column and row of every pixel of about that colour, shape (n, 2)."""
+    off = np.abs(np.asarray(picture, float) / 255 - to_rgb(colour)).max(axis=2)
+    return np.argwhere(off < 0.12)[:, ::-1]
+
+
+def test_the_bodies_meet_in_the_middle_of_the_close_up(crash) -> None:
+    _, log = crash
+    picture = draw_crash(RECORD, STREET, REPORT, log=log)
+    impact = picture.crop((picture.width // 2, 0, picture.width, picture.height))
+    middle = np.array(impact.size) / 2
+    metre = impact.width / 32  # about: the panel shows 32 m
+    places = [np.median(_of_colour(impact, colour), axis=0) for colour in VEHICLE_COLOURS[:2]]
+    assert places[0][0] < middle[0] < places[1][0], "the one from the west is left of the other"
+    for place in places:
+        assert np.abs(place - middle).max() < 5 * metre
+
+
+def test_what_is_not_known_is_not_drawn() -> None:
+    picture = draw_crash(RECORD, STREET, REPORT)
+    for colour in VEHICLE_COLOURS[:2]:
+        assert not len(_of_colour(picture, colour))
+    assert len(_of_colour(picture, ASPHALT)) > 0.05 * picture.width * picture.height
+
+
+def test_files_show_the_picture() -> None:
+    picture = draw_crash(RECORD, STREET, REPORT)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(as_png(picture)))), np.asarray(picture))
+    small = Image.open(io.BytesIO(as_thumbnail(picture)))
+    assert small.format == "WEBP"
+    assert small.width == pytest.approx(picture.width / 2, abs=1)
