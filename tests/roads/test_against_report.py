@@ -166,6 +166,25 @@ def test_a_bend_is_an_l() -> None:
     assert compared(town, record)["intersection type"].agreement == AGREES
 
 
+@pytest.mark.parametrize("first", [[(-150, 0), (0, 0)], [(0, 0), (-150, 0)]])
+@pytest.mark.parametrize("second", [[(0, 0), (0, 150)], [(0, 150), (0, 0)]])
+@pytest.mark.parametrize("at_m", [(-6, 0), (0, 6)])
+def test_a_corner_at_which_the_street_changes_its_name_is_an_l(first, second, at_m) -> None:
+    town = Town()
+    town.street(first, name="Main Street")
+    town.street(second, name="Oak Avenue")
+    record = report(at_m=at_m, street="MAIN ST", cross="OAK AVE", topology=RoadTopology.L)
+    assert compared(town, record)["intersection type"].agreement == AGREES
+
+
+def test_a_new_name_straight_on_is_no_l() -> None:
+    town = Town()
+    town.street([(-150, 0), (0, 0)], name="Main Street")
+    town.street([(150, 0), (0, 0)], name="Oak Avenue")
+    record = report(at_m=(-6, 0), street="MAIN ST", cross="OAK AVE", topology=RoadTopology.L)
+    assert compared(town, record)["intersection type"].agreement == DIFFERS
+
+
 def test_the_report_fills_only_what_osm_leaves_open() -> None:
     town = Town()
     tagged = town.street([(-200, 0), (0, 0)], name="Main Street", lanes="2")

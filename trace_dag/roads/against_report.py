@@ -18,7 +18,7 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.roads.carriageways import Carriageway, carriageway_at
 from trace_dag.roads.crossings import Crossing, find_crossings
-from trace_dag.roads.network import Road, RoadNetwork
+from trace_dag.roads.network import ContactPoint, Road, RoadNetwork
 from trace_dag.roads.placement import is_at_intersection, rank_of
 from trace_dag.roads.report import Comparison, CrashPlacement
 from trace_dag.roads.reported_road import (
@@ -267,7 +267,25 @@ def _mapped_kind(network: RoadNetwork, placement: CrashPlacement, *, at_intersec
 
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    line = network.road_geometry(placement.road_id).line
-    s_m = line.project(placement.x_m, placement.y_m)[0]
-    before, after = max(s_m - _BEND_REACH_M, 0.0), min(s_m + _BEND_REACH_M, line.length_m)
-    return abs(wrap_angle(line.at(after)[2] - line.at(before)[2])) > _BEND_RAD
+    """Whether the street turns at the crash, be it where one road ends and the next, of another name, begins."""
+    s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
+    before, after = (
+        _heading_along(network, placement.road_id, s_m + reach) for reach in (-_BEND_REACH_M, _BEND_REACH_M)
+    )
+    return abs(wrap_angle(after - before)) > _BEND_RAD
+
+
+def _heading_along(network: RoadNetwork, road_id: str, s_m: float) -> float:
+    """Heading of a road at ``s_m``; beyond its end that of the road it is linked to, in the same direction."""
+    road = network.road_by_id[road_id]
+    line = network.road_geometry(road_id).line
+    on_road_m = min(max(s_m, 0.0), road.length_m)
+    beyond_m = abs(s_m - on_road_m)
+    link = road.predecessor if s_m < 0.0 else road.successor
+    if not beyond_m or link is None or link.element_type != "road":
+        return line.at(on_road_m)[2]
+    other = network.road_geometry(link.element_id).line
+    at_start = link.contact_point == ContactPoint.START
+    heading_rad = other.at(min(beyond_m, other.length_m) if at_start else max(other.length_m - beyond_m, 0.0))[2]
+    reversed_there = at_start == (s_m < 0.0)
+    return heading_rad + math.pi if reversed_there else heading_rad
