@@ -57,6 +57,7 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
     if event.stage is Stage.VERDICT:
         metadata.update(picture_metadata(event.key, storage))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
+        # A path, with the UI's button to copy it: browsers open no file: link from a page served over http.
         metadata["page"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
