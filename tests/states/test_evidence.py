@@ -1,4 +1,4 @@
-"""Evidence of who came from where: greater and lesser roads, stop signs, driveways."""
+"""Evidence of who came from where: greater and lesser roads, stop signs, driveways, names of streets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from trace_dag.states.evidence import Crossing, crossing_terms, driveway_speed_terms
+from trace_dag.states.evidence import Crossing, crossing_terms, driveway_speed_terms, street_terms
 
 STOP_SIGN, SIGNAL = 20, 3
 
@@ -43,3 +43,18 @@ def test_nobody_comes_out_of_a_driveway_at_the_speed_of_a_road():
     assert driveway_speed_terms(driveway, 5.0) == driveway_speed_terms(road, 30.0) == {}
     fast, faster = (sum(driveway_speed_terms(driveway, speed_mps).values()) for speed_mps in (12.0, 20.0))
     assert faster < fast < 0
+
+
+def test_a_street_of_the_name_the_report_gives_is_the_other_street_whatever_the_placement_found():
+    network = SimpleNamespace(road_by_id={})
+    placement = SimpleNamespace(road_id="1", cross_road_ids=("2",), junction_id="j")
+    record = SimpleNamespace(trafficway_2="DESERT SHORES DR")
+    link = SimpleNamespace(element_type="junction", element_id="j")
+
+    def terms(*names: str) -> dict[str, float]:
+        road = SimpleNamespace(id="3", names=names, predecessor=link, successor=None)
+        return street_terms(network, placement, record, SimpleNamespace(road=road))
+
+    assert terms("Desert Shores Drive") == {}
+    assert sum(terms("Ocean Drive").values()) < 0
+    assert sum(terms().values()) < 0

@@ -78,7 +78,9 @@ def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
     if encounter.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
         roads = [option.stream.road for _, option in sides]
         main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
-        cross = [road is not None and evidence.is_cross(scene.network, scene.placement, road) for road in roads]
+        cross = [
+            road is not None and evidence.is_cross(scene.network, scene.placement, scene.record, road) for road in roads
+        ]
         if not ((main[0] and cross[1]) or (main[1] and cross[0])):
             terms["one vehicle on each street"] = -1.0
     if encounter.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):

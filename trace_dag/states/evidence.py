@@ -18,6 +18,7 @@ from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import Road, RoadNetwork
 from trace_dag.roads.report import CrashPlacement
+from trace_dag.roads.street_names import SAME_STREET, similarity
 from trace_dag.states.crash_types import Turn
 from trace_dag.states.speeds import STOP_CONTROLS, class_speed_mps
 from trace_dag.states.streams import Stream
@@ -43,7 +44,7 @@ def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashR
         return {}
     if is_main(network, placement, stream.road):
         return {}
-    if is_cross(network, placement, stream.road):
+    if is_cross(network, placement, record, stream.road):
         return {} if record.trafficway_2 or placement.junction_id else {"street not named": -1.0}
     meets = placement.junction_id is not None and placement.junction_id in _ends(stream.road)
     return {"street not named": -0.5 if meets else -1.5}
@@ -60,9 +61,11 @@ def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool
     return _same_street(network, placement.road_id, road)
 
 
-def is_cross(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
-    """Whether a road is the other street of the crash's crossing."""
-    return any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids)
+def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, road: Road) -> bool:
+    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives."""
+    if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
+        return True
+    return bool(record.trafficway_2) and (similarity(record.trafficway_2, road.names) or 0.0) >= SAME_STREET
 
 
 def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
