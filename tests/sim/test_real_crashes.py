@@ -100,10 +100,19 @@ def test_vehicles_follow_their_plans_up_to_the_impact(cohort: list[Ours]) -> Non
 
 
 def test_reported_speeds_are_driven(cohort: list[Ours]) -> None:
+    """Within 2 % at the beginning, and within 10 % at the impact by all who are not reported to brake."""
+    compared = 0
     for crash in cohort:
+        braking = {state.vehicle_number: state.braking for state in crash.judged.hypothesis.participants}
         for criterion in crash.verdict.criteria:
+            if criterion.value is None or criterion.vehicle_number is None:
+                continue
             if criterion.name == "initial_speed_error":
-                assert criterion.passed is not False
+                assert abs(criterion.value) <= 0.02
+                compared += 1
+            elif criterion.name == "impact_speed_error" and not braking[criterion.vehicle_number]:
+                assert abs(criterion.value) <= 0.1
+    assert compared >= 60
 
 
 def test_negative_controls(cohort: list[Ours]) -> None:
