@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-PATCH_DEPTH_M = 0.1
+PATCH_DEPTH_M = 0.03
 """Depth of outline that counts as touching. Two flat boxes touch at a corner however small the angle between their
-faces; faces of vehicles are round and give way, and what lies within a decimetre of the other body is engaged."""
+faces; faces of vehicles are round and give way, and what lies this close to the other body is engaged: faces within
+a degree of each other meet as faces. More would move the contact away from where rigid boxes are seen to meet."""
 
 
 class Outline(NamedTuple):
