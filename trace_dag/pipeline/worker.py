@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
 from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, StageDefinition, StageProduct
 from trace_dag.pipeline.locks import held
@@ -77,6 +78,7 @@ class _CrashWorker:
             self.files.accept(record)
         self.damaged: DamagedArtefactError | None = None
 
+    @no_garbage_collection()
     def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
         """The stages in order, up to the first that does not accept the crash."""
         events = self._in_order(stages, self.work.force)

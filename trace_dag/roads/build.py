@@ -8,7 +8,6 @@ from itertools import pairwise
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
-from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.against_report import NOT_COMPARABLE, compare
@@ -34,7 +33,6 @@ class RoadMap:
     report: MapReport
 
 
-@no_garbage_collection()
 def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
     """The road map of one crash, in the local frame of its reported point.
 
