@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from trace_dag.errors import Stage
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
@@ -175,6 +176,7 @@ def _make(task: _Task) -> dict[str, str]:
     return errors
 
 
+@no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> None:
     from trace_dag.pipeline import stages
     from trace_dag.scenario.site import CrashPage, Download, write_crash_page
