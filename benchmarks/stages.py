@@ -35,10 +35,11 @@ CRASHES = 12
 
 
 def measure(runs: int) -> Iterator[Figure]:
-    """All four."""
-    yield from _extraction(runs)
-    yield from _conversion_and_estimation(runs)
-    yield from _simulation(runs)
+    """All four, with garbage left alone as in the workers of a run."""
+    with no_garbage_collection():
+        yield from _extraction(runs)
+        yield from _conversion_and_estimation(runs)
+        yield from _simulation(runs)
 
 
 def _extraction(runs: int) -> Iterator[Figure]:
@@ -60,7 +61,9 @@ def _extraction(runs: int) -> Iterator[Figure]:
         for number in range(SITES)
     ]
     ours, bare = medians(runs, lambda: catalog.extract(sites, SETTINGS.osm), lambda: bare_pass(file), clock=wall_s)
-    yield Figure(f"cutting {SITES} sites out of {file.name}", ours, "s", "bare pyosmium pass", bare)
+    yield Figure(
+        f"cutting {SITES} sites out of {file.name}", ours, "s", "bare pyosmium pass", bare, 1.5, goal_of_ratio=True
+    )
     osmium = shutil.which("osmium")
     if osmium is None:
         return
@@ -108,7 +111,9 @@ def _conversion_and_estimation(runs: int) -> Iterator[Figure]:
             ours, theirs = medians(runs, convert_ours, peer)
         except (Failure, UserError, Rejection, subprocess.CalledProcessError):
             continue
-        yield Figure("converting a map", ours * per_map, "CPU ms", f"{name}, its process included", theirs * per_map)
+        yield Figure(
+            "converting a map", ours * per_map, "CPU ms", f"{name}, its process included", theirs * per_map, 60.0
+        )
     maps = {key: write_opendrive(each.network) for key, each in built.items()}
 
     def read_back() -> None:
@@ -120,7 +125,9 @@ def _conversion_and_estimation(runs: int) -> Iterator[Figure]:
             estimate(records[key], read_opendrive(xodr, name=key), built[key].report, SETTINGS.states)
 
     both, reading = medians(runs, estimate_all, read_back)
-    yield Figure("estimating a crash", (both - reading) * per_map, "CPU ms", "reading its map", reading * per_map)
+    yield Figure(
+        "estimating a crash", (both - reading) * per_map, "CPU ms", "reading its map", reading * per_map, 100.0
+    )
 
 
 def _converters(extracts: dict[str, OsmExtract], frames: dict[str, LocalFrame]) -> Iterator[tuple[str, Work]]:
