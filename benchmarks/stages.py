@@ -18,6 +18,7 @@ from benchmarks.measuring import SHARED, Figure, Work, medians, wall_s
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Failure, Rejection, UserError
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.types import OsmExtract, Site
