@@ -104,7 +104,12 @@ def test_signs_stand_beside_the_road_on_their_side() -> None:
     network = one_road((PlanElement(0, -50, 0, 0.0, 100.0),), lanes_left=1, lanes_right=1, width_m=3.5)
     stop = Signal("1", 70.0, -6.0, "206")
     signed = RoadNetwork(FRAME, (replace(network.roads[0], signals=(stop,)),))
-    assert _is(_at(_picture(signed, names=False), 20, -6), "#C1272D", 0.1)
+    picture = _picture(signed, names=False)
+    # A symbol of some 8 points, which are 11 pixels of these.
+    assert all(
+        _is(_at(picture, 20 + east, -6 + north), "#C1272D", 0.1) for east in (-0.4, 0, 0.4) for north in (0, 0.3)
+    )
+    assert not _is(_at(picture, 21, -6), "#C1272D", 0.1)
     assert not _is(_at(_picture(network, names=False), 20, -6), "#C1272D", 0.1)
 
 

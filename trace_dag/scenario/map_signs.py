@@ -103,8 +103,7 @@ def _symbol(marker: str | tuple[int, int, int], half_pt: float, up_pt: float = 0
 
     style = MarkerStyle(marker)
     unit = style.get_path().transformed(style.get_transform())
-    scale = 2 * half_pt if isinstance(marker, str) else half_pt
-    return unit.transformed(Affine2D().scale(scale).translate(0.0, up_pt))
+    return unit.transformed(Affine2D().scale(2 * half_pt).translate(0.0, up_pt))  # markers are of half size 0.5
 
 
 @lru_cache(maxsize=64)
