@@ -61,8 +61,16 @@ def test_ctrl_c_ends_a_run_with_its_workers_in_one_line_and_the_next_finishes_it
     assert process.returncode == 130
     assert "Traceback" not in said
     assert said.splitlines()[-1] == "interrupted; what was finished is kept, run again for the rest"
-    assert not processes_of_group(process.pid)
+    wait_for_none_of_group(process.pid)
     assert_finished_by_the_next_run(root, {path: path.read_bytes() for path in root.glob("*/*.outcome.json")})
+
+
+def wait_for_none_of_group(group: int) -> None:
+    """A process that was killed takes a moment to be gone."""
+    deadline = time.monotonic() + 5
+    while left := processes_of_group(group):
+        assert time.monotonic() < deadline, left
+        time.sleep(0.05)
 
 
 def processes_of_group(group: int) -> list[str]:
