@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -99,6 +101,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
     """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
     from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
     from trace_dag.cli.printing import one_line, print_standings
+    from trace_dag.pipeline.executors import make_executor
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.records import read_records
     from trace_dag.pipeline.run_summary import RunSummary
@@ -114,7 +117,9 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         if batches:
             pipeline.check_requirements({stage for batch in batches for stage in batch.stages})
             summary, counts = RunSummary(), Counter[str]()
-            with progress_of("stages", sum(len(batch.keys) * len(batch.stages) for batch in batches)) as tell:
+            stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
+            # One executor for all batches: starting its workers takes as long as several crashes.
+            with closing(make_executor(pipeline.settings.execution)) as executor, progress_of("stages", stages) as tell:
 
                 def hear(event: StageEvent) -> None:
                     summary.note(event)
@@ -122,7 +127,8 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
                         counts[event.record.outcome.value] += 1
                     tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
 
-                errors = run_batches(Home(root, FLOW, listener=hear), instance, batches, settings=settings).errors
+                heard = replace(home, listener=hear, executor=executor)
+                errors = run_batches(heard, instance, batches, settings=settings).errors
             click.echo(summary.in_words())
         else:
             if selection.exact:
