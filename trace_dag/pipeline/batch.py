@@ -17,6 +17,7 @@ from trace_dag.crash.completeness import filters_of
 from trace_dag.errors import Failure, Stage
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
+from trace_dag.pipeline.outcomes import Attempt
 from trace_dag.pipeline.record_index import write_index
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource, Registry
@@ -254,16 +255,9 @@ class _Batch:
         else:
             return events  # it died after the last record, drawing the picture
         provenance = provenance_of(stuck, self.work, task.source, records)
-        record = OutcomeRecord(
-            key=task.key,
-            stage=stuck.stage,
-            outcome=Outcome.FAILED,
-            provenance=provenance,
-            fingerprint=provenance.fingerprint,
-            run_id=self.work.run_id,
-            started_at=now(),
-            detail=f"the worker process died in this stage, alone and twice over ({lost.detail})",
-        ).superseding(records.get(stuck.stage))
+        detail = f"the worker process died in this stage, alone and twice over ({lost.detail})"
+        attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
+        record = replace(attempt.record(Outcome.FAILED), detail=detail).superseding(records.get(stuck.stage))
         write_record(self.work.storage, record)
         return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, record)]
 
