@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pytest
-from dagster import AssetKey, AssetMaterialization, DagsterInstance
+from dagster import (
+    AssetKey,
+    AssetMaterialization,
+    DagsterEvent,
+    DagsterEventType,
+    DagsterInstance,
+    Definitions,
+    EventLogEntry,
+    StaticPartitionsDefinition,
+    asset,
+    define_asset_job,
+)
+from dagster._core.events import AssetMaterializationPlannedData, StepMaterializationData
 from dagster._core.storage.event_log import SqliteEventLogStorage
 
 from trace_dag.assets.event_log import EventLog
@@ -44,3 +57,76 @@ def test_few_files_stay_open_and_a_deleted_one_is_made_again(instance):
     for leftover in Path(log.path_for_shard(runs[-1])).parent.glob(f"{runs[-1]}.db*"):
         leftover.unlink()
     assert not log.get_logs_for_run(runs[-1])
+
+
+def _as_read(log: SqliteEventLogStorage, keys: list[AssetKey]) -> dict[str, object]:
+    """All that the UI asks of a log about one run and its assets."""
+    return {
+        "log": [entry.to_json() for entry in log.get_logs_for_run("run")],
+        "assets": {
+            record.asset_entry.asset_key: (record.asset_entry.last_run_id, record.asset_entry.last_materialization)
+            for record in log.get_asset_records(keys)
+        },
+        "partitions": [log.get_materialized_partitions(key) for key in keys],
+        "latest": [
+            log.get_latest_storage_id_by_partition(key, kind)
+            for key in keys
+            for kind in (DagsterEventType.ASSET_MATERIALIZATION, DagsterEventType.ASSET_MATERIALIZATION_PLANNED)
+        ],
+        "tags": [log.get_event_tags_for_asset(key) for key in keys],
+    }
+
+
+def test_a_batch_of_events_is_stored_as_dagster_stores_them_one_by_one(tmp_path, monkeypatch):
+    monkeypatch.setenv("DAGSTER_HOME", str(tmp_path / "home"))
+    keys, partitions = [AssetKey("road_map"), AssetKey("verdict")], ["2023-510179", "2023-510180"]
+
+    def entry(kind: DagsterEventType, number: int, data: object) -> EventLogEntry:
+        event = DagsterEvent(kind.value, "job", step_key="crashes", event_specific_data=data)
+        return EventLogEntry(None, 10, "", "run", 1e9 + number, "crashes", "job", event)
+
+    events = [
+        entry(DagsterEventType.RUN_START, 0, None),
+        *(
+            entry(
+                DagsterEventType.ASSET_MATERIALIZATION_PLANNED, number, AssetMaterializationPlannedData(key, partition)
+            )
+            for number, (key, partition) in enumerate(itertools.product(keys, partitions), 1)
+        ),
+        *(
+            entry(
+                DagsterEventType.ASSET_MATERIALIZATION,
+                number,
+                StepMaterializationData(
+                    AssetMaterialization(key, partition=partition, tags={"dagster/data_version": partition[-3:]})
+                ),
+            )
+            for number, (key, partition) in enumerate(itertools.product(keys, partitions), 10)
+        ),
+        entry(DagsterEventType.RUN_SUCCESS, 20, None),
+    ]
+    ours, theirs = EventLog(), SqliteEventLogStorage(str(tmp_path / "theirs"))
+    ours.store_event_batch(events)
+    for each in events:
+        theirs.store_event(each)
+    expected = _as_read(theirs, keys)
+    assert expected["partitions"] == [set(partitions)] * 2  # there is something to compare
+    assert _as_read(ours, keys) == expected
+    ours.dispose()
+
+
+def test_what_a_run_plans_is_written_as_one_batch(instance, monkeypatch):
+    sizes = []
+    stored = EventLog.store_event_batch
+    monkeypatch.setattr(
+        EventLog, "store_event_batch", lambda self, events: sizes.append(len(events)) or stored(self, events)
+    )
+
+    @asset(partitions_def=StaticPartitionsDefinition([str(number) for number in range(50)]))
+    def thing() -> None: ...
+
+    define = define_asset_job("one", [thing]).resolve(asset_graph=Definitions([thing]).resolve_asset_graph())
+    instance.create_run_for_job(
+        define, tags={"dagster/asset_partition_range_start": "0", "dagster/asset_partition_range_end": "49"}
+    )
+    assert max(sizes) == 50

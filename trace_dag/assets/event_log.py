@@ -1,8 +1,9 @@
 """Dagster's event log in SQLite files, with connections that stay open.
 
 Dagster's own class makes an engine and opens a file anew for each of the fourteen events a crash causes: every
-statement is compiled again, and SQLite writes its log back into the database at each close. Keeping the engines takes
-a third of the time and changes nothing in the files, which either class reads.
+statement is compiled again, and SQLite writes its log back into the database at each close. It also looks up the
+columns of a table for each event, and knows no batches. Keeping the engines and writing what comes together in one
+transaction takes a fifth of the time and changes nothing in the files, which either class reads.
 
 A killed process loses nothing that was committed. A machine that loses power may lose the last events (never the
 database): the artefacts say what was done, and ``trace-dag verify --repair`` tells Dagster again.
@@ -14,12 +15,14 @@ import os
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from dagster import Field, StringSource
+from dagster import EventLogEntry, Field, StringSource
+from dagster._core.events import ASSET_EVENTS, DagsterEventType
 from dagster._core.storage.event_log import SqliteEventLogStorage
-from dagster._core.storage.event_log.schema import DynamicPartitionsTable
+from dagster._core.storage.event_log.schema import AssetKeyTable, DynamicPartitionsTable, SqlEventLogStorageTable
 from dagster._serdes import ConfigurableClassData
 from sqlalchemy import Connection, Engine, create_engine, event
 
@@ -33,6 +36,7 @@ class EventLog(SqliteEventLogStorage):
 
     def __init__(self, folder: str = _FOLDER, inst_data: ConfigurableClassData | None = None) -> None:
         self._engines: OrderedDict[str, Engine] = OrderedDict()
+        self._tables: set[str] = set()
         super().__init__(str(Path(os.environ["DAGSTER_HOME"]) / folder), inst_data)
 
     @classmethod
@@ -45,12 +49,48 @@ class EventLog(SqliteEventLogStorage):
         """The log that ``dagster.yaml`` asks for."""
         return cls(config_value["folder"], inst_data)
 
+    def has_table(self, table_name: str) -> bool:
+        """Whether the index has a table; asked for each event, and tables are never taken away."""
+        if table_name not in self._tables and super().has_table(table_name):
+            self._tables.add(table_name)
+        return table_name in self._tables
+
     def dispose(self) -> None:
         """Close the files."""
         with self._db_lock:
             while self._engines:
                 self._engines.popitem()[1].dispose()
         super().dispose()
+
+    def store_event(self, event: EventLogEntry) -> None:
+        """Store one event."""
+        self.store_event_batch([event])
+
+    def store_event_batch(self, events: Sequence[EventLogEntry]) -> None:
+        """Store events in their order; a sequence of one kind about assets at once, in the run's file and the index."""
+        for (_, kind), group in groupby(events, key=lambda event: (event.run_id, _kind_if_of_asset(event))):
+            if kind is None:
+                for event in group:
+                    super().store_event(event)
+            else:
+                self._store_asset_events(list(group))
+
+    def _store_asset_events(self, events: Sequence[EventLogEntry]) -> None:
+        insert, rows = SqlEventLogStorageTable.insert(), [self._event_to_row(event) for event in events]
+        with self.run_connection(events[0].run_id) as connection:
+            connection.execute(insert, rows)
+        with self.index_transaction() as connection:
+            ids = [connection.execute(insert, row).inserted_primary_key[0] for row in rows]
+            self._store_asset_event_tags(connection, events, ids)
+            # Of each asset, the latest event is what the table of assets holds.
+            latest = {row["asset_key"]: (event, id_) for row, event, id_ in zip(rows, events, ids, strict=True)}
+            for asset_key, (event, id_) in latest.items():
+                values = self._get_asset_entry_values(event, id_, has_asset_key_index_cols=True)
+                known = connection.execute(
+                    AssetKeyTable.update().where(AssetKeyTable.c.asset_key == asset_key).values(**values)
+                )
+                if not known.rowcount:
+                    connection.execute(AssetKeyTable.insert().values(asset_key=asset_key, **values))
 
     def delete_dynamic_partitions(self, definition: str, keys: Sequence[str]) -> None:
         """Take away several partitions in one statement; Dagster's own class takes one at a time."""
@@ -77,6 +117,13 @@ class EventLog(SqliteEventLogStorage):
                 self._engines.popitem(last=False)[1].dispose()
         self._engines.move_to_end(shard)
         return engine
+
+
+def _kind_if_of_asset(event: EventLogEntry) -> DagsterEventType | None:
+    if event.dagster_event is None or event.dagster_event.asset_key is None:
+        return None
+    kind = event.dagster_event.event_type
+    return kind if kind in ASSET_EVENTS else None
 
 
 def _open(address: str) -> Engine:

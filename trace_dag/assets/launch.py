@@ -57,6 +57,7 @@ concurrency:
   runs:
     max_concurrent_runs: 2
 """
+_EVENTS_AT_ONCE = "500"  # of those that Dagster hands over as one batch: the plan of a run
 # What a command's own runs print goes to its terminal, not by way of files and processes that copy them there.
 _ON_THE_TERMINAL = {
     "compute_logs": {"module": "dagster._core.storage.noop_compute_log_manager", "class": "NoOpComputeLogManager"}
@@ -80,6 +81,7 @@ def prepare_dagster_home(home: Home) -> Path:
         settings.write_text(_INSTANCE_SETTINGS)
     os.environ["DAGSTER_HOME"] = str(folder)
     os.environ[ROOT_VARIABLE] = Storage(home.root).root
+    os.environ.setdefault("DAGSTER_EVENT_BATCH_SIZE", _EVENTS_AT_ONCE)
     return folder
 
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterable, Sequence
 
 from trace_dag.errors import Failure, Stage
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.pipeline.record_index import indexed
 from trace_dag.provenance import OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.storage import Entry, Storage
@@ -16,6 +17,7 @@ log = logging.getLogger(__name__)
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 
+@no_garbage_collection()
 def read_records(storage: Storage, keys: Iterable[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Records]:
     """The stored records of some crashes, by key and stage; every key has an entry.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from trace_dag.errors import Reason, Stage
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.pipeline.records import Records
 from trace_dag.provenance import Outcome, OutcomeRecord
 
@@ -73,6 +74,7 @@ def standing_of_valid(key: str, valid: Records) -> Standing:
     return Standing(key, state, last.stage)
 
 
+@no_garbage_collection()
 def standings(records: Mapping[str, Records]) -> dict[str, Standing]:
     """Where all crashes stand."""
     return {key: standing(key, of_crash) for key, of_crash in records.items()}
