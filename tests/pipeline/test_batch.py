@@ -9,10 +9,14 @@ from pathlib import Path
 import fake_flow
 import pytest
 
+from trace_dag.assets.metadata import event_metadata
 from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.records import read_records, write_record
+from trace_dag.pipeline.run_summary import RunSummary
 from trace_dag.pipeline.tasks import Action, StageEvent
+from trace_dag.pipeline.worker import picture_name
 from trace_dag.provenance import Outcome, OutcomeRecord, artefact_name
 
 GOOD, OTHER, THIRD = "2023-510001", "2023-510002", "2023-510003"
@@ -45,6 +49,32 @@ def test_accepted_crash_has_all_artefacts_and_records_that_list_them(make_pipeli
         stored = pipeline.storage.read(artefact_name(stage, GOOD, "txt"))
         assert [(file.name, file.size) for file in record.artefacts] == [(f"{stage}/{GOOD}.txt", len(stored))]
     assert pipeline.storage.exists(f"pictures/{GOOD}.png")
+
+
+def test_a_picture_that_cannot_be_drawn_is_missed_by_nobody(make_pipeline):
+    pipeline = make_pipeline({GOOD: "", OTHER: ""})
+    run(pipeline)
+
+    def draws(crash: CrashFiles) -> dict[str, bytes]:
+        if crash.key == GOOD:
+            raise ZeroDivisionError("no scale")
+        return fake_flow.picture(crash)
+
+    again = replace(pipeline, flow=replace(fake_flow.FLOW, picture=draws))
+    events = run(again, force=[Stage.ROAD_MAP])
+    assert actions(events, GOOD) == actions(events, OTHER)  # the crash goes on
+    assert {where: event.no_picture for where, event in events.items() if event.no_picture} == {
+        (GOOD, Stage.VERDICT): "ZeroDivisionError: no scale"
+    }
+    # The picture of what the crash was before is not shown as that of what it is.
+    assert [pipeline.storage.exists(picture_name(key)) for key in (GOOD, OTHER)] == [False, True]
+    summary = RunSummary()
+    for event in events.values():
+        summary.note(event)
+    assert f"pictures missing: 1 ({GOOD}: ZeroDivisionError: no scale)" in summary.in_words()
+    assert event_metadata(events[GOOD, Stage.VERDICT], pipeline.storage)["picture"] == (
+        "could not be drawn: ZeroDivisionError: no scale"
+    )
 
 
 @pytest.mark.parametrize("stage", list(fake_flow.REASON_OF))

@@ -80,7 +80,7 @@ class EventLog(SqliteEventLogStorage):
         with self.run_connection(events[0].run_id) as connection:
             connection.execute(insert, rows)
         with self.index_transaction() as connection:
-            ids = [connection.execute(insert, row).inserted_primary_key[0] for row in rows]
+            ids = [connection.execute(insert, row).lastrowid for row in rows]
             self._store_asset_event_tags(connection, events, ids)
             # Of each asset, the latest event is what the table of assets holds.
             latest = {row["asset_key"]: (event, id_) for row, event, id_ in zip(rows, events, ids, strict=True)}

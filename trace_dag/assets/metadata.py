@@ -12,7 +12,7 @@ from dagster import AssetMaterialization, MetadataValue
 from trace_dag.errors import Stage
 from trace_dag.pipeline.benchmark import page_name
 from trace_dag.pipeline.tasks import Action, StageEvent
-from trace_dag.pipeline.worker import picture_name
+from trace_dag.pipeline.worker import PICTURE_EXTENSIONS, picture_name
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
 from trace_dag.storage import Storage
@@ -54,6 +54,8 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
             metadata["measured"] = round(record.measured, 6)
         if record.threshold is not None:
             metadata["threshold"] = record.threshold
+    if event.no_picture:
+        metadata["picture"] = f"could not be drawn: {event.no_picture}"
     if event.stage is Stage.VERDICT:
         metadata.update(picture_metadata(event.key, storage))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
@@ -74,7 +76,7 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
 def picture_metadata(key: str, storage: Storage) -> dict[str, Any]:
     """The crash as a sketch, shown in place; its picture, a click away; and where the file lies. Nothing if there is
     none."""
-    names = {extension: picture_name(key, extension) for extension in ("svg", "webp", "png")}
+    names = {extension: picture_name(key, extension) for extension in PICTURE_EXTENSIONS}
     pictures = storage.read_many([names["svg"], names["webp"]])
     if len(pictures) < 2:
         return {}

@@ -13,7 +13,6 @@ import json
 import math
 import traceback
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -198,9 +197,12 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
         storage.write(f"{FOLDER}/replays/{key}.html", replay)
     else:
         storage.delete(f"{FOLDER}/replays/{key}.html")
-    picture = None
-    with suppress(FileNotFoundError):  # rejected before there was anything to draw
-        picture = storage.write(f"{FOLDER}/{picture_name(key)}", storage.read(picture_name(key))).name
+    picture = picture_name(key)
+    try:
+        storage.write(f"{FOLDER}/{picture}", storage.read(picture))
+    except FileNotFoundError:  # rejected before there was anything to draw, or it could not be drawn
+        storage.delete(f"{FOLDER}/{picture}")
+        picture = ""
     page = CrashPage(
         crash.row,
         crash.outcomes,

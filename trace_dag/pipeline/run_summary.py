@@ -19,7 +19,10 @@ _SLOWEST_NAMED = 3
 
 @dataclass
 class RunSummary:
-    """Takes in a run's events. Times in seconds; ``computing_s`` is summed over crashes, by stage."""
+    """Takes in a run's events. Times in seconds; ``computing_s`` is summed over crashes, by stage.
+
+    ``without_picture`` holds, by crash, why its picture could not be drawn.
+    """
 
     began: float = field(default_factory=time.monotonic)
     outcomes: Counter[Outcome] = field(default_factory=Counter)
@@ -27,6 +30,7 @@ class RunSummary:
     retries: int = 0
     cost_usd: float = 0.0
     artefact_bytes: int = 0
+    without_picture: dict[str, str] = field(default_factory=dict)
     computing_s: dict[Stage, float] = field(default_factory=lambda: defaultdict(float))
     crash_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _crashes: set[str] = field(default_factory=set)
@@ -34,6 +38,8 @@ class RunSummary:
     def note(self, event: StageEvent) -> None:
         """Take in one event; what an earlier stage has ended adds nothing."""
         self._crashes.add(event.key)
+        if event.no_picture:
+            self.without_picture[event.key] = event.no_picture
         if event.action is Action.UNCHANGED:
             self.unchanged += 1
         record = event.record
@@ -73,6 +79,7 @@ class RunSummary:
             "rejected": self.outcomes[Outcome.REJECTED],
             "failed": self.outcomes[Outcome.FAILED],
             "retries": self.retries,
+            "pictures_missing": len(self.without_picture),
             "cost_usd": round(self.cost_usd, 6),
             "artefact_bytes": self.artefact_bytes,
             "elapsed_s": round(elapsed_s, 2),
@@ -94,4 +101,7 @@ class RunSummary:
             parts.append(f"most time in {figures['slowest_stage']}")
         parts.append(f"{self.retries} retries")
         parts.append(f"${self.cost_usd:.4f} for language models" if self.cost_usd else "no cost")
+        if self.without_picture:
+            key, why = next(iter(self.without_picture.items()))
+            parts.append(f"pictures missing: {len(self.without_picture)} ({key}: {why})")
         return "; ".join(parts)

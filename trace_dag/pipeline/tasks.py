@@ -30,12 +30,16 @@ class Action(StrEnum):
 
 @dataclass(frozen=True)
 class StageEvent:
-    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it."""
+    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it.
+
+    ``no_picture`` says, with the last event of a crash, why its picture could not be drawn.
+    """
 
     key: str
     stage: Stage
     action: Action
     record: OutcomeRecord | None
+    no_picture: str = ""
 
     @property
     def failed(self) -> bool:

@@ -88,9 +88,7 @@ class _CrashWorker:
             kept = [event for event in events if event.stage.position < damaged.stage.position]
             again = [stage for stage in stages if stage.position >= damaged.stage.position]
             events = kept + self._in_order(again, self.work.force | {damaged.stage})
-        if last:
-            self.draw(events)
-        return events
+        return self.drawn(events) if last else events
 
     def _in_order(self, stages: Sequence[Stage], force: frozenset[Stage]) -> list[StageEvent]:
         events: list[StageEvent] = []
@@ -199,21 +197,25 @@ class _CrashWorker:
         record = self.records[damaged.stage]
         write_record(self.work.storage, replace(record, fingerprint="").superseding(record))
 
-    def draw(self, events: Iterable[StageEvent]) -> None:
-        """Redraw the crash's picture if something that can be seen has changed."""
+    def drawn(self, events: list[StageEvent]) -> list[StageEvent]:
+        """The events, after redrawing the crash's picture if something that can be seen has changed."""
         draws = self.work.flow.picture
         if draws is None or not self.work.settings.execution.pictures:
-            return
+            return events
         if not any(
             event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
         ):
-            return
+            return events
         try:
             for extension, picture in draws(self.files).items():
                 self.work.storage.write(picture_name(self.task.key, extension), picture)
-        except Exception:
-            # A crash is not worse for want of a picture; the log says what to mend.
+        except Exception as error:
+            # A crash is not worse for want of a picture, and the run says whose is wanting. The one drawn before
+            # shows what is not so any more.
             log.exception("%s: no picture", self.task.key)
+            self._delete(picture_name(self.task.key, extension) for extension in PICTURE_EXTENSIONS)
+            return [*events[:-1], replace(events[-1], no_picture=f"{type(error).__name__}: {error}")]
+        return events
 
     def _attempt(
         self, definition: StageDefinition, provenance: Provenance, started_at: str, duration_s: float
@@ -262,9 +264,8 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
             events.append(StageEvent(failed.key, failed.stage, Action.COMPUTED, failed))
     for (worker, provenance), product, started_at, duration_s in _call_batch(definition, marked):
         record = worker.conclude(definition, provenance, product, started_at, duration_s)
-        events.append(StageEvent(record.key, record.stage, Action.COMPUTED, record))
-        if chunk.last:
-            worker.draw(events[-1:])
+        event = StageEvent(record.key, record.stage, Action.COMPUTED, record)
+        events.extend(worker.drawn([event]) if chunk.last else [event])
     return events
 
 
@@ -302,6 +303,9 @@ def is_current(record: OutcomeRecord, provenance: Provenance, storage: Storage) 
     return intact(storage, [record])[record.name]
 
 
+PICTURE_EXTENSIONS = ("png", "webp", "svg")
+
+
 def picture_name(key: str, extension: str = "png") -> str:
-    """Where a crash's picture lies below the storage root; ``webp`` is the small one."""
+    """Where a crash's picture lies below the storage root; ``webp`` is the small one, ``svg`` the sketch."""
     return f"pictures/{key}.{extension}"
