@@ -55,7 +55,7 @@ class CubicProfile:
         knots = sorted({knot for _, profile in profiles for knot in profile.knots_m})
         pieces = []
         for knot in knots:
-            shifted = [(weight, profile._shifted(knot)) for weight, profile in profiles]
+            shifted = [(weight, profile.coefficients_at(knot)) for weight, profile in profiles]
             pieces.append(
                 (
                     sum(w * c[0] for w, c in shifted),
@@ -66,7 +66,7 @@ class CubicProfile:
             )
         return cls(knots, pieces)
 
-    def _shifted(self, s_m: float) -> _Coefficients:
+    def coefficients_at(self, s_m: float) -> _Coefficients:
         """Coefficients of the piece valid at ``s_m``, with ``s_m`` as its origin."""
         index = max(bisect_right(self.knots_m, s_m) - 1, 0)
         a, b, c, d = self.pieces[index]

@@ -24,6 +24,7 @@ import numpy as np
 
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
+from trace_dag.roads.cubic_profile import CubicProfile
 from trace_dag.roads.ground import ground_heights, has_height_tags
 from trace_dag.roads.height_graph import HeightGraph, HeightProfile, NodeId
 from trace_dag.roads.network import ContactPoint, Cubic, Road, RoadLink, RoadNetwork
@@ -56,6 +57,7 @@ _ROUNDS: Final = 20
 _REACHED_M: Final = 0.01
 _NODE_SPACING_M: Final = 15.0
 _LEAST_SPACING_M: Final = 4.0
+_SAME_M: Final = 1e-5  # two pieces of a height profile that differ by less are one
 _CROSSING_MARGIN_M: Final = 8.0  # the height of a crossing holds this far beyond its point, across the other's lanes
 
 
@@ -226,12 +228,18 @@ def _spline(profile: HeightProfile, heights: FloatArray, slopes: Sequence[float]
         _hermite(s_a, s_b - s_a, float(z[i]), float(z[i + 1]), slopes[i], slopes[i + 1])
         for i, (s_a, s_b) in enumerate(pairwise(profile.s_m))
     ]
-    kept = [p for i, p in enumerate(pieces) if i == 0 or not (_is_level(p) and _is_level(pieces[i - 1]))]
+    kept: list[Cubic] = []
+    for piece, end_s in zip(pieces, profile.s_m[1:], strict=True):
+        if not kept or not _continues(kept[-1], piece, end_s - piece.s_m):
+            kept.append(piece)
     return tuple(kept)
 
 
-def _is_level(cubic: Cubic) -> bool:
-    return cubic.b == cubic.c == cubic.d == 0.0
+def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
+    """Whether a piece of some length runs on as the one before it would."""
+    continued = CubicProfile.of([before]).coefficients_at(piece.s_m)
+    own = (piece.a, piece.b, piece.c, piece.d)
+    return sum(abs(x - y) * length_m**power for power, (x, y) in enumerate(zip(continued, own, strict=True))) < _SAME_M
 
 
 def _hermite(s_m: float, length_m: float, z_a: float, z_b: float, slope_a: float, slope_b: float) -> Cubic:
