@@ -39,7 +39,7 @@ from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.roads.convert import convert
 from trace_dag.roads.gates import check_map
-from trace_dag.roads.map_measures import MapComparison
+from trace_dag.roads.map_comparison import MapComparison
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive

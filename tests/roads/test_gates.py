@@ -13,7 +13,7 @@ import pytest
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
-from trace_dag.roads import map_measures
+from trace_dag.roads import map_comparison, map_measures
 from trace_dag.roads.convert import convert
 from trace_dag.roads.gates import check_map, require
 from trace_dag.roads.network import Cubic, Lane, LaneRef, Road, RoadNetwork
@@ -151,7 +151,7 @@ def test_a_lost_lane_is_seen_beside_the_tags(network: RoadNetwork, crossing: Osm
         return replace(road, lane_sections=sections)
 
     less = _changed(network, one_lane_less, road_id=street.id)
-    assert map_measures.MapComparison(less, crossing).lanes_against_tags()[1] == 1
+    assert map_comparison.MapComparison(less, crossing).lanes_against_tags()[1] == 1
 
 
 def test_a_lane_that_jumps_aside_is_a_gap(network: RoadNetwork, crossing: OsmExtract) -> None:
@@ -287,7 +287,7 @@ def _first_section(network: RoadNetwork) -> list[LaneRef]:
     ],
 )
 def test_lane_counts_of_tags(tags: dict[str, str], count: int | None) -> None:
-    assert map_measures.tagged_lane_count(tags) == count
+    assert map_comparison.tagged_lane_count(tags) == count
 
 
 def test_crossings_of_one_junction_are_none(network: RoadNetwork) -> None:

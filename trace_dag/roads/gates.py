@@ -16,6 +16,7 @@ import numpy as np
 
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads import map_measures as measures
+from trace_dag.roads.map_comparison import MapComparison
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def check_map(
     if not rules.passed:
         return (rules,)
     stored = stored_map.network
-    comparison = measures.MapComparison(stored, extract)
+    comparison = MapComparison(stored, extract)
     return (
         rules,
         _stored(network, stored, limits),
@@ -138,7 +139,7 @@ def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> Map
     return _at_most(name, largest, limits.stored_difference_m, unit)
 
 
-def _ways(comparison: measures.MapComparison, limits: MapLimits) -> Iterator[MapGate]:
+def _ways(comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
     deviation = comparison.way_deviation()
     length = f"over {deviation.length_m:.0f} m of ways outside junctions"
     yield _at_most("way_deviation_mean", deviation.mean_m, limits.mean_way_deviation_m, "m", length)
@@ -157,7 +158,7 @@ def _ways(comparison: measures.MapComparison, limits: MapLimits) -> Iterator[Map
     yield _count_gate("ways_missing", missing, "public ways", limits.ways_missing)
 
 
-def _lanes(comparison: measures.MapComparison, limits: MapLimits) -> MapGate:
+def _lanes(comparison: MapComparison, limits: MapLimits) -> MapGate:
     compared, differing, examples = comparison.lanes_against_tags()
     name, unit = "lanes_against_tags", "of tagged roads differ"
     if not compared:
@@ -202,7 +203,7 @@ def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
     yield _count_gate("neighbours_both_ways", broken, "pairs")
 
 
-def _geodesics(comparison: measures.MapComparison, limits: MapLimits) -> MapGate:
+def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
     """Pairwise distances between well-spread places: on the map, and on the WGS84 ellipsoid between OSM coordinates."""
     from pyproj import Geod
 
