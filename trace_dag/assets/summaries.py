@@ -60,7 +60,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
     """Bring packages and pages up to date."""
     home: Home = context.resources.home
     pipeline = home.pipeline()
-    report = build_benchmark(pipeline, home.warehouse, home.executor)
+    report = build_benchmark(pipeline, home.warehouse, home.executor, tell=home.page_listener)
     if report.errors:
         named = list(report.errors.items())[:_ERRORS_NAMED]
         raise Failure(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.progress import progress_of, progress_told
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.exporting import Layout
@@ -82,10 +82,10 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     check_version(version)
     home = Home(root, FLOW)
     pipeline = home.pipeline()
-    steps = len(pipeline.registry.keys()) + len(verified_keys(pipeline, cohort))
+    verified_keys(pipeline, cohort)  # says so if there is none to release
     build_warehouse(pipeline.storage, home.local_folder)
-    with progress_of("crashes, then packages", steps) as told:
-        made = build_release(pipeline, home.warehouse, version, output, cohort=cohort, archive=archive, told=told)
+    with progress_told("pages, then packages") as tell:
+        made = build_release(pipeline, home.warehouse, version, output, cohort=cohort, archive=archive, tell=tell)
     state = f"{made.written} files written" if made.written else "up to date"
     click.echo(f"{made.folder}  {made.packages} packages, {state}")
     click.echo("Where to look:")

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, stage_option
-from trace_dag.cli.progress import progress_of
+from trace_dag.cli.progress import progress_of, progress_told
 from trace_dag.errors import Reason, Stage, UserError
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.batch import Pipeline
+    from trace_dag.pipeline.executors import Executor
+    from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.selection import Selection
     from trace_dag.pipeline.tasks import StageEvent
 
@@ -99,44 +102,20 @@ def rerun(
 
 def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline], Selection]) -> int:
     """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
-    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
     from trace_dag.cli.printing import one_line, print_standings
-    from trace_dag.pipeline.executors import make_executor
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.records import read_records
-    from trace_dag.pipeline.run_summary import RunSummary
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.pipeline.standing import FinalState, standings
 
     home = Home(root, FLOW)
     pipeline = home.pipeline(settings)
     selection = select(pipeline)
-    with open_instance(home) as instance:
-        batches = planned(pipeline, instance, selection)
-        errors: tuple[str, ...] = ()
-        if batches:
-            pipeline.check_requirements({stage for batch in batches for stage in batch.stages})
-            summary, counts = RunSummary(), Counter[str]()
-            stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
-            # One executor for all batches: starting its workers takes as long as several crashes.
-            with closing(make_executor(pipeline.settings.execution)) as executor, progress_of("stages", stages) as tell:
-
-                def hear(event: StageEvent) -> None:
-                    summary.note(event)
-                    if event.record is not None and event.record.stage is event.stage:
-                        counts[event.record.outcome.value] += 1
-                    tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
-
-                heard = replace(home, listener=hear, executor=executor)
-                errors = run_batches(heard, instance, batches, settings=settings).errors
-            click.echo(summary.in_words())
-        else:
-            if selection.exact:
-                click.echo("Nothing to run again: none of the crashes is one of those asked for.")
-            else:
-                click.echo("Nothing to run: every crash asked for is up to date.")
-        if batches or not home.warehouse.is_file() or summary_is_due(instance):
-            errors += summarise(home, instance).errors
+    with ExitStack() as resources:
+        if selection.start:
+            pipeline.check_requirements({stage for first in selection.start.values() for stage in first.and_later()})
+            home = replace(home, executor=resources.enter_context(_started(pipeline)))
+        errors = _run_and_summarise(home, settings, selection)
     stand = standings(read_records(pipeline.storage, selection.asked))
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
@@ -148,3 +127,45 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         for error in errors:
             click.echo(f"failed: {one_line(error, 500)}", err=True)
     return 1 if failed or errors else 0
+
+
+@contextmanager
+def _started(pipeline: Pipeline) -> Iterator[Executor]:
+    """One executor for all that the command does, its workers starting while this process still reads its modules."""
+    from trace_dag.pipeline.executors import make_executor
+    from trace_dag.pipeline.worker import get_ready
+
+    with closing(make_executor(pipeline.settings.execution)) as executor:
+        executor.prepare(partial(get_ready, pipeline.flow))
+        yield executor
+
+
+def _run_and_summarise(home: Home, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
+    """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
+    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
+    from trace_dag.pipeline.run_summary import RunSummary
+
+    errors: tuple[str, ...] = ()
+    with open_instance(home) as instance:
+        batches = planned(home.pipeline(settings), instance, selection)
+        if batches:
+            summary, counts = RunSummary(), Counter[str]()
+            stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
+            with progress_of("stages", stages) as tell:
+
+                def hear(event: StageEvent) -> None:
+                    summary.note(event)
+                    if event.record is not None and event.record.stage is event.stage:
+                        counts[event.record.outcome.value] += 1
+                    tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
+
+                errors = run_batches(replace(home, listener=hear), instance, batches, settings=settings).errors
+            click.echo(summary.in_words())
+        elif selection.exact:
+            click.echo("Nothing to run again: none of the crashes is one of those asked for.")
+        else:
+            click.echo("Nothing to run: every crash asked for is up to date.")
+        if batches or not home.warehouse.is_file() or summary_is_due(instance):
+            with progress_told("pages") as tell_pages:
+                errors += summarise(replace(home, page_listener=tell_pages), instance).errors
+    return errors

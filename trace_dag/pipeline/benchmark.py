@@ -83,9 +83,12 @@ def build_benchmark(
     warehouse: Path,
     executor: Executor | None = None,
     *,
-    told: Callable[[str], None] = lambda _key: None,
+    tell: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> BenchmarkReport:
-    """Bring packages and site up to date with the warehouse. ``told`` hears of each crash when it is."""
+    """Bring packages and site up to date with the warehouse.
+
+    ``tell`` hears how many crashes are done, of how many that have to be.
+    """
     storage = pipeline.storage
     table = query.rows(warehouse, "crashes")
     verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
@@ -95,9 +98,8 @@ def build_benchmark(
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
     made_before = _digests(storage)
     stale = [crash for crash in crashes if made_before.get(crash.key) != crash.digest]
-    for key in {crash.key for crash in crashes} - {crash.key for crash in stale}:
-        told(key)
     errors: dict[str, str] = {}
+    done = 0
     ours = executor or make_executor(pipeline.settings.execution)
     try:
         for answer in run_redoing_lost(ours, _make, _tasks(pipeline, stale, ours.workers), _Task.split):
@@ -106,8 +108,8 @@ def build_benchmark(
                 errors.update({crash.key: lost.detail for crash in answer.task.crashes})
             else:
                 errors.update(lost)
-            for crash in answer.task.crashes:
-                told(crash.key)
+            done += len(answer.task.crashes)
+            tell(done, len(stale))
     finally:
         if executor is None:
             ours.close()

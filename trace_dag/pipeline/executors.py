@@ -55,6 +55,9 @@ class Executor(Protocol):
     workers: int
     machines: int
 
+    def prepare(self, function: Callable[[], object]) -> None:
+        """Let the workers start now, each calling ``function``, if starting them takes time; waits for nothing."""
+
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """All tasks, each answered once. Exceptions of the function itself are raised."""
 
@@ -106,6 +109,9 @@ class InProcessExecutor:
     workers = 1
     machines = 1
 
+    def prepare(self, function: Callable[[], object]) -> None:
+        """There is nothing to start."""
+
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`."""
         for task in tasks:
@@ -128,6 +134,11 @@ class ProcessExecutor:
         self.workers = workers
         self._pool: ProcessPoolExecutor | None = None
         self._lifeline: Connection | None = None
+
+    def prepare(self, function: Callable[[], object]) -> None:
+        """See :class:`Executor`."""
+        for _ in range(self.workers):
+            self._ready_pool().submit(function)
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`. At most two tasks per worker are under way, so few are lost with a worker."""
@@ -232,6 +243,9 @@ class DaskExecutor:
         self.workers = max(1, sum(self._client.nthreads().values()))
         hosts = {worker["host"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values()}
         self.machines = max(1, len(hosts))
+
+    def prepare(self, function: Callable[[], object]) -> None:
+        """The workers run already."""
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""

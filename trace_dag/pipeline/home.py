@@ -36,11 +36,16 @@ def local_folder(storage: Storage) -> Path:
 
 @dataclass(frozen=True)
 class Home:
-    """One storage root with a flow. ``listener`` hears of every stage and crash as it is done (a progress bar)."""
+    """One storage root with a flow.
+
+    For progress bars, ``listener`` hears of every stage and crash as it is done, and ``page_listener`` how many crashes
+    have got their page and package, of how many. ``executor`` is used instead of one made for each run.
+    """
 
     root: str
     flow: Flow
     listener: Callable[[StageEvent], None] | None = None
+    page_listener: Callable[[int, int], None] = lambda _done, _total: None
     executor: Executor | None = None
 
     def pipeline(self, overrides: Mapping[str, Any] | None = None) -> Pipeline:

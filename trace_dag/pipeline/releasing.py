@@ -78,19 +78,18 @@ def build_release(
     *,
     cohort: str | None = None,
     archive: ArchiveFormat | None = None,
-    told: Callable[[str], None] = lambda _key: None,
+    tell: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> ReleaseReport:
     """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
-    Packages are brought up to date with the warehouse first. ``told`` hears of each crash that is, and then of each
-    package that is in place. Raises
-    :class:`UserError` for a version that is none and for a complete release of this version that has other content;
-    :class:`Failure` where a package cannot be made.
+    Packages are brought up to date with the warehouse first. ``tell`` hears how many of how many are, and then how many
+    are in place. Raises :class:`UserError` for a version that is none and for a complete release of this version that
+    has other content; :class:`Failure` where a package cannot be made.
     """
     check_version(version)
     cohorts = [pipeline.registry.cohort(cohort).name] if cohort else sorted(pipeline.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
-    _bring_up_to_date(pipeline, warehouse, told)
+    _bring_up_to_date(pipeline, warehouse, tell)
     names, values = query.query(warehouse, _PACKED)
     rows = [dict(zip(names, row, strict=True)) for row in values]
     rows = [row for row in rows if cohort is None or row["cohort"] == cohort]
@@ -100,7 +99,7 @@ def build_release(
     records = read_records(pipeline.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT])
     sums: dict[str, str] = {}
     written = 0
-    for row in rows:
+    for done, row in enumerate(rows, 1):
         data = pipeline.storage.read(f"{FOLDER}/packages/{row['key']}.zip")
         row["package"] = f"packages/{row['key']}.zip"
         row["map_attribution"] = map_attribution(records[row["key"]])
@@ -108,7 +107,7 @@ def build_release(
         row["package_sha256"] = sums[row["package"]] = hashlib.sha256(data).hexdigest()
         if target is not None:
             written += write_if_changed(target, row["package"], data)
-        told(row["key"])
+        tell(done, len(rows))
     documents = release_documents(Release(version, cohorts, crashes, rows))
     sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
     if target is not None:
@@ -119,8 +118,8 @@ def build_release(
     return ReleaseReport(folder, archived, len(rows), written)
 
 
-def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, told: Callable[[str], None]) -> None:
-    errors = build_benchmark(pipeline, warehouse, told=told).errors
+def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, tell: Callable[[int, int], None]) -> None:
+    errors = build_benchmark(pipeline, warehouse, tell=tell).errors
     if errors:
         named = ", ".join(list(errors)[:_ERRORS_NAMED])
         raise Failure(f"{len(errors)} packages or pages could not be made: {named}; trace-dag run shows why")

@@ -7,6 +7,7 @@ the record that lists them.
 
 from __future__ import annotations
 
+import importlib
 import logging
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,7 +17,7 @@ from dataclasses import replace
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
-from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, StageDefinition, StageProduct
+from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
 from trace_dag.pipeline.locks import held
 from trace_dag.pipeline.outcomes import Attempt, failed_record, log_outcome, made_record
 from trace_dag.pipeline.records import intact, read_records, write_record
@@ -32,6 +33,14 @@ from trace_dag.provenance import (
 from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
+
+
+def get_ready(flow: Flow) -> None:
+    """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version."""
+    for definition in flow.stages:
+        for module in definition.code:
+            importlib.import_module(module)
+        code_version(definition.code)
 
 
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
