@@ -15,7 +15,7 @@ from trace_dag.errors import Stage
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.standing import valid_records
 from trace_dag.pipeline.tasks import Action, StageEvent
-from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.pipeline.verify import Disagreement, Kind, Progress
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.storage import Storage
 
@@ -55,17 +55,22 @@ def repair_dagster(
     storage: Storage,
     records: Mapping[str, Records],
     disagreements: Iterable[Disagreement],
+    tell: Progress = lambda _done, _total: None,
 ) -> None:
-    """Add and take away partitions, and log the materializations that are not held."""
+    """Add and take away partitions, and log the materializations that are not held.
+
+    Where Dagster's folder was lost, or the root came from another machine, these are all of them; ``tell`` hears how
+    many of how many.
+    """
     wrong = list(disagreements)
     add_partitions(instance, [each.key for each in wrong if each.kind is Kind.NO_PARTITION and each.key])
     remove_partitions(instance, {each.key for each in wrong if each.kind is Kind.STRAY_PARTITION and each.key})
-    for each in wrong:
-        if each.kind is not Kind.NOT_LOGGED or each.key is None or each.stage is None:
-            continue
-        record = last_word(records[each.key]).get(each.stage)
+    unlogged = [(each.key, each.stage) for each in wrong if each.kind is Kind.NOT_LOGGED and each.key and each.stage]
+    for done, (key, stage) in enumerate(unlogged, 1):
+        record = last_word(records[key]).get(stage)
         if record is not None:
-            instance.report_runless_asset_event(_materialization(each.key, each.stage, record, storage))
+            instance.report_runless_asset_event(_materialization(key, stage, record, storage))
+        tell(done, len(unlogged))
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:

@@ -50,7 +50,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
         if repair and found:
             repair_storage(storage, report)
             report, found = _look(storage, home, instance)
-            repair_dagster(instance, storage, report.records, found)
+            with progress_told("records in Dagster") as tell:
+                repair_dagster(instance, storage, report.records, found, tell)
             if any(each.kind is Kind.WAREHOUSE for each in found):
                 summarise(home, instance)
             report, found = _look(storage, home, instance)
