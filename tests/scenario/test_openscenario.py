@@ -13,7 +13,7 @@ from tests.scenario.player import Scenario
 from tests.sim.motions import CAR, TRUCK, driven, participant, straight
 from tests.verdict.crashes import CROSSROADS, STREET, record, vehicle
 from trace_dag.roads.network import Cubic, RoadNetwork
-from trace_dag.scenario.openscenario import Flavour, entity_name, write_openscenario
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios, entity_name
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.surface import NetworkSurface
@@ -62,7 +62,7 @@ def bounds(log: SimulationLog, scenario: Scenario) -> tuple[float, float]:
 @pytest.mark.parametrize("crash", ["crossing", "grazing"])
 def test_the_boxes_are_where_the_log_has_the_bodies(crash: str, flavour: Flavour, request) -> None:
     log = request.getfixturevalue(crash)
-    scenario = Scenario(write_openscenario(RECORD, CROSSROADS, log, flavour=flavour))
+    scenario = Scenario(OpenScenarios(RECORD, CROSSROADS, log).write(flavour))
     distance_m, angle_rad = bounds(log, scenario)
     assert distance_m < 0.001
     assert angle_rad < 0.001
@@ -75,14 +75,14 @@ def test_the_boxes_are_where_the_log_has_the_bodies(crash: str, flavour: Flavour
 def test_a_player_sees_the_crash_when_and_where_it_was(crash: str, request) -> None:
     log = request.getfixturevalue(crash)
     contact = log.first_contact
-    collision = Scenario(write_openscenario(RECORD, STREET, log)).play(step_s=0.001)
+    collision = Scenario(OpenScenarios(RECORD, STREET, log).write()).play(step_s=0.001)
     assert collision is not None
     assert collision.time_s == pytest.approx(contact.time_s, abs=0.002)
     assert math.hypot(collision.x_m - contact.x_m, collision.y_m - contact.y_m) < 0.5
 
 
 def test_nobody_collides_before_the_contact(crossing: SimulationLog) -> None:
-    scenario = Scenario(write_openscenario(RECORD, STREET, crossing))
+    scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write())
     before_s = crossing.first_contact.time_s - 0.002
     gap_m = scenario.outline("V1", before_s).distance(scenario.outline("V2", before_s))
     assert 0 < gap_m < 0.002 * crossing.first_contact.closing_speed_mps * 2
@@ -92,7 +92,7 @@ def test_positions_are_of_the_rear_axle_and_for_scenario_runner_of_the_middle(cr
     for number, body in crossing.bodies.items():
         model = vehicle_model(body)
         for flavour, rear_m in ((Flavour(), 0.0), (CARLA, model.cg_ahead_m - model.rear_axle_m)):
-            scenario = Scenario(write_openscenario(RECORD, STREET, crossing, flavour=flavour))
+            scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write(flavour))
             entity = scenario.root.find(f"Entities/ScenarioObject[@name='V{number}']/Vehicle")
             rear, front = (float(entity.find(f"Axles/{name}").get("positionX")) for name in ("RearAxle", "FrontAxle"))
             assert rear == pytest.approx(rear_m, abs=1e-4)
@@ -105,7 +105,7 @@ def test_headings_run_on_through_a_full_turn() -> None:
     circle = driven(0.0, -30.0, 0.0, lambda _: 10.0, lambda _: 1 / 20)
     log = run(participant(1, circle), participant(2, straight(-20.0, -10.0, 0.0, 0.0)))
     assert np.abs(np.diff(log.vehicles[0].heading_rad)).max() > 6.0  # the log's own jumps from pi to -pi
-    heading = Scenario(write_openscenario(RECORD, STREET, log)).vertices["V1"][:, 4]
+    heading = Scenario(OpenScenarios(RECORD, STREET, log).write()).vertices["V1"][:, 4]
     assert np.abs(np.diff(heading)).max() < 0.5
 
 
@@ -119,7 +119,7 @@ def test_bodies_stand_on_the_slope() -> None:
         ),
         network=HILL,
     )
-    scenario = Scenario(write_openscenario(RECORD, HILL, log))
+    scenario = Scenario(OpenScenarios(RECORD, HILL, log).write())
     for name, pitch_rad in (("V1", -math.atan(GRADE)), ("V2", math.atan(GRADE))):
         x, _, z, _, pitch, roll = scenario.initial[name]
         assert z == pytest.approx(GRADE * (300 + x), abs=0.02)  # the log's height is that under the centre of gravity
@@ -129,7 +129,7 @@ def test_bodies_stand_on_the_slope() -> None:
 
 def test_everyone_starts_where_its_trajectory_does(crossing: SimulationLog) -> None:
     for flavour in (Flavour(), CARLA):
-        scenario = Scenario(write_openscenario(RECORD, STREET, crossing, flavour=flavour))
+        scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write(flavour))
         for entity, rows in scenario.vertices.items():
             assert rows[0].tolist() == [0.0, *scenario.initial[entity]]
             assert rows[-1, 0] == pytest.approx(crossing.duration_s, abs=1e-6)
@@ -137,7 +137,7 @@ def test_everyone_starts_where_its_trajectory_does(crossing: SimulationLog) -> N
 
 @pytest.mark.parametrize("carla", [False, True])
 def test_a_free_vehicle_is_left_to_its_controller(crossing: SimulationLog, carla: bool) -> None:
-    scenario = Scenario(write_openscenario(RECORD, STREET, crossing, flavour=Flavour(carla=carla, free=1)))
+    scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write(Flavour(carla=carla, free=1)))
     contact_s = crossing.first_contact.time_s
     assert list(scenario.vertices) == ["V2"]
     assert scenario.vertices["V2"][-1, 0] == pytest.approx(contact_s, abs=1e-5)  # no ghost of the crash goes on
@@ -162,20 +162,20 @@ def test_a_near_miss_is_a_scenario_too() -> None:
         time_limit_s=8.0,
     )
     assert log.first_contact is None
-    assert Scenario(write_openscenario(RECORD, STREET, log)).play(step_s=0.01) is None
-    free = Scenario(write_openscenario(RECORD, STREET, log, flavour=Flavour(free=1)))
+    assert Scenario(OpenScenarios(RECORD, STREET, log).write()).play(step_s=0.01) is None
+    free = Scenario(OpenScenarios(RECORD, STREET, log).write(Flavour(free=1)))
     assert free.vertices["V2"][-1, 0] == pytest.approx(log.duration_s)
 
 
 def test_a_vehicle_that_is_not_there_cannot_be_free(crossing: SimulationLog) -> None:
     with pytest.raises(ValueError, match="vehicle 3"):
-        write_openscenario(RECORD, STREET, crossing, flavour=Flavour(free=3))
+        OpenScenarios(RECORD, STREET, crossing).write(Flavour(free=3))
 
 
 @pytest.mark.parametrize("free", [None, 2])
 def test_scenario_runner_finds_what_it_asks_for(crossing: SimulationLog, free: int | None) -> None:
     """What its ``openscenario_parser.py`` and ``openscenario_configuration.py`` of 0.9.16 refuse."""
-    root = Scenario(write_openscenario(RECORD, STREET, crossing, flavour=Flavour(carla=True, free=free))).root
+    root = Scenario(OpenScenarios(RECORD, STREET, crossing).write(Flavour(carla=True, free=free))).root
     header = root.find("FileHeader")
     assert (header.get("revMajor"), header.get("revMinor")) == ("1", "0")
     assert not header.get("description").startswith("CARLA:")  # else y and heading would have to be mirrored here
@@ -196,7 +196,7 @@ def test_scenario_runner_gets_no_negative_speed() -> None:
     log = run(participant(1, backing), participant(2, straight(-10.0, 0.0, 0.0, 0.0)))
     speeds = {
         flavour: float(
-            ElementTree.fromstring(write_openscenario(RECORD, STREET, log, flavour=flavour))
+            ElementTree.fromstring(OpenScenarios(RECORD, STREET, log).write(flavour))
             .find("Storyboard/Init//Private[@entityRef='V1']//AbsoluteTargetSpeed")
             .get("value")
         )
@@ -206,13 +206,13 @@ def test_scenario_runner_gets_no_negative_speed() -> None:
 
 
 def test_the_same_log_gives_the_same_bytes(crossing: SimulationLog) -> None:
-    assert write_openscenario(RECORD, STREET, crossing) == write_openscenario(RECORD, STREET, crossing)
+    assert OpenScenarios(RECORD, STREET, crossing).write() == OpenScenarios(RECORD, STREET, crossing).write()
 
 
 def test_the_first_touch_is_a_vertex(crossing: SimulationLog) -> None:
     """No logged step falls on it."""
     contact = crossing.first_contact
-    scenario = Scenario(write_openscenario(RECORD, STREET, crossing))
+    scenario = Scenario(OpenScenarios(RECORD, STREET, crossing).write())
     for number, pose in ((contact.number_1, contact.pose_1), (contact.number_2, contact.pose_2)):
         times = scenario.vertices[f"V{number}"][:, 0]
         assert np.abs(times - contact.time_s).min() < 1e-5

@@ -18,18 +18,20 @@ from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from lxml import etree
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import RoadNetwork
-from trace_dag.scenario.openscenario_motion import Motion, motion
+from trace_dag.scenario.openscenario_motion import SAME_TIME_S, Motion, motion
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, VehicleLog
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
@@ -51,38 +53,59 @@ class Flavour:
     free: int | None = None
 
 
-def write_openscenario(
-    record: CrashRecord,
-    network: RoadNetwork,
-    log: SimulationLog,
-    *,
-    flavour: Flavour | None = None,
-    map_file: str = "map.xodr",
-) -> bytes:
-    """The scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
+class OpenScenarios:
+    """A simulated crash as OpenSCENARIO, in any flavour. What the flavours have in common is computed once."""
 
-    Raises :class:`ValueError` if the free vehicle is none of the log's.
-    """
-    from scenariogeneration import xosc
+    def __init__(self, record: CrashRecord, network: RoadNetwork, log: SimulationLog) -> None:
+        self._record = record
+        self._log = log
+        paths = np.concatenate([np.stack([each.x_m, each.y_m], axis=-1) for each in log.vehicles])
+        self._surface = NetworkSurface(network).around(paths)
+        self._driven: dict[tuple[int, float], _Driven] = {}  # by vehicle and reference point
 
-    flavour = flavour or Flavour()
-    if flavour.free is not None and flavour.free not in log.bodies:
-        raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
-    scenario = xosc.Scenario(
-        f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
-        AUTHOR,
-        xosc.ParameterDeclarations(),
-        _entities(log, flavour),
-        _storyboard(log, flavour, _motions(network, log, flavour)),
-        xosc.RoadNetwork(roadfile=map_file),
-        xosc.Catalog(),
-        osc_minor_version=0 if flavour.carla else 2,
-        license=None if flavour.carla else xosc.License("CC0 1.0", _LICENCE[1], _LICENCE[0]),
-        creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
-    )
-    root = etree.fromstring(_as_bytes(scenario), _XML_PARSER)
-    etree.indent(root, " ")
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+    def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
+        """One scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
+
+        Raises :class:`ValueError` if the free vehicle is none of the log's.
+        """
+        from scenariogeneration import xosc
+
+        flavour, record, log = flavour or Flavour(), self._record, self._log
+        if flavour.free is not None and flavour.free not in log.bodies:
+            raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
+        scenario = xosc.Scenario(
+            f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
+            AUTHOR,
+            xosc.ParameterDeclarations(),
+            _entities(log, flavour),
+            _storyboard(log, flavour, {each.number: self._followed(each, flavour) for each in log.vehicles}),
+            xosc.RoadNetwork(roadfile=map_file),
+            xosc.Catalog(),
+            osc_minor_version=0 if flavour.carla else 2,
+            license=None if flavour.carla else xosc.License("CC0 1.0", _LICENCE[1], _LICENCE[0]),
+            creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
+        )
+        root = etree.fromstring(_as_bytes(scenario), _XML_PARSER)
+        etree.indent(root, " ")
+        return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+
+    def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
+        """What a vehicle does: all it did or, with another one free, up to where it would first touch that one."""
+        place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
+        if place not in self._driven:
+            driven = motion(self._log, vehicle, ahead_m=place[1], surface=self._surface)
+            self._driven[place] = _Driven([round(time_s, 6) for time_s in driven.time_s.tolist()], _positions(driven))
+        whole = self._driven[place]
+        until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
+        count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
+        return _Driven(whole.time_s[:count], whole.positions[:count])
+
+
+class _Driven(NamedTuple):
+    """A motion as a scenario states it: times in seconds, and where the reference point is then."""
+
+    time_s: list[float]
+    positions: list[xosc.WorldPosition]
 
 
 def entity_name(number: int) -> str:
@@ -94,23 +117,6 @@ def _as_bytes(scenario: xosc.Scenario) -> bytes:
     from xml.etree import ElementTree  # scenariogeneration builds with it; nothing is parsed here
 
     return bytes(ElementTree.tostring(scenario.get_element()))
-
-
-def _motions(network: RoadNetwork, log: SimulationLog, flavour: Flavour) -> dict[int, Motion]:
-    import numpy as np
-
-    paths = np.concatenate([np.stack([each.x_m, each.y_m], axis=-1) for each in log.vehicles])
-    surface = NetworkSurface(network).around(paths)
-    return {
-        each.number: motion(
-            log,
-            each,
-            ahead_m=_reference_ahead_m(log, each.number, flavour),
-            surface=surface,
-            until_s=_followed_until_s(log, each.number, flavour.free),
-        )
-        for each in log.vehicles
-    }
 
 
 def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> float:
@@ -148,7 +154,7 @@ def _controller() -> xosc.Controller:
     return xosc.Controller(CONTROLLER, properties)
 
 
-def _storyboard(log: SimulationLog, flavour: Flavour, motions: dict[int, Motion]) -> xosc.StoryBoard:
+def _storyboard(log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driven]) -> xosc.StoryBoard:
     from scenariogeneration import xosc
 
     init = xosc.Init()
@@ -156,7 +162,7 @@ def _storyboard(log: SimulationLog, flavour: Flavour, motions: dict[int, Motion]
     for logged in log.vehicles:
         name = entity_name(logged.number)
         speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
-        init.add_init_action(name, xosc.TeleportAction(_positions(motions[logged.number])[0]))
+        init.add_init_action(name, xosc.TeleportAction(driven[logged.number].positions[0]))
         init.add_init_action(
             name,
             xosc.AbsoluteSpeedAction(
@@ -167,7 +173,7 @@ def _storyboard(log: SimulationLog, flavour: Flavour, motions: dict[int, Motion]
         if logged.number == flavour.free:
             init.add_init_action(name, _handing_over(flavour))
         else:
-            act.add_maneuver_group(_follow(name, motions[logged.number], flavour))
+            act.add_maneuver_group(_follow(name, driven[logged.number], flavour))
     story = xosc.Story("crash")
     story.add_act(act)
     storyboard = xosc.StoryBoard(init, _stop(log, flavour))
@@ -189,16 +195,11 @@ def _handing_over(flavour: Flavour) -> xosc.ControllerAction:
     return xosc.ControllerAction(xosc.AssignControllerAction(_controller()), override)
 
 
-def _follow(name: str, motion: Motion, flavour: Flavour) -> xosc.ManeuverGroup:
+def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     from scenariogeneration import xosc
 
     trajectory = xosc.Trajectory(f"{name}_trajectory", closed=False)
-    trajectory.add_shape(
-        xosc.Polyline(
-            [round(float(time_s), 6) for time_s in motion.time_s],
-            _positions(motion),
-        )
-    )
+    trajectory.add_shape(xosc.Polyline(driven.time_s, driven.positions))
     action = xosc.FollowTrajectoryAction(
         trajectory,
         xosc.FollowingMode.position,

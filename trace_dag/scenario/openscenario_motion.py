@@ -18,7 +18,7 @@ from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog, VehicleLog
 
 INTO_EACH_OTHER_S = 0.001
-_SAME_TIME_S = 1e-5
+SAME_TIME_S = 1e-5  # moments closer together than this are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +38,9 @@ class Motion:
     roll_rad: FloatArray
 
 
-def motion(
-    log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface, until_s: float = math.inf
-) -> Motion:
-    """The motion of the point ``ahead_m`` ahead of the body's centre, up to and including ``until_s``.
-
-    ``surface`` gives the grade the body stands on.
-    """
-    poses = _with_contacts(log, vehicle)
-    time, x, y, z, heading = poses[poses[:, 0] <= until_s + _SAME_TIME_S].T
+def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> Motion:
+    """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on."""
+    time, x, y, z, heading = _with_contacts(log, vehicle).T
     heading = np.unwrap(heading)
     grade, bank = _slopes(x, y, z, heading, surface)
     return Motion(
@@ -70,17 +64,17 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> FloatArray:
         pose = contact.pose_1 if vehicle.number == contact.number_1 else contact.pose_2
         touch = np.array([contact.time_s, pose.x_m, pose.y_m, pose.z_m, pose.heading_rad])
         known = logged[:, 0]
-        if np.abs(known - contact.time_s).min() > _SAME_TIME_S:
+        if np.abs(known - contact.time_s).min() > SAME_TIME_S:
             rows.append(touch[None])
-        before = logged[known < contact.time_s - _SAME_TIME_S]
+        before = logged[known < contact.time_s - SAME_TIME_S]
         after_s = contact.time_s + INTO_EACH_OTHER_S
-        if len(before) and not np.any((known > contact.time_s + _SAME_TIME_S) & (known < after_s + _SAME_TIME_S)):
+        if len(before) and not np.any((known > contact.time_s + SAME_TIME_S) & (known < after_s + SAME_TIME_S)):
             step = touch - before[-1]
             step[4] = math.remainder(step[4], math.tau)
             rows.append((touch + step * INTO_EACH_OTHER_S / step[0])[None])
     together: FloatArray = np.concatenate(rows)
     together = together[np.argsort(together[:, 0], kind="stable")]
-    kept: FloatArray = together[np.concatenate([[True], np.diff(together[:, 0]) > _SAME_TIME_S])]
+    kept: FloatArray = together[np.concatenate([[True], np.diff(together[:, 0]) > SAME_TIME_S])]
     return kept
 
 

@@ -23,7 +23,7 @@ from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
-from trace_dag.scenario.openscenario import Flavour, write_openscenario
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.sim.log_io import SIMULATION_STEPS
@@ -135,8 +135,10 @@ def _sources(crash: PackageInput) -> list[_File]:
 
 
 def _scenarios(crash: PackageInput) -> list[_File]:
+    scenarios = OpenScenarios(crash.record, crash.network, crash.log)
+
     def scenario(name: str, flavour: Flavour, what: str) -> _File:
-        return _File(name, _CC0, what, write_openscenario(crash.record, crash.network, crash.log, flavour=flavour))
+        return _File(name, _CC0, what, scenarios.write(flavour))
 
     files = [
         scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: every vehicle follows its trajectory"),
