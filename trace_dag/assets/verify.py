@@ -66,8 +66,9 @@ def repair_dagster(
     add_partitions(instance, [each.key for each in wrong if each.kind is Kind.NO_PARTITION and each.key])
     remove_partitions(instance, {each.key for each in wrong if each.kind is Kind.STRAY_PARTITION and each.key})
     unlogged = [(each.key, each.stage) for each in wrong if each.kind is Kind.NOT_LOGGED and each.key and each.stage]
+    told = {key: last_word(records[key]) for key, _ in unlogged}
     for done, (key, stage) in enumerate(unlogged, 1):
-        record = last_word(records[key]).get(stage)
+        record = told[key].get(stage)
         if record is not None:
             instance.report_runless_asset_event(_materialization(key, stage, record, storage))
         tell(done, len(unlogged))

@@ -55,7 +55,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
             if any(each.kind is Kind.WAREHOUSE for each in found):
                 summarise(home, instance)
             report, found = _look(storage, home, instance)
-    mended = [each for each in before if each not in found]
+    left = set(found)
+    mended = [each for each in before if each not in left]
     if as_json:
         write_json({**_figures(report), "repaired": list(map(_row, mended)), "disagreements": list(map(_row, found))})
     else:
