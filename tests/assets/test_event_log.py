@@ -9,6 +9,7 @@ import pytest
 from dagster import (
     AssetKey,
     AssetMaterialization,
+    AssetObservation,
     DagsterEvent,
     DagsterEventType,
     DagsterInstance,
@@ -18,7 +19,8 @@ from dagster import (
     asset,
     define_asset_job,
 )
-from dagster._core.events import AssetMaterializationPlannedData, StepMaterializationData
+from dagster._core.definitions.freshness import FreshnessState, FreshnessStateChange
+from dagster._core.events import AssetMaterializationPlannedData, AssetObservationData, StepMaterializationData
 from dagster._core.storage.event_log import SqliteEventLogStorage
 
 from trace_dag.assets.event_log import EventLog
@@ -102,6 +104,17 @@ def test_a_batch_of_events_is_stored_as_dagster_stores_them_one_by_one(tmp_path,
                 ),
             )
             for number, (key, partition) in enumerate(itertools.product(keys, partitions), 10)
+        ),
+        entry(DagsterEventType.ASSET_OBSERVATION, 18, AssetObservationData(AssetObservation(keys[0]))),
+        entry(
+            DagsterEventType.FRESHNESS_STATE_CHANGE,
+            19,
+            FreshnessStateChange(
+                key=keys[1],
+                new_state=FreshnessState.UNKNOWN,
+                previous_state=FreshnessState.NOT_APPLICABLE,
+                state_change_timestamp=1e9,
+            ),
         ),
         entry(DagsterEventType.RUN_SUCCESS, 20, None),
     ]

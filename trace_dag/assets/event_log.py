@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from dagster import EventLogEntry, Field, StringSource
-from dagster._core.events import ASSET_EVENTS, DagsterEventType
+from dagster._core.events import DagsterEventType
 from dagster._core.storage.event_log import SqliteEventLogStorage
 from dagster._core.storage.event_log.schema import AssetKeyTable, DynamicPartitionsTable, SqlEventLogStorageTable
 from dagster._serdes import ConfigurableClassData
@@ -28,6 +28,7 @@ from sqlalchemy import Connection, Engine, create_engine, event
 
 _FOLDER = "history/runs"  # where Dagster's own class keeps them, below DAGSTER_HOME
 _WAIT_FOR_OTHERS_S = 60.0
+_AT_ONCE = {DagsterEventType.ASSET_MATERIALIZATION_PLANNED, DagsterEventType.ASSET_MATERIALIZATION}
 _FILES_OPEN = 8  # the index, and the runs last written to or looked at
 
 
@@ -67,15 +68,15 @@ class EventLog(SqliteEventLogStorage):
         self.store_event_batch([event])
 
     def store_event_batch(self, events: Sequence[EventLogEntry]) -> None:
-        """Store events in their order; a sequence of one kind about assets at once, in the run's file and the index."""
-        for (_, kind), group in groupby(events, key=lambda event: (event.run_id, _kind_if_of_asset(event))):
-            if kind is None:
+        """Store events in their order: planned ones next to each other at once, and materializations likewise."""
+        for (_, kind), group in groupby(events, key=lambda event: (event.run_id, _kind(event))):
+            if kind in _AT_ONCE:
+                self._store_at_once(list(group))
+            else:
                 for event in group:
                     super().store_event(event)
-            else:
-                self._store_asset_events(list(group))
 
-    def _store_asset_events(self, events: Sequence[EventLogEntry]) -> None:
+    def _store_at_once(self, events: Sequence[EventLogEntry]) -> None:
         insert, rows = SqlEventLogStorageTable.insert(), [self._event_to_row(event) for event in events]
         with self.run_connection(events[0].run_id) as connection:
             connection.execute(insert, rows)
@@ -119,11 +120,8 @@ class EventLog(SqliteEventLogStorage):
         return engine
 
 
-def _kind_if_of_asset(event: EventLogEntry) -> DagsterEventType | None:
-    if event.dagster_event is None or event.dagster_event.asset_key is None:
-        return None
-    kind = event.dagster_event.event_type
-    return kind if kind in ASSET_EVENTS else None
+def _kind(event: EventLogEntry) -> DagsterEventType | None:
+    return event.dagster_event.event_type if event.dagster_event is not None else None
 
 
 def _open(address: str) -> Engine:
