@@ -401,7 +401,9 @@ def verdict(crash: CrashFiles) -> StageProduct:
             continue
         vehicle = f" of vehicle {criterion.vehicle_number}" if criterion.vehicle_number is not None else ""
         held = {True: "pass", False: "fail", None: "not judged"}[criterion.passed]
-        value = "not evaluated" if criterion.value is None else f"{criterion.value:.3g} {criterion.unit}".rstrip()
+        value = "not evaluated"
+        if criterion.value is not None:
+            value = f"{round(criterion.value, 2) + 0.0:g} {criterion.unit}".rstrip()  # no minus before a zero
         figures[f"{criterion.name}{vehicle}"] = f"{value} ({held})"
     rejection = None
     if not found.accepted:
