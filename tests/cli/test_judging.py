@@ -64,6 +64,20 @@ def test_controls_enter_the_warehouse(root: Path, verified: list[str]) -> None:
     assert found["other_report"]["rate"] < found["true"]["rate"]
 
 
+def test_of_a_large_cohort_so_many_meet_each_other(root: Path) -> None:
+    drawn = []
+    for _ in range(2):
+        done = trace_dag(root, "controls", "--most", "2", "--json")
+        assert done.returncode == 0, done.stderr
+        rows = json.loads(done.stdout)
+        own = {row["key"] for row in rows if row["kind"] == "true"}
+        others = {(row["key"], row["other_key"]) for row in rows if row["kind"] == "other_report"}
+        assert len(own) == 2
+        assert {key for pair in others for key in pair} <= own
+        drawn.append((own, others))
+    assert drawn[0] == drawn[1]
+
+
 def test_another_set_of_rules_can_judge_without_a_new_run(root: Path) -> None:
     accepted = "SELECT rule_set, count(*) FILTER (accepted) AS n FROM negative_controls WHERE kind = {} GROUP BY 1"
     others = {}

@@ -209,7 +209,7 @@ def test_true_pairings_pass_and_other_reports_do_not() -> None:
     crashes = cohort()
     settings = VerdictSettings()
     assert acceptance_rate([true_pairing(crash, settings) for crash in crashes]) == 1.0
-    rows = list(against_other_reports(crashes, settings))
+    rows = [row for crash in crashes for row in against_other_reports(crash, crashes, settings)]
     assert {(row.key, row.other_key) for row in rows} == {("2023-1", "2023-2"), ("2023-2", "2023-1")}
     assert acceptance_rate(rows) == 0.0
     assert all(row.reports_differ for row in rows)

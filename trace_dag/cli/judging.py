@@ -11,6 +11,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.batch import Pipeline
@@ -76,9 +77,16 @@ def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> di
 )
 @click.option("--cohort", help="Only this cohort; else each by itself.")
 @rules_option
+@click.option(
+    "--most",
+    default=500,
+    show_default=True,
+    type=click.IntRange(min=2),
+    help="Each meets every other: of a larger cohort, so many drawn at random.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
 @click.pass_obj
-def controls(root: str, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
+def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int, as_json: bool) -> None:
     """Judge crashes against what they are not: another crash's report, and one vehicle late.
 
     Prints how many are accepted beside the true pairing's rate; and how many of them with every reported speed driven
@@ -91,7 +99,9 @@ def controls(root: str, cohort: str | None, rules: RuleSetName | None, as_json: 
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
-    found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(_judged_by(home, rules), name))
+    pipeline = _judged_by(home, rules)
+    with progress_told("crashes") as tell:
+        found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(pipeline, name, most=most, tell=tell))
     build_warehouse(home.pipeline().storage, home.local_folder)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])

@@ -7,16 +7,19 @@ from where the warehouse takes them.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.pipeline import stages
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
-from trace_dag.pipeline.records import read_records
+from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import valid_records
 from trace_dag.verdict.controls import (
     ControlRow,
@@ -33,6 +36,7 @@ FOLDER = "comparisons"
 CONTROLS = "controls"
 PUBLISHED = "published"
 ESTIMATORS = "estimators"
+_SEED = 1
 _PEER_TIME_LIMIT_S = 45.0  # the slowest published vehicle takes half a minute to the crash
 
 
@@ -48,54 +52,82 @@ class StoredCrash:
 def stored_crash(pipeline: Pipeline, key: str) -> CrashFiles:
     """One crash's artefacts; :class:`UserError` for a key that is not registered."""
     source = pipeline.registry.sources([key])[key]
+    return _files(pipeline, source, read_records(pipeline.storage, [key])[key], key)
+
+
+def _files(pipeline: Pipeline, source: CrashSource, records: Records, key: str) -> CrashFiles:
     files = CrashFiles(key, source, pipeline.settings, pipeline.storage)
-    for record in valid_records(read_records(pipeline.storage, [key])[key]).values():
+    for record in valid_records(records).values():
         files.accept(record)
     return files
 
 
-def judged_crashes(pipeline: Pipeline, keys: Iterable[str]) -> list[StoredCrash]:
-    """Those of some crashes that have a verdict on a simulation."""
+def judged_crashes(
+    pipeline: Pipeline,
+    keys: Collection[str],
+    *,
+    most: int | None = None,
+    tell: Callable[[int], None] = lambda _done: None,
+) -> list[StoredCrash]:
+    """Those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
+
+    The same crashes give the same draw. ``tell`` hears how many have been read.
+    """
+    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
+    files = (_files(pipeline, sources[key], records[key], key) for key in keys)
+    judged = [each for each in files if each.has(Stage.VERDICT, "json")]
+    if most is not None and len(judged) > most:
+        chosen = np.random.default_rng(_SEED).choice(len(judged), most, replace=False)
+        judged = [judged[index] for index in sorted(chosen)]
     found = []
-    for key in keys:
-        files = stored_crash(pipeline, key)
-        if not files.has(Stage.VERDICT, "json"):
-            continue
-        verdict = stages.verdict_of(files)
-        judged = JudgedCrash(
-            stages.record_of(files),
-            stages.network_of(files),
-            stages.estimate_of(files).hypotheses[verdict.hypothesis],
-            stages.logs_of(files)[verdict.hypothesis],
+    for done, each in enumerate(judged, 1):
+        verdict = stages.verdict_of(each)
+        crash = JudgedCrash(
+            stages.record_of(each),
+            stages.network_of(each),
+            stages.estimate_of(each).hypotheses[verdict.hypothesis],
+            stages.logs_of(each)[verdict.hypothesis],
         )
-        found.append(StoredCrash(files, judged, verdict.accepted))
+        found.append(StoredCrash(each, crash, verdict.accepted))
+        tell(done)
     return found
 
 
-def negative_controls(pipeline: Pipeline, cohort: str) -> list[ControlRow]:
+def negative_controls(
+    pipeline: Pipeline,
+    cohort: str,
+    *,
+    most: int,
+    tell: Callable[[int, int], None] = lambda _done, _total: None,
+) -> list[ControlRow]:
     """Every judged crash of a cohort against its own report, every verified one against every other's report and with
     one vehicle late. Stored for the warehouse.
 
-    Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
+    Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
+    at random. ``tell`` hears of the steps, reading a crash and judging it. Raises :class:`UserError` for a cohort that
+    is not registered or has no verdicts yet.
     """
     from trace_dag.sim.embedded import EmbeddedBackend
     from trace_dag.sim.run import simulate
 
-    crashes = judged_crashes(pipeline, pipeline.registry.keys(cohort))
+    keys = pipeline.registry.keys(cohort)
+    steps = 2 * min(len(keys), most)
+    crashes = judged_crashes(pipeline, keys, most=most, tell=lambda done: tell(done, steps))
     if not crashes:
         raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
     settings = pipeline.settings
     rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
     verified = [crash.judged for crash in crashes if crash.accepted]
-    rows += against_other_reports(verified, settings.verdict)
     backend = EmbeddedBackend(settings.sim)
-    for crash in verified:
+    for done, crash in enumerate(verified, len(crashes) + 1):
+        rows += against_other_reports(crash, verified, settings.verdict)
         shift = shifted_in_time(crash.hypothesis)
         log = None
         if shift is not None:
             states = shifted_estimate(crash, shift)
             (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
         rows.append(shifted_row(crash, shift, log, settings.verdict))
+        tell(done, len(crashes) + len(verified))
     _store(pipeline, CONTROLS, cohort, rows)
     return rows
 

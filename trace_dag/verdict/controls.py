@@ -14,7 +14,7 @@ acceptance is worth. Two ways of being wrong, both over a whole cohort, judged b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,19 +75,20 @@ def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
     return _row("true", crash.record.key, verdict)
 
 
-def against_other_reports(crashes: Sequence[JudgedCrash], settings: VerdictSettings) -> Iterator[ControlRow]:
-    """Every simulation against every other crash's report, vehicles matched in the order of their numbers."""
-    for crash in crashes:
-        observation = observe(crash.network, crash.hypothesis, crash.log)
-        for other in crashes:
-            if other.record.key == crash.record.key:
-                continue
-            foreign = _renumbered(other.record, crash.record)
-            if foreign is None:
-                continue
-            verdict = judge_observation(foreign, observation, crash.log, settings)
-            row = _row("other_report", crash.record.key, verdict, other_key=other.record.key)
-            yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
+def against_other_reports(
+    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
+) -> Iterator[ControlRow]:
+    """One simulation against every other crash's report, vehicles matched in the order of their numbers."""
+    observation = observe(crash.network, crash.hypothesis, crash.log)
+    for other in others:
+        if other.record.key == crash.record.key:
+            continue
+        foreign = _renumbered(other.record, crash.record)
+        if foreign is None:
+            continue
+        verdict = judge_observation(foreign, observation, crash.log, settings)
+        row = _row("other_report", crash.record.key, verdict, other_key=other.record.key)
+        yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
 
 
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
