@@ -12,10 +12,11 @@ from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterIns
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
 from trace_dag.errors import Stage
+from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.standing import valid_records
 from trace_dag.pipeline.tasks import Action, StageEvent
-from trace_dag.pipeline.verify import Disagreement, Kind, Progress
+from trace_dag.pipeline.verify import Disagreement, Kind
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.storage import Storage
 
@@ -55,7 +56,7 @@ def repair_dagster(
     storage: Storage,
     records: Mapping[str, Records],
     disagreements: Iterable[Disagreement],
-    tell: Progress = lambda _done, _total: None,
+    tell: Progress = untold,
 ) -> None:
     """Add and take away partitions, and log the materializations that are not held.
 
@@ -66,7 +67,7 @@ def repair_dagster(
     add_partitions(instance, [each.key for each in wrong if each.kind is Kind.NO_PARTITION and each.key])
     remove_partitions(instance, {each.key for each in wrong if each.kind is Kind.STRAY_PARTITION and each.key})
     unlogged = [(each.key, each.stage) for each in wrong if each.kind is Kind.NOT_LOGGED and each.key and each.stage]
-    told = {key: last_word(records[key]) for key, _ in unlogged}
+    told = {key: last_word(records[key]) for key in {key for key, _ in unlogged}}
     for done, (key, stage) in enumerate(unlogged, 1):
         record = told[key].get(stage)
         if record is not None:

@@ -100,9 +100,9 @@ def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int
 
     home = _home(root)
     pipeline = _judged_by(home, rules)
-    with progress_told("crashes") as tell:
+    with progress_told("read, then judged") as tell:
         found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(pipeline, name, most=most, tell=tell))
-    build_warehouse(home.pipeline().storage, home.local_folder)
+    build_warehouse(pipeline.storage, home.local_folder)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return

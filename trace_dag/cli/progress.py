@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from trace_dag.pipeline.progress import Progress as Told
+
 
 @contextmanager
 def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
@@ -19,7 +21,7 @@ def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def progress_told(what: str) -> Iterator[Callable[[int, int], None]]:
+def progress_told(what: str) -> Iterator[Told]:
     """A bar from the first time it is told how many are done, and of how many."""
     progress = _bar()
     task = progress.add_task(what, total=None)

@@ -115,7 +115,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Pipeline
         if selection.start:
             pipeline.check_requirements({stage for first in selection.start.values() for stage in first.and_later()})
             home = replace(home, executor=resources.enter_context(_started(pipeline)))
-        errors = _run_and_summarise(home, settings, selection)
+        errors = _run_and_summarise(home, pipeline, settings, selection)
     stand = standings(read_records(pipeline.storage, selection.asked))
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
@@ -140,14 +140,16 @@ def _started(pipeline: Pipeline) -> Iterator[Executor]:
         yield executor
 
 
-def _run_and_summarise(home: Home, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
+def _run_and_summarise(
+    home: Home, pipeline: Pipeline, settings: Mapping[str, Any], selection: Selection
+) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
     from trace_dag.pipeline.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
     with open_instance(home) as instance:
-        batches = planned(home.pipeline(settings), instance, selection)
+        batches = planned(pipeline, instance, selection)
         if batches:
             summary, counts = RunSummary(), Counter[str]()
             stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)

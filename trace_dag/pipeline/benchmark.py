@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import traceback
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, ru
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.leaderboard import publish_leaderboard
 from trace_dag.pipeline.packaging import map_attribution, package_of, unverified_files
+from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
@@ -83,7 +84,7 @@ def build_benchmark(
     warehouse: Path,
     executor: Executor | None = None,
     *,
-    tell: Callable[[int, int], None] = lambda _done, _total: None,
+    tell: Progress = untold,
 ) -> BenchmarkReport:
     """Bring packages and site up to date with the warehouse.
 

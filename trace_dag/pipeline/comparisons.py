@@ -7,7 +7,7 @@ from where the warehouse takes them.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,6 +18,7 @@ from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.pipeline import stages
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import valid_records
@@ -67,11 +68,11 @@ def judged_crashes(
     keys: Collection[str],
     *,
     most: int | None = None,
-    tell: Callable[[int], None] = lambda _done: None,
+    tell: Progress = untold,
 ) -> list[StoredCrash]:
     """Those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
-    The same crashes give the same draw. ``tell`` hears how many have been read.
+    The same crashes give the same draw. ``tell`` hears how many of how many have been read.
     """
     sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
     files = (_files(pipeline, sources[key], records[key], key) for key in keys)
@@ -89,7 +90,7 @@ def judged_crashes(
             stages.logs_of(each)[verdict.hypothesis],
         )
         found.append(StoredCrash(each, crash, verdict.accepted))
-        tell(done)
+        tell(done, len(judged))
     return found
 
 
@@ -98,28 +99,27 @@ def negative_controls(
     cohort: str,
     *,
     most: int,
-    tell: Callable[[int, int], None] = lambda _done, _total: None,
+    tell: Progress = untold,
 ) -> list[ControlRow]:
     """Every judged crash of a cohort against its own report, every verified one against every other's report and with
     one vehicle late. Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
-    at random. ``tell`` hears of the steps, reading a crash and judging it. Raises :class:`UserError` for a cohort that
-    is not registered or has no verdicts yet.
+    at random. ``tell`` hears how many of how many are read, and then judged.
+
+    Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
     """
     from trace_dag.sim.embedded import EmbeddedBackend
     from trace_dag.sim.run import simulate
 
-    keys = pipeline.registry.keys(cohort)
-    steps = 2 * min(len(keys), most)
-    crashes = judged_crashes(pipeline, keys, most=most, tell=lambda done: tell(done, steps))
+    crashes = judged_crashes(pipeline, pipeline.registry.keys(cohort), most=most, tell=tell)
     if not crashes:
         raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
     settings = pipeline.settings
     rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
     verified = [crash.judged for crash in crashes if crash.accepted]
     backend = EmbeddedBackend(settings.sim)
-    for done, crash in enumerate(verified, len(crashes) + 1):
+    for done, crash in enumerate(verified, 1):
         rows += against_other_reports(crash, verified, settings.verdict)
         shift = shifted_in_time(crash.hypothesis)
         log = None
@@ -127,7 +127,7 @@ def negative_controls(
             states = shifted_estimate(crash, shift)
             (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
         rows.append(shifted_row(crash, shift, log, settings.verdict))
-        tell(done, len(crashes) + len(verified))
+        tell(done, len(verified))
     _store(pipeline, CONTROLS, cohort, rows)
     return rows
 

@@ -10,7 +10,7 @@ import hashlib
 import json
 import re
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 from trace_dag.errors import Failure, Rejection, Stage, UserError
@@ -19,6 +19,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.comparisons import ESTIMATORS, FOLDER
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.progress import Progress
 from trace_dag.pipeline.records import read_records
 from trace_dag.pipeline.standing import valid_records
 from trace_dag.pipeline.truth import SampleTruth, score_truth
@@ -77,7 +78,7 @@ def estimators_compared(
     estimators: Sequence[str],
     *,
     truth: SampleTruth | None = None,
-    listener: Callable[[int, int], None] | None = None,
+    listener: Progress | None = None,
 ) -> list[EstimatorRow]:
     """What each estimator makes of every mapped crash of a cohort; the first is what the others are compared with.
 

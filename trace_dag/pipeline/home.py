@@ -12,6 +12,7 @@ from typing import Any
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor
 from trace_dag.pipeline.flow import Flow
+from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.tasks import StageEvent
 from trace_dag.storage import Storage
 
@@ -45,7 +46,7 @@ class Home:
     root: str
     flow: Flow
     listener: Callable[[StageEvent], None] | None = None
-    page_listener: Callable[[int, int], None] = lambda _done, _total: None
+    page_listener: Progress = untold
     executor: Executor | None = None
 
     def pipeline(self, overrides: Mapping[str, Any] | None = None) -> Pipeline:

@@ -16,8 +16,9 @@ from trace_dag.crash.folder import Conflict, Duplicate, FolderScan, Unrecognised
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
 from trace_dag.pipeline.choosing import Choice
+from trace_dag.pipeline.progress import Progress
 from trace_dag.pipeline.registry import MapFile, MapServiceName, Registration, Registry, ReportSource, map_file
-from trace_dag.pipeline.sources import CrashApiSource, FarsSource, FolderSource, Progress, Source
+from trace_dag.pipeline.sources import CrashApiSource, FarsSource, FolderSource, Source
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:

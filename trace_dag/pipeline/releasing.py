@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
 from trace_dag.pipeline.exporting import write_if_changed
 from trace_dag.pipeline.packaging import map_attribution
+from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import read_records
 from trace_dag.scenario.release import (
     CHECKSUMS,
@@ -78,7 +79,7 @@ def build_release(
     *,
     cohort: str | None = None,
     archive: ArchiveFormat | None = None,
-    tell: Callable[[int, int], None] = lambda _done, _total: None,
+    tell: Progress = untold,
 ) -> ReleaseReport:
     """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
@@ -118,7 +119,7 @@ def build_release(
     return ReleaseReport(folder, archived, len(rows), written)
 
 
-def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, tell: Callable[[int, int], None]) -> None:
+def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, tell: Progress) -> None:
     errors = build_benchmark(pipeline, warehouse, tell=tell).errors
     if errors:
         named = ", ".join(list(errors)[:_ERRORS_NAMED])

@@ -7,7 +7,7 @@ stage. Does not belong here: reading reports (:mod:`trace_dag.crash`) and storin
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -17,13 +17,13 @@ from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import Rejection, UserError
 from trace_dag.pipeline.choosing import Choice
+from trace_dag.pipeline.progress import Progress
 from trace_dag.pipeline.registry import ReportSource
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
 
-Progress = Callable[[int, int], None]
 """Hears of slow work: how much of how much is done."""
 
 

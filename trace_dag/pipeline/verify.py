@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.home import BUILDING
+from trace_dag.pipeline.progress import Progress
 from trace_dag.pipeline.records import Records, read_records, write_record
 from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import abandoned
@@ -74,9 +75,6 @@ class StorageReport:
     files: int
     interrupted: int
     unregistered: int
-
-
-Progress = Callable[[int, int], None]
 
 
 def verify_storage(
