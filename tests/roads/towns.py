@@ -38,7 +38,7 @@ class Town:
     def sign(self, x_m: float, y_m: float, **tags: str) -> int:
         """Tags on the node at a place."""
         node = self._node(x_m, y_m, "")
-        node.tags.update(tags)
+        self._nodes[float(x_m), float(y_m), ""] = node._replace(tags={**node.tags, **tags})
         return node.id
 
     def extract(self) -> OsmExtract:

@@ -134,7 +134,9 @@ def _rank(file: MapFile, extract: OsmExtract) -> tuple[bool, int, str]:
 
 
 def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExtract:
-    roads = cut_roads(box, found.ways[index].values(), found.node_tags, found.restrictions.values())
+    ways = found.ways[index]
+    restrictions = {relation.id: relation for way_id in ways for relation in found.restrictions_of.get(way_id, ())}
+    roads = cut_roads(box, ways.values(), found.node_tags, restrictions.values())
     return OsmExtract(
         box=box,
         nodes=roads.nodes,

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
+from typing import Final
 
+import numpy as np
+
+from trace_dag.geometry import FloatArray
 from trace_dag.osm.extraction import RawWay
-from trace_dag.osm.types import BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay
 
-_RESOLUTION_DIGITS = 7  # OSM stores coordinates as multiples of 1e-7 degrees
+_ID: Final = attrgetter("id")
+_RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class CutRoads:
 def cut_roads(
     box: BoundingBox,
     ways: Iterable[RawWay],
-    node_tags: Mapping[int, dict[str, str]],
+    node_tags: Mapping[int, Mapping[str, str]],
     restrictions: Iterable[OsmRelation],
 ) -> CutRoads:
     """Cut ``ways`` at ``box``.
@@ -34,41 +39,56 @@ def cut_roads(
     several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
     ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
     """
-    cutter = _Cutter(box, node_tags)
-    for way in sorted(ways, key=lambda way: way.id):
-        cutter.add(way)
-    return CutRoads(cutter.nodes, tuple(sorted(cutter.ways, key=lambda way: way.id)), cutter.relations(restrictions))
+    cutter = _Cutter(box, sorted(ways, key=_ID), node_tags)
+    cutter.cut()
+    return CutRoads(cutter.nodes, tuple(sorted(cutter.ways, key=_ID)), cutter.relations(restrictions))
 
 
 class _Cutter:
-    def __init__(self, box: BoundingBox, node_tags: Mapping[int, dict[str, str]]) -> None:
-        self.nodes: dict[int, OsmNode] = {}
+    """Cuts the ways of one box. Their nodes lie in one row, way after way, so that numpy sees them all at once."""
+
+    def __init__(self, box: BoundingBox, ways: Sequence[RawWay], node_tags: Mapping[int, Mapping[str, str]]) -> None:
         self.ways: list[OsmWay] = []
-        self._box = box
-        self._node_tags = node_tags
+        self._raw_ways = ways
         self._parts: dict[int, list[OsmWay]] = {}
         self._made_nodes = 0
         self._made_ways = 0
+        ids = np.concatenate([way.node_ids for way in ways] or [np.empty(0, np.int64)])
+        x_deg = np.concatenate([way.longitudes_deg for way in ways] or [np.empty(0)])
+        y_deg = np.concatenate([way.latitudes_deg for way in ways] or [np.empty(0)])
+        # A segment begins at each node. That at the last node of a way leads to the next way, and is none.
+        sizes = np.array([len(way.node_ids) for way in ways], dtype=np.int64)
+        lasts = np.cumsum(sizes) - 1
+        enters, leaves = _inside_spans(x_deg, y_deg, box)
+        inside = enters < leaves
+        inside[lasts] = False
+        whole = inside & (enters == 0) & (leaves == 1)
+        whole[lasts] = True
+        kept = inside & (enters == 0)
+        kept[1:] |= (inside & (leaves == 1))[:-1]
+        kept_ids = ids[kept].tolist()
+        tags = [node_tags.get(node_id, NO_TAGS) for node_id in kept_ids]
+        nodes = map(OsmNode, kept_ids, y_deg[kept].tolist(), x_deg[kept].tolist(), tags)
+        self.nodes = dict(zip(kept_ids, nodes, strict=True))
+        self._whole = np.logical_and.reduceat(whole, lasts + 1 - sizes).tolist() if ways else []
+        self._ids, self._x_deg, self._y_deg = ids.tolist(), x_deg.tolist(), y_deg.tolist()
+        self._inside, self._enters, self._leaves = inside.tolist(), enters.tolist(), leaves.tolist()
 
-    def add(self, way: RawWay) -> None:
-        box = self._box
-        west, south, east, north = way.bounds_deg
-        whole = west >= box.west_deg and south >= box.south_deg and east <= box.east_deg and north <= box.north_deg
-        if whole and not any(map(math.isnan, way.longitudes_deg)):
-            pieces = [way.node_ids]
-            self._add_nodes(way)
-        else:
-            pieces = list(self._pieces(way))
-        for ids in pieces:
-            ids = _without_repetition(ids)
-            if len(ids) < 2:
-                continue
-            parts = self._parts.setdefault(way.id, [])
-            if parts:
-                self._made_ways += 1
-            part = OsmWay(-self._made_ways if parts else way.id, ids, way.tags)
-            parts.append(part)
-            self.ways.append(part)
+    def cut(self) -> None:
+        """Fill ``ways``, and ``nodes`` with those made on the border."""
+        end = 0
+        for way, is_whole in zip(self._raw_ways, self._whole, strict=True):
+            start, end = end, end + len(way.node_ids)
+            for ids in (tuple(self._ids[start:end]),) if is_whole else self._pieces(start, end):
+                ids = _without_repetition(ids)
+                if len(ids) < 2:
+                    continue
+                parts = self._parts.setdefault(way.id, [])
+                if parts:
+                    self._made_ways += 1
+                part = OsmWay(-self._made_ways if parts else way.id, ids, way.tags)
+                parts.append(part)
+                self.ways.append(part)
 
     def relations(self, restrictions: Iterable[OsmRelation]) -> tuple[OsmRelation, ...]:
         present: dict[str, Container[int]] = {"node": self.nodes, "way": self._parts, "relation": ()}
@@ -77,7 +97,7 @@ class _Cutter:
             for relation in restrictions
             if relation.members and all(member.id in present[member.type] for member in relation.members)
         ]
-        return tuple(sorted(kept, key=lambda relation: relation.id))
+        return tuple(sorted(kept, key=_ID))
 
     def _member(self, member: OsmMember, relation: OsmRelation) -> OsmMember:
         parts = self._parts[member.id] if member.type == "way" else []
@@ -87,80 +107,59 @@ class _Cutter:
         touching = [part for part in parts if not via_ids.isdisjoint(part.node_ids)]
         return OsmMember("way", (touching or parts)[0].id, member.role)
 
-    def _add_nodes(self, way: RawWay) -> None:
-        nodes, tags = self.nodes, self._node_tags
-        for node_id, x_deg, y_deg in zip(way.node_ids, way.longitudes_deg, way.latitudes_deg, strict=True):
-            if node_id not in nodes:
-                nodes[node_id] = OsmNode(node_id, y_deg, x_deg, tags.get(node_id, {}))
-
-    def _add_node(self, way: RawWay, index: int) -> int:
-        node_id = way.node_ids[index]
-        if node_id not in self.nodes:
-            self.nodes[node_id] = OsmNode(
-                node_id, way.latitudes_deg[index], way.longitudes_deg[index], self._node_tags.get(node_id, {})
-            )
-        return node_id
-
-    def _make_node(self, x_deg: float, y_deg: float) -> int:
-        self._made_nodes += 1
-        node_id = -self._made_nodes
-        self.nodes[node_id] = OsmNode(
-            node_id, round(y_deg, _RESOLUTION_DIGITS), round(x_deg, _RESOLUTION_DIGITS), clipped=True
-        )
-        return node_id
-
-    def _pieces(self, way: RawWay) -> Iterable[tuple[int, ...]]:
-        """The stretches of ``way`` inside the box, as node ids."""
-        points = list(zip(way.longitudes_deg, way.latitudes_deg, strict=True))
+    def _pieces(self, start: int, end: int) -> Iterator[tuple[int, ...]]:
+        """The stretches inside the box of the way with the nodes from ``start`` to before ``end``, as node ids."""
         piece: list[int] = []
-        for index, (a, b) in enumerate(pairwise(points)):
-            span = _inside_span(a, b, self._box)
-            if span is None:
+        for index in range(start, end):
+            if not self._inside[index]:
                 if piece:
                     yield tuple(piece)
                 piece = []
                 continue
-            enters, leaves = span
+            enters, leaves = self._enters[index], self._leaves[index]
             if not piece:
-                piece.append(self._add_node(way, index) if enters == 0 else self._make_node(*_between(a, b, enters)))
+                piece.append(self._ids[index] if enters == 0 else self._made_node(index, enters))
             if leaves == 1:
-                piece.append(self._add_node(way, index + 1))
+                piece.append(self._ids[index + 1])
             else:
-                piece.append(self._make_node(*_between(a, b, leaves)))
+                piece.append(self._made_node(index, leaves))
                 yield tuple(piece)
                 piece = []
-        if piece:
-            yield tuple(piece)
+
+    def _made_node(self, index: int, fraction: float) -> int:
+        """A new node on the segment that begins at ``index``."""
+        self._made_nodes += 1
+        node_id = -self._made_nodes
+        longitude_deg, latitude_deg = (
+            round(values[index] + (values[index + 1] - values[index]) * fraction, _RESOLUTION_DIGITS)
+            for values in (self._x_deg, self._y_deg)
+        )
+        self.nodes[node_id] = OsmNode(node_id, latitude_deg, longitude_deg, clipped=True)
+        return node_id
 
 
-def _inside_span(a: tuple[float, float], b: tuple[float, float], box: BoundingBox) -> tuple[float, float] | None:
-    """The part of segment a-b in the box as fractions of it, None if it misses (Liang and Barsky 1984)."""
-    west, south, east, north = box.west_deg, box.south_deg, box.east_deg, box.north_deg
-    if west <= a[0] <= east and west <= b[0] <= east and south <= a[1] <= north and south <= b[1] <= north:
-        return 0.0, 1.0
-    if math.isnan(a[0]) or math.isnan(b[0]):
-        return None
-    enters, leaves = 0.0, 1.0
-    for start, end, low, high in (
-        (a[0], b[0], west, east),
-        (a[1], b[1], south, north),
-    ):
-        delta = end - start
-        if delta == 0:
-            if not low <= start <= high:
-                return None
-            continue
-        near, far = sorted(((low - start) / delta, (high - start) / delta))
-        enters, leaves = max(enters, near), min(leaves, far)
-    return (enters, leaves) if enters < leaves else None
+def _inside_spans(x_deg: FloatArray, y_deg: FloatArray, box: BoundingBox) -> tuple[FloatArray, FloatArray]:
+    """The part in the box of the segment from each point to the next: where it enters and leaves, (n,) each.
 
-
-def _between(a: tuple[float, float], b: tuple[float, float], fraction: float) -> tuple[float, float]:
-    return a[0] + (b[0] - a[0]) * fraction, a[1] + (b[1] - a[1]) * fraction
+    Both are fractions of the segment. One that misses the box, or lacks an end, as the one from the last point on does,
+    does not enter before it leaves (Liang and Barsky 1984).
+    """
+    start = np.array([x_deg, y_deg])
+    low = np.array([[box.west_deg], [box.south_deg]])
+    high = np.array([[box.east_deg], [box.north_deg]])
+    delta = np.diff(start, append=np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_low, to_high = (low - start) / delta, (high - start) / delta
+    near, far = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
+    level = delta == 0  # along a border: within it all the way, or never
+    if level.any():
+        near[level] = np.where((low <= start) & (start <= high), -np.inf, np.inf)[level]
+        far[level] = np.inf
+    return np.maximum(near.max(axis=0), 0.0), np.minimum(far.min(axis=0), 1.0)
 
 
 def _without_repetition(ids: tuple[int, ...]) -> tuple[int, ...]:
     """``ids`` without the same node twice in a row."""
-    if all(a != b for a, b in pairwise(ids)):
+    if len(set(ids)) == len(ids):
         return ids
     return ids[:1] + tuple(b for a, b in pairwise(ids) if a != b)

@@ -1,55 +1,95 @@
 """Reading OPL, libosmium's one-line-per-object text format, as far as roads need it.
 
-libosmium writes an object as a line of text faster than Python can ask it for one tag, and splitting a line is among
-the fastest things Python does. So :mod:`trace_dag.osm.extraction` passes what it keeps of a file through OPL.
+libosmium writes an object as a line of text faster than Python can ask it for one tag, splitting a line is among the
+fastest things Python does, and Arrow reads a hundred thousand coordinates in milliseconds. So
+:mod:`trace_dag.osm.extraction` passes what it keeps of a file through OPL, in the form of :data:`WRITING`.
 
 Format: https://osmcode.org/opl-file-format/. Fields are separated by spaces, each begins with a letter that says what
-it is; in texts, spaces, commas, ``=``, ``@`` and whatever else would disturb are written as ``%`` hex code ``%``.
+it is: ``w7 Thighway=service,oneway=yes Nn1x-77.5y37.25,n2xy``. In texts, spaces, commas, ``=``, ``@`` and whatever else
+would disturb are written as ``%`` hex code ``%``. The functions take lines in UTF-8 with their ends.
 """
 
 from __future__ import annotations
 
-import re
-from typing import Final
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from pyarrow import csv
+
+from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmMember
 
-_ESCAPED: Final = re.compile("%([0-9a-f]+)%")
+# Options for libosmium: ways with the places of their nodes, nothing about who changed an object when.
+WRITING: Final = "opl,locations_on_ways=true,add_metadata=false"
+
 _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
+_NODE_COLUMNS: Final = {"id": pa.int64(), "longitude_deg": pa.float64(), "latitude_deg": pa.float64()}
+# Turns ``n1x-77.5y37.25,n2xy`` into rows ``1,-77.5,37.25`` and ``2,,``.
+_TO_ROWS: Final = bytes.maketrans(b",xy", b"\n,,")
 
 
-def read_line(line: str) -> tuple[str, int, dict[str, str], str]:
-    """Kind ("n", "w" or "r"), id, tags, and the last field: a way's nodes, a relation's members."""
-    head, _, rest = line.rstrip("\n").partition(" T")
-    tags, _, last = rest.partition(" ")
-    return line[0], int(head[1:].partition(" ")[0]), _tags(tags), last.rpartition(" ")[2][1:]
+class WayNodes(NamedTuple):
+    """The nodes of many ways, one after the other: (n,) each, WGS84 degrees, NaN where a node is not located."""
+
+    counts: npt.NDArray[np.int64]  # how many of them are whose, for each way
+    ids: npt.NDArray[np.int64]
+    longitudes_deg: FloatArray
+    latitudes_deg: FloatArray
 
 
-def node_ids(field: str) -> tuple[int, ...]:
-    """A way's nodes from its field ``n1,n2,...``, which may carry locations (``n1x-77.0y37.0``)."""
+def read_id(line: bytes) -> int:
+    """The id of an object."""
+    return int(line[1 : line.index(b" ")])
+
+
+def read_tags(line: bytes) -> dict[str, str]:
+    """The tags of an object."""
+    field = _field(line, 1)
+    return dict(map(_tag, field.split(","))) if field else {}
+
+
+def read_members(line: bytes) -> tuple[OsmMember, ...]:
+    """The members of a relation."""
+    field = _field(line, 2)
     if not field:
         return ()
-    if "x" in field:
-        return tuple(int(ref.split("x", 1)[0][1:]) for ref in field.split(","))
-    return tuple(map(int, field[1:].split(",n")))
+    split = (member.split("@") for member in field.split(","))
+    return tuple(OsmMember(_MEMBER_TYPES[ref[0]], int(ref[1:]), _text(role)) for ref, role in split)
 
 
-def members(field: str) -> tuple[OsmMember, ...]:
-    """A relation's members from its field ``w1@from,n2@via,...``."""
-    if not field:
-        return ()
-    split = (member.partition("@") for member in field.split(","))
-    return tuple(OsmMember(_MEMBER_TYPES[ref[0]], int(ref[1:]), _text(role)) for ref, _, role in split)
+def read_way_nodes(way_lines: Sequence[bytes]) -> WayNodes:
+    """The nodes of ways."""
+    fields = [line[line.rindex(b" ") + 2 :] for line in way_lines]
+    counts = np.array([field.count(b"n") for field in fields], dtype=np.int64)
+    rows = b"".join(fields).translate(_TO_ROWS, b"n")
+    if not rows.strip():  # Arrow takes it for an error
+        return WayNodes(counts, np.empty(0, np.int64), np.empty(0), np.empty(0))
+    table = csv.read_csv(
+        pa.py_buffer(rows),
+        read_options=csv.ReadOptions(column_names=list(_NODE_COLUMNS)),
+        convert_options=csv.ConvertOptions(column_types=_NODE_COLUMNS),
+    )
+    return WayNodes(counts, *(table.column(name).to_numpy() for name in _NODE_COLUMNS))
 
 
-def _tags(field: str) -> dict[str, str]:
-    if not field:
-        return {}
-    pairs = (pair.partition("=") for pair in field.split(","))
-    if "%" in field:
-        return {_text(key): _text(value) for key, _, value in pairs}
-    return {key: value for key, _, value in pairs}
+def _field(line: bytes, number: int) -> str:
+    """A field without its letter."""
+    return line[:-1].split(b" ")[number][1:].decode()
+
+
+@lru_cache(maxsize=2**16)  # nearly all tags of a file are among a few thousand
+def _tag(text: str) -> tuple[str, str]:
+    key, value = text.split("=")
+    return _text(key), _text(value)
 
 
 def _text(text: str) -> str:
-    return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), text) if "%" in text else text
+    if "%" not in text:
+        return text
+    parts = text.split("%")  # plain and escaped in turn
+    parts[1::2] = [chr(int(code, 16)) for code in parts[1::2]]
+    return "".join(parts)

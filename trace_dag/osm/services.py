@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+import numpy as np
+
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
 from trace_dag.http import HttpClient
 from trace_dag.osm.catalog import box_around, is_on_earth
@@ -146,8 +148,7 @@ def _raw_ways(data: OsmExtract, *, service_roads: bool) -> list[RawWay]:
     for way in data.ways:
         if not is_drivable(way.tags, service_roads=service_roads):
             continue
-        x_deg = tuple(data.nodes[node_id].longitude_deg for node_id in way.node_ids)
-        y_deg = tuple(data.nodes[node_id].latitude_deg for node_id in way.node_ids)
-        bounds = min(x_deg), min(y_deg), max(x_deg), max(y_deg)
-        ways.append(RawWay(way.id, way.node_ids, x_deg, y_deg, bounds, way.tags))
+        x_deg = np.array([data.nodes[node_id].longitude_deg for node_id in way.node_ids])
+        y_deg = np.array([data.nodes[node_id].latitude_deg for node_id in way.node_ids])
+        ways.append(RawWay(way.id, np.array(way.node_ids), x_deg, y_deg, way.tags))
     return ways

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from typing import Final
 
 from lxml import etree
@@ -146,7 +147,7 @@ def _box_of(nodes: dict[int, OsmNode]) -> BoundingBox:
     return BoundingBox(min(latitudes), min(longitudes), max(latitudes), max(longitudes))
 
 
-def _write_tags(element: etree._Element, tags: dict[str, str]) -> None:
+def _write_tags(element: etree._Element, tags: Mapping[str, str]) -> None:
     for key in sorted(tags):
         etree.SubElement(element, "tag", k=_text(key), v=_text(tags[key]))
 

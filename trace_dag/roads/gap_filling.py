@@ -125,7 +125,7 @@ def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
     """Signals on those of a crossing's nodes where ways meet."""
     arms = Counter(node_id for way in extract.ways for pair in pairwise(way.node_ids) for node_id in pair)
     new = {
-        node_id: replace(node, tags={**node.tags, "highway": "traffic_signals"})
+        node_id: node._replace(tags={**node.tags, "highway": "traffic_signals"})
         for node_id in sorted(node_ids)
         if arms[node_id] > 2 and "highway" not in (node := extract.nodes[node_id]).tags
     }
@@ -151,7 +151,7 @@ def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[
             if sign_id is not None:
                 node_ids.append(sign_id)
         node_ids.append(b)
-    return replace(way, node_ids=tuple(node_ids))
+    return way._replace(node_ids=tuple(node_ids))
 
 
 def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: dict[str, str]) -> int | None:
@@ -159,7 +159,7 @@ def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: 
     length_m = _distance_m(far, crossing)
     if length_m <= 2 * _SIGN_BEFORE_M:
         if "highway" not in far.tags:
-            nodes[far.id] = replace(far, tags={**far.tags, **tags})
+            nodes[far.id] = far._replace(tags={**far.tags, **tags})
         return None
     share = _SIGN_BEFORE_M / length_m
     sign = OsmNode(

@@ -21,7 +21,7 @@ from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.network import LaneRef
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from trace_dag.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract, OsmWay
@@ -365,7 +365,7 @@ def lane_count(road: Road, s_m: float) -> int:
     return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)
 
 
-def tagged_lane_count(tags: dict[str, str]) -> int | None:
+def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
     """Lanes in all as the tags say, if they say so without contradicting themselves.
 
     A two-way street of one lane counts as two: OpenDRIVE has no lane that both directions share, so each gets its half.
