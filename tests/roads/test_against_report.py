@@ -159,6 +159,24 @@ def test_intersection_types(topology: RoadTopology, at_m: tuple[float, float], a
     assert compared(crossing({}, {}), record)["intersection type"].agreement == agreement
 
 
+@pytest.mark.parametrize(
+    ("cross", "mapped"),
+    [
+        ("ELM ST", RoadTopology.FOUR_WAY),
+        ("OAK ST", RoadTopology.T),
+        ("ASH ST", RoadTopology.T),  # not on the map
+        ("", RoadTopology.T),
+    ],
+)
+def test_the_type_is_that_of_the_crossing_whose_streets_are_reported(cross: str, mapped: RoadTopology) -> None:
+    town = Town()
+    town.street([(-200, 0), (0, 0), (120, 0), (200, 0)], name="Main Street")
+    town.street([(0, -200), (0, 0), (0, 200)], name="Elm Street")
+    town.street([(120, 0), (120, 200)], name="Oak Street")
+    record = report(at_m=(110, -2), street="MAIN ST", cross=cross, topology=RoadTopology.FOUR_WAY, junction_relation=3)
+    assert compared(town, record)["intersection type"].mapped == mapped.value
+
+
 def test_a_bend_is_an_l() -> None:
     town = Town()
     town.street([(-150, 0), (-5, 0), (0, 5), (0, 150)], name="Main Street")

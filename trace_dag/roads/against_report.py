@@ -19,7 +19,7 @@ from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.roads.carriageways import Carriageway, carriageway_at
 from trace_dag.roads.crossings import Crossing, find_crossings
 from trace_dag.roads.network import ContactPoint, Road, RoadNetwork
-from trace_dag.roads.placement import is_at_intersection, rank_of
+from trace_dag.roads.placement import is_at_intersection, is_named, rank_of
 from trace_dag.roads.report import Comparison, CrashPlacement
 from trace_dag.roads.reported_road import (
     MOST_LANES,
@@ -242,28 +242,37 @@ def _limit(speed_mps: float) -> str:
 
 def _intersection(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> Comparison:
     reported = record.road_topology
+    kind = _kind_as_named(network, record, placement) if is_at_intersection(record) else _kind_at(network, placement)
     if reported == RoadTopology.OTHERS:
-        kind = _mapped_kind(network, placement, at_intersection=is_at_intersection(record))
         return Comparison(INTERSECTION, None, kind.value, NOT_COMPARABLE)
-    kind = _mapped_kind(network, placement, at_intersection=is_at_intersection(record))
     if kind == RoadTopology.NOT_AN_INTERSECTION and reported == RoadTopology.L and _bends(network, placement):
         kind = RoadTopology.L
     return Comparison(INTERSECTION, reported.value, kind.value, AGREES if kind == reported else DIFFERS)
 
 
-def _mapped_kind(network: RoadNetwork, placement: CrashPlacement, *, at_intersection: bool) -> RoadTopology:
-    """The kind of the crossing that the crash belongs to; if reported between crossings, of the one it lies in."""
-    junction_id = placement.junction_id
-    if not at_intersection and placement.lane is not None:
-        junction_id = network.road_by_id[placement.lane.lane.road_id].junction_id
-    junction = network.junction_by_id.get(junction_id) if junction_id is not None else None
-    if junction is None or not junction.kind:
+def _kind_as_named(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> RoadTopology:
+    """The kind of the crossing that the report speaks of: the crash's own, unless only another has the reported names.
+
+    A crash that happened on the way to or from a crossing may lie nearer to the one before.
+    """
+    crossings = [crossing for crossing in find_crossings(network) if crossing.kind is not None]
+    named = [crossing for crossing in crossings if is_named(crossing, record)]
+    own = [crossing for crossing in crossings if placement.junction_id in crossing.junction_ids]
+    meant = [crossing for crossing in own if crossing in named] or named or own
+    nearest = min(meant, key=lambda c: math.dist(c.centre_xy_m, (placement.x_m, placement.y_m)), default=None)
+    return nearest.kind if nearest is not None and nearest.kind is not None else RoadTopology.NOT_AN_INTERSECTION
+
+
+def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
+    """The kind of the crossing that the crash lies in."""
+    lane = placement.lane
+    junction = (
+        None if lane is None else network.junction_by_id.get(network.road_by_id[lane.lane.road_id].junction_id or "")
+    )
+    if junction is None or not junction.kind or junction.centre_xy_m is None:
         return RoadTopology.NOT_AN_INTERSECTION
-    if not at_intersection and junction.centre_xy_m is not None:
-        centre_x, centre_y = junction.centre_xy_m
-        if math.hypot(placement.x_m - centre_x, placement.y_m - centre_y) > _INTERSECTION_RADIUS_M:
-            return RoadTopology.NOT_AN_INTERSECTION
-    return RoadTopology(junction.kind)
+    distance_m = math.dist(junction.centre_xy_m, (placement.x_m, placement.y_m))
+    return RoadTopology(junction.kind) if distance_m <= _INTERSECTION_RADIUS_M else RoadTopology.NOT_AN_INTERSECTION
 
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:

@@ -20,7 +20,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.roads.carriageways import carriageway_at
-from trace_dag.roads.crossings import Arm, Crossing, find_crossings
+from trace_dag.roads.crossings import Crossing, find_crossings
 from trace_dag.roads.network import LaneMatch, LaneRef, Road, RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.roads.reported_road import Trafficway, lanes_as_reported, pair_of, trafficway_of, trafficway_on_map
@@ -75,6 +75,11 @@ def is_at_intersection(record: CrashRecord) -> bool:
     if record.road_topology not in _NO_INTERSECTION:
         return True
     return record.road_topology == RoadTopology.OTHERS and record.junction_relation_code in _AT_INTERSECTION
+
+
+def is_named(crossing: Crossing, record: CrashRecord) -> bool:
+    """Whether a crossing is the one the report names: both of its streets meet there."""
+    return all((value or 0.0) >= SAME_STREET for value in _name_similarities(crossing, record))
 
 
 def rank_of(highway: str) -> float:
@@ -238,13 +243,10 @@ class _Placer:
             if crossing.kind is None:
                 continue
             distance_m = self._distance_to(crossing)
-            first = _arm_similarity(record.trafficway_1, crossing.arms)
-            second = _arm_similarity(record.trafficway_2, crossing.arms)
-            both_named = min(first or 0.0, second or 0.0) >= SAME_STREET
-            if distance_m > (_LOOK_AROUND_M if both_named else self._settings.max_move_m):
+            if distance_m > (_LOOK_AROUND_M if is_named(crossing, record) else self._settings.max_move_m):
                 continue
             score = -math.log1p((distance_m / _CROSSING_SCALE_M) ** 2)
-            score += sum(4.0 * value - 1.0 for value in (first, second) if value is not None)
+            score += sum(4.0 * value - 1.0 for value in _name_similarities(crossing, record) if value is not None)
             score += 1.0 if crossing.kind == record.road_topology else 0.0
             if score > best_score:
                 best, best_score = crossing, score
@@ -358,6 +360,11 @@ def _best(candidates: list[_Candidate]) -> _Candidate:
     return max(candidates, key=lambda candidate: (candidate.score, -candidate.distance_m))
 
 
-def _arm_similarity(reported: str, arms: Iterable[Arm]) -> float | None:
-    values = [value for arm in arms if (value := similarity(reported, sorted(arm.names))) is not None]
-    return max(values, default=None)
+def _name_similarities(crossing: Crossing, record: CrashRecord) -> tuple[float | None, float | None]:
+    first, second = (
+        max(
+            (value for arm in crossing.arms if (value := similarity(name, sorted(arm.names))) is not None), default=None
+        )
+        for name in (record.trafficway_1, record.trafficway_2)
+    )
+    return first, second
