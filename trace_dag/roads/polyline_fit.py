@@ -3,7 +3,7 @@
 Each vertex becomes an arc tangent to both its segments: the plainest curve with continuous heading, exact in arc length
 (OpenDRIVE 1.7, 7.3), with a deviation known in closed form. Where the vertices of a bend are too close together for
 the radius that its lanes need, they become one; where a corner is so sharp that its arc would cut far inside it, the
-line swings out a little before it, as drivers do.
+line runs a little outside the street on its way there, as drivers do.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ _ENOUGH_ROOM: Final = 0.95  # of the tangent needed; corners with less are merge
 _END_SHARE: Final = 0.7  # of its first and last segment a plan may use for arcs: it begins and ends with a line
 _MIN_LENGTH_M: Final = 1e-6
 _SWING_M: Final = 0.95  # farthest that the line swings out before a corner
-_SWING_LENGTH_M: Final = 7.0  # over which it does so
+_LEAST_SWING_M: Final = 0.1  # less is not worth it
+_SWING_LENGTH_M: Final = 7.0  # over which it does so if there is room,
+_SHORTEST_SWING_M: Final = 4.0  # and at least
+_SWING_BENDS: Final = 2.5  # tangents that a swing needs for its two bends, and a little to spare
 
 
 def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = False) -> Plan:
@@ -55,7 +58,7 @@ def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = 
             del room[first]
             for index in _merge(shape, first, corner, min_radius_m):
                 room[index] = _room(shape, index, frozen)
-    swung = _swung_out(shape)
+    swung = _swung_out(shape, min_radius_m)
     if swung is not None:
         shape = _shape(swung, min_radius_m)
     elements, length, corner_s = _rounded(shape)
@@ -95,35 +98,75 @@ def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
     return _Shape(corners, lengths, directions, turns, limits, _share_segments(limits, lengths))
 
 
-def _swung_out(shape: _Shape) -> list[_Corner] | None:
-    """The corners, those that their arcs would miss by more than a metre moved outwards; None if there are none.
-
-    A vertex before and one after keep the rest of the street where it is; a corner without room for them stays.
-    """
+def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
+    """The corners, those that their arcs would miss by more than a metre moved outwards; None if there are none."""
     corners = shape.corners
     swung: list[_Corner] = [corners[0]]
-    found = False
+    taken_m = 0.0  # of the segment before a corner, by the corner before it
     for index in range(1, len(corners) - 1):
-        corner = corners[index]
-        turn = abs(shape.turns[index - 1])
-        missed = shape.tangents[index] * math.tan(min(turn, 3.1) / 4)
-        swing = min(missed - 1.0, _SWING_M)
-        reach = shape.tangents[index] + _SWING_LENGTH_M
-        room = (
-            shape.lengths[index - 1] - shape.tangents[index - 1] - reach,
-            shape.lengths[index] - shape.tangents[index + 1] - reach,
-        )
-        if swing <= 0.1 or len(corner.sources) != 1 or min(room) < _SWING_LENGTH_M or turn > _WIDEST_CORNER_RAD:
-            swung.append(corner)
-            continue
-        found = True
-        u, v = shape.directions[index - 1], shape.directions[index]
-        (x, y), side = corner.point, swing / (2 * math.sin(turn / 2))
-        outside = (x + side * (math.cos(u) - math.cos(v)), y + side * (math.sin(u) - math.sin(v)))
-        swung.append(_Corner((x - reach * math.cos(u), y - reach * math.sin(u)), ()))
-        swung.append(_Corner(outside, corner.sources, swing))
-        swung.append(_Corner((x + reach * math.cos(v), y + reach * math.sin(v)), ()))
-    return [*swung, corners[-1]] if found else None
+        rooms_m = shape.lengths[index - 1] - taken_m, shape.lengths[index] - shape.tangents[index + 1]
+        swing = _swing(shape, index, rooms_m, min_radius_m)
+        swung += swing.corners if swing else [corners[index]]
+        taken_m = swing.taken_m if swing else shape.tangents[index]
+    swung.append(corners[-1])
+    return swung if len(swung) > len(corners) else None
+
+
+class _Swing(NamedTuple):
+    """Corners that lead a line out beside a street, and what they take of the segment behind the last."""
+
+    corners: list[_Corner]
+    taken_m: float
+
+
+def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m: float) -> _Swing | None:
+    """What takes the place of a corner; None if it is well where it is, or has no room.
+
+    The line runs beside the street before and behind the corner, or on one of its sides if the other is too short.
+    ``rooms_m`` is what there is of the segments before and behind.
+    """
+    corner, turn = shape.corners[index], abs(shape.turns[index - 1])
+    missed_m = shape.tangents[index] * math.tan(min(turn, 3.1) / 4)
+    out_m = min((missed_m - 1.0) * math.cos(turn / 2), _SWING_M)
+    if out_m <= _LEAST_SWING_M or len(corner.sources) != 1 or turn > _WIDEST_CORNER_RAD:
+        return None
+    bend_m = min_radius_m * math.tan(math.atan2(out_m, _SHORTEST_SWING_M) / 2)  # tangent of the bends there and back
+    back, ahead = shape.directions[index - 1] + math.pi, shape.directions[index]
+    right = math.copysign(1.0, shape.turns[index - 1])  # the outside of a left turn, seen looking ahead
+    for before_m, behind_m in ((out_m, out_m), (out_m, 0.0), (0.0, out_m)):
+        moved_m = min(before_m, behind_m) / math.cos(turn / 2)
+        tangent_m = _tangent_lengths(turn, min_radius_m, moved_m)[0]
+        # The lines beside the street meet so far beyond the vertex, seen along either.
+        beyond_before_m = (behind_m - before_m * math.cos(turn)) / math.sin(turn)
+        beyond_behind_m = (before_m - behind_m * math.cos(turn)) / math.sin(turn)
+        before = _way_out(corner.point, back, -right * before_m, tangent_m - beyond_before_m, bend_m, rooms_m[0])
+        behind = _way_out(corner.point, ahead, right * behind_m, tangent_m - beyond_behind_m, bend_m, rooms_m[1])
+        if before and behind:
+            vertex = _beside(corner.point, back, -beyond_before_m, -right * before_m)
+            moved = _Corner(vertex, corner.sources, moved_m)
+            return _Swing([*reversed(before.corners), moved, *behind.corners], behind.taken_m)
+    return None
+
+
+def _way_out(
+    vertex: Point, heading_rad: float, right_m: float, arc_end_m: float, bend_m: float, room_m: float
+) -> _Swing | None:
+    """From beside a street back onto it, seen from the corner; None if there is no room."""
+    if right_m == 0.0:
+        return _Swing([], arc_end_m) if arc_end_m <= room_m else None
+    length_m = min(room_m - arc_end_m - _SWING_BENDS * bend_m, _SWING_LENGTH_M)
+    if length_m < _SHORTEST_SWING_M:
+        return None
+    near_m = arc_end_m + bend_m
+    far_m = near_m + length_m
+    places = _beside(vertex, heading_rad, near_m, right_m), _beside(vertex, heading_rad, far_m, 0.0)
+    return _Swing([_Corner(place, ()) for place in places], far_m + (_SWING_BENDS - 1.0) * bend_m)
+
+
+def _beside(point: Point, heading_rad: float, along_m: float, right_m: float) -> Point:
+    """The place so far from a point along a heading and to the right of it."""
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    return point[0] + along_m * c + right_m * s, point[1] + along_m * s - right_m * c
 
 
 def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
