@@ -75,6 +75,24 @@ def test_a_right_angle_gets_the_radius_asked_for() -> None:
     assert 1 / max(element.curvature_1pm for element in plan.elements) == pytest.approx(6.0)
 
 
+@pytest.mark.parametrize(
+    ("before_m", "behind_m", "least_m", "most_m"),
+    [
+        (40.0, 40.0, 1.6, 1.7),  # 0.95 m out on both sides: 7.15 m * (sqrt(2) - 1) - 0.95 m * sqrt(2)
+        (12.0, 40.0, 2.2, 2.5),  # on the longer side only
+        (40.0, 12.0, 2.2, 2.5),
+        (12.0, 12.0, 2.9, 3.0),
+    ],
+)
+def test_a_right_angle_is_missed_by_less_where_there_is_room_to_swing_out(
+    before_m: float, behind_m: float, least_m: float, most_m: float
+) -> None:
+    drawn = [(-before_m, 0.0), (0.0, 0.0), (0.0, behind_m)]
+    plan = fit_plan(drawn, 7.15)
+    assert least_m < shapely.LineString(sampled(plan)[:, :2]).distance(shapely.Point(0.0, 0.0)) < most_m
+    assert 1 / max(element.curvature_1pm for element in plan.elements) > 7.0
+
+
 def test_a_bend_drawn_with_many_vertices_becomes_one_wide_enough() -> None:
     corner = [(3 * math.sin(a), 3 - 3 * math.cos(a)) for a in np.linspace(0, math.pi / 2, 5)]
     plan = fit_plan([(-40, 0), *corner, (3, 40)], 6.0)
