@@ -239,33 +239,43 @@ class _Collector:
 
     def _add_ways(self, lines: Sequence[bytes]) -> None:
         """Keep the ways whose bounds overlap a box."""
-        counts, node_ids, x_deg, y_deg = opl.read_way_nodes(lines)
-        if not counts.any():
+        nodes = opl.read_way_nodes(lines)
+        self.incomplete |= bool(np.isnan(nodes.longitudes_deg).any())
+        located, bounds = _bounds_of_ways(nodes)
+        if not len(located):
             return
-        self.incomplete |= bool(np.isnan(x_deg).any())
-        ends = np.cumsum(counts)
-        starts = ends - counts
-        filled = np.flatnonzero(counts)
-        # fmin and fmax pass over NaN: the bounds are those of the nodes that are there.
-        bounds = np.array(
-            [
-                function.reduceat(values, starts[filled])
-                for function, values in ((np.fmin, x_deg), (np.fmin, y_deg), (np.fmax, x_deg), (np.fmax, y_deg))
-            ]
-        )
-        located = ~np.isnan(bounds[0])
-        filled, bounds = filled[located], bounds[:, located]
-        if self._measure_bounds and len(filled):
+        if self._measure_bounds:
             self._bounds_deg.append(np.concatenate([bounds[:2].min(axis=1), bounds[2:].max(axis=1)]))
         near, sites = self._areas.query(shapely.box(*bounds))
-        ways: dict[int, RawWay | None] = {}
-        for index, site in zip(filled[near].tolist(), sites.tolist(), strict=True):
-            if index not in ways:
-                tags, nodes = opl.read_tags(lines[index]), slice(starts[index], ends[index])
-                ways[index] = (
-                    RawWay(opl.read_id(lines[index]), node_ids[nodes], x_deg[nodes], y_deg[nodes], tags)
-                    if is_drivable(tags, service_roads=self._service_roads)
-                    else None
-                )
-            if (way := ways[index]) is not None:
+        ways = self._read_ways(lines, nodes, np.unique(located[near]))
+        for index, site in zip(located[near].tolist(), sites.tolist(), strict=True):
+            if (way := ways.get(index)) is not None:
                 self._ways[site][way.id] = way
+
+    def _read_ways(self, lines: Sequence[bytes], nodes: opl.WayNodes, wanted: _IntArray) -> dict[int, RawWay]:
+        """Those of the wanted ways that are drivable, by their number among the lines."""
+        of_wanted = np.repeat(np.isin(np.arange(len(lines)), wanted), nodes.counts)
+        # Copies: what is kept of a batch must not keep all of it in memory.
+        ids, x_deg, y_deg = nodes.ids[of_wanted], nodes.longitudes_deg[of_wanted], nodes.latitudes_deg[of_wanted]
+        ends = np.cumsum(nodes.counts[wanted])
+        starts = ends - nodes.counts[wanted]
+        ways = {}
+        for index, start, end in zip(wanted.tolist(), starts.tolist(), ends.tolist(), strict=True):
+            tags = opl.read_tags(lines[index])
+            if is_drivable(tags, service_roads=self._service_roads):
+                way_id = opl.read_id(lines[index])
+                ways[index] = RawWay(way_id, ids[start:end], x_deg[start:end], y_deg[start:end], tags)
+        return ways
+
+
+def _bounds_of_ways(nodes: opl.WayNodes) -> tuple[_IntArray, FloatArray]:
+    """The numbers of the ways with a node that is located, (n,); their west, south, east and north, degrees, (4, n)."""
+    filled = np.flatnonzero(nodes.counts)
+    if not len(filled):
+        return filled, np.empty((4, 0))
+    first = (np.cumsum(nodes.counts) - nodes.counts)[filled]
+    places = nodes.longitudes_deg, nodes.latitudes_deg
+    # fmin and fmax pass over NaN: the bounds are those of the nodes that are there.
+    bounds = np.array([extreme.reduceat(values, first) for extreme in (np.fmin, np.fmax) for values in places])
+    located = ~np.isnan(bounds[0])
+    return filled[located], bounds[:, located]
