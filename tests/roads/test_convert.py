@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.roads.towns import FRAME, SETTINGS, Town
@@ -222,6 +223,21 @@ def test_the_crossings_of_a_divided_road_are_one_junction() -> None:
     assert exits(network, at(network, 1.7, -100, 90)) == {"North", "Main"}
     assert lane_turns(network, at(network, 1.7, -100, 90)) == {"straight", "left", "right"}
     assert "Between" not in {road.name for road in network.roads}
+
+
+def test_lanes_shift_gently_where_a_street_is_divided() -> None:
+    """Its one lane becomes the two of a carriageway that begins as wide as the street."""
+    town = Town()
+    town.street([(-150, 0), (0, 0)], highway="primary", lanes="2")
+    town.street([(0, 0), (150, -8)], highway="primary", oneway="yes", lanes="2")
+    town.street([(150, 8), (0, 0)], highway="primary", oneway="yes", lanes="2")
+    network = town.network()
+    connecting = [road for road in network.roads if road.junction_id is not None]
+    assert len(connecting) >= 2
+    for road in connecting:
+        centre = network.geometry(LaneRef(road.id, 0, -1)).centre
+        borders = centre.sample(np.linspace(0.0, road.length_m, 50))
+        assert np.abs(np.gradient(borders, road.length_m / 49)).max() < 0.75, "a step of 1 m moves at most 1.25 m"
 
 
 def test_a_roundabout_runs_counter_clockwise_and_stays_a_ring() -> None:

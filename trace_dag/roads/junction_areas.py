@@ -79,6 +79,12 @@ def _extents(section: CrossSection) -> tuple[float, float]:
     return left, right
 
 
+def _inner_borders(section: CrossSection) -> tuple[float | None, float | None]:
+    """Left border of the lanes along the way and of those against it, left of the geometry as they are driven."""
+    centre_m = section.centre.width_m if section.centre else 0.0
+    return (section.offset_m if section.forward else None, -section.offset_m - centre_m if section.backward else None)
+
+
 def lay_out(streets: Sequence[Street], plans: Sequence[Plan]) -> Layout:
     """Group junction nodes into junctions and find the cuts."""
     positions = {
@@ -210,6 +216,8 @@ class _Strip:
         left, right = _extents(profile.section)
         self.left, self.right = (left, right) if at_start else (right, left)
         self.profile = profile
+        forward, backward = _inner_borders(profile.section)
+        self.outgoing, self.incoming = (forward, backward) if at_start else (backward, forward)
         points = street.points if at_start else street.points[::-1]
         self.segments: list[tuple[float, float, float, float, float, float]] = []
         s = 0.0
@@ -222,8 +230,17 @@ class _Strip:
         self.heading = _chord_heading(self.segments)
 
     def shift_to(self, other: _Strip) -> float:
-        """How far the edges of an opposite arm lie from this one's own edges prolonged, metres."""
-        return max(abs(self.left - other.right), abs(self.right - other.left))
+        """How far lanes shift sideways on the way to or from an opposite arm, metres.
+
+        Either their outer edges do, or the inner ones, as where a street is divided: its one lane becomes the two of a
+        carriageway that is as wide as the street.
+        """
+        inner = ((self.incoming, other.outgoing), (self.outgoing, other.incoming))
+        return max(
+            abs(self.left - other.right),
+            abs(self.right - other.left),
+            *(abs(a - b) for a, b in inner if a is not None and b is not None),
+        )
 
     def clear_of(self, other: _Strip) -> float:
         """Distance along this arm from which on neither of its edges is on the other arm's ground.
