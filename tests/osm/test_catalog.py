@@ -6,8 +6,10 @@ import bz2
 import gzip
 import math
 import random
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import osmium
@@ -241,6 +243,12 @@ def test_a_file_that_ends_too_early_is_named(tmp_path: Path, suffix: str) -> Non
     half.write_bytes(whole.read_bytes()[: int(0.9 * whole.stat().st_size)])
     with pytest.raises(UserError, match=f"half{suffix}"):
         extract(half)
+
+
+def test_a_disk_without_room_for_the_roads_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1))
+    with pytest.raises(UserError, match=r"0 MB free.*TMPDIR"):
+        extract(save(tmp_path / "plain.osm", *CROSSROADS))
 
 
 def test_paths_that_are_no_maps_are_named(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import os
+import shutil
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,6 +45,7 @@ _NODE_KEYS: Final = ("highway", "traffic_signals", "traffic_sign", "traffic_calm
 # libosmium tells formats by the same endings.
 _XML_OPENERS: Final[Mapping[str, Callable[..., Any]]] = {".osm": open, ".osm.gz": gzip.open, ".osm.bz2": bz2.open}
 _BATCH: Final = 50_000  # ways whose geometry is held at a time
+_COPY_TO_FILE: Final = 4  # size of the copy to that of the file; 2 is usual for the densest kind, .osm.pbf
 _WRITTEN_AT_ONCE: Final = 2**20  # bytes: little enough for threads to write while the file is still being read
 
 _IntArray = npt.NDArray[np.int64]
@@ -119,10 +121,11 @@ def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *,
 
     Only a file that has ways before their nodes and does not say how it is sorted has its ways read a second time.
 
-    Raises :class:`UserError` if the file cannot be read to its end as OSM data.
+    Raises :class:`UserError` if the file cannot be read to its end as OSM data, or its roads find no room on the disk.
     """
     import osmium
 
+    _check_room(path)
     with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder, _reading(path), no_garbage_collection():
         collector = _Collector(boxes, measure_bounds=header.box is None, service_roads=service_roads)
         locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
@@ -153,6 +156,17 @@ def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *,
             collector.forget_ways()
             collector.read(copy_roads("again.opl", osmium.osm.WAY))
         return collector.found()
+
+
+def _check_room(path: Path) -> None:
+    """libosmium ends the whole process when a disk is full, so that is found out before."""
+    folder = Path(tempfile.gettempdir())
+    needed, free = path.stat().st_size * _COPY_TO_FILE, shutil.disk_usage(folder).free
+    if free < needed:
+        raise UserError(
+            f"{folder}: {free / 1e6:.0f} MB free, but copying the roads of {path} may take {needed / 1e6:.0f} MB; "
+            "make room, or set TMPDIR to a folder that has it"
+        )
 
 
 def _road_classes(*, service_roads: bool) -> list[tuple[str, str]]:
