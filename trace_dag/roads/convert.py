@@ -15,6 +15,7 @@ from typing import Final
 
 import trace_dag
 from trace_dag.errors import Reason, Rejection
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.connecting_roads import build_connections
@@ -43,6 +44,7 @@ class WayHints:
     speed_mps: float | None = None
 
 
+@no_garbage_collection()
 def convert(
     extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints] | None = None
 ) -> RoadNetwork:

@@ -63,8 +63,7 @@ _CROSSING_MARGIN_M: Final = 8.0  # the height of a crossing holds this far beyon
 
 def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """The network with heights; a network that nothing gives a height to is returned as it is."""
-    layered = any(_level(road) for road in network.roads)
-    separated = [crossing for crossing in find_separations(network) if crossing.levels_differ] if layered else []
+    separated = find_separations(network, between_levels=True)
     sloped = has_height_tags(extract)
     if not separated and not sloped:
         return network

@@ -247,8 +247,11 @@ class _Strip:
 
         Ground that the arm reaches only later, after having been clear of it, does not count.
         """
-        covered: list[tuple[float, float]] = []
+        clear = 0.0
         for s, x, y, c, n, length in self.segments:
+            if s > clear + _GAP_M:
+                break
+            covered: list[tuple[float, float]] = []
             for edge in (self.left - _OVERLAP_M, _OVERLAP_M - self.right):
                 px, py = x - edge * n, y + edge * c
                 for _, ox, oy, oc, on, olength in other.segments:
@@ -271,11 +274,10 @@ class _Strip:
                         low, high = max(low, first), min(high, second)
                     if high >= low:
                         covered.append((s + low, s + high))
-        clear = 0.0
-        for low, high in sorted(covered):
-            if low > clear + _GAP_M:
-                break
-            clear = max(clear, high)
+            for low, high in sorted(covered):
+                if low > clear + _GAP_M:
+                    break
+                clear = max(clear, high)
         return min(clear, _REACH_M)
 
 

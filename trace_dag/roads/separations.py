@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -16,6 +16,7 @@ from trace_dag.roads.reference_line import ReferenceLine
 
 _PARALLEL_RAD: Final = math.radians(8.0)  # lines this close to parallel run along each other rather than cross
 _STEP_M: Final = 2.0
+_GROUND: Final = (0, False, False)
 
 
 class Separation(NamedTuple):
@@ -30,33 +31,48 @@ class Separation(NamedTuple):
     @property
     def levels_differ(self) -> bool:
         """Whether OSM says that one passes over the other."""
-        a, b = self.roads
-        return (a.layer, a.bridge, a.tunnel) != (b.layer, b.bridge, b.tunnel)
+        return _level(self.roads[0]) != _level(self.roads[1])
 
 
-def find_separations(network: RoadNetwork) -> list[Separation]:
-    """All crossings of roads that do not meet, in the order of the roads."""
-    roads = list(network.roads)
-    if not roads:
+def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> list[Separation]:
+    """All crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels."""
+    roads = _around_structures(network.roads) if between_levels else list(network.roads)
+    asked = [i for i, road in enumerate(roads) if not between_levels or _level(road) != _GROUND]
+    if not asked:
         return []
     corners = [_corners(road) for road in roads]
     owners = np.repeat(np.arange(len(roads)), [len(points) for points in corners])
     shapes = np.asarray(shapely.linestrings(np.concatenate(corners), indices=owners), dtype=object)
-    tree = shapely.STRtree(shapes)
+    crossing = shapely.STRtree(shapes).query(shapes[asked], predicate="crosses").T.tolist()
     found = []
-    for i, j in tree.query(shapes, predicate="crosses").T:
-        a, b = roads[int(i)], roads[int(j)]
-        if i >= j or roads_meet(a, b):
+    for i, j in sorted({(min(asked[k], other), max(asked[k], other)) for k, other in crossing}):
+        a, b = roads[i], roads[j]
+        if roads_meet(a, b) or (between_levels and _level(a) == _level(b)):
             continue
         for point in shapely.get_parts(shapely.intersection(shapes[i], shapes[j])):
             centre = point.centroid
-            lines = {k: network.road_geometry(roads[k].id).line for k in (int(i), int(j))}
-            feet = [lines[k].project(centre.x, centre.y) for k in lines]
-            directions = [lines[k].at(foot.s_m)[2] for k, foot in zip(lines, feet, strict=True)]
+            lines = [network.road_geometry(road.id).line for road in (a, b)]
+            feet = [line.project(centre.x, centre.y) for line in lines]
+            directions = [line.at(foot.s_m)[2] for line, foot in zip(lines, feet, strict=True)]
             angle_rad = abs(math.remainder(directions[0] - directions[1], math.pi))
             if angle_rad >= _PARALLEL_RAD:
                 found.append(Separation((a, b), (feet[0].s_m, feet[1].s_m), centre.x, centre.y, angle_rad))
     return found
+
+
+def _level(road: Road) -> tuple[int, bool, bool]:
+    return road.layer, road.bridge, road.tunnel
+
+
+def _around_structures(roads: Sequence[Road]) -> list[Road]:
+    """The bridges, tunnels and other layers, and the roads near enough to reach them."""
+    starts = np.array([(road.plan[0].x_m, road.plan[0].y_m) for road in roads]).reshape(-1, 2)
+    lengths = np.array([road.length_m for road in roads])
+    near = np.zeros(len(roads), dtype=bool)
+    for index, road in enumerate(roads):
+        if _level(road) != _GROUND:
+            near |= np.hypot(*(starts - starts[index]).T) <= lengths + road.length_m
+    return [roads[index] for index in np.flatnonzero(near).tolist()]
 
 
 def _corners(road: Road) -> list[tuple[float, float]]:
