@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import platform
+import statistics
 import subprocess
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -29,9 +31,9 @@ def append(figures: Sequence[Figure], path: Path = RESULTS) -> list[dict[str, An
         "machine": f"{os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}",
     }
     measured = {figure.name: {**asdict(figure), "ratio": figure.ratio, "reached": figure.reached} for figure in figures}
-    load = round(os.getloadavg()[0], 1)
+    beside = {"load": round(os.getloadavg()[0], 1), "loop_ms": round(_loop_ms(), 1)}
     for measured_figure in measured.values():
-        measured_figure["load"] = load
+        measured_figure |= beside
     last = measurements[-1] if measurements else {}
     if {name: last.get(name) for name in about} == about:
         last["figures"] |= measured
@@ -51,7 +53,8 @@ def page(measurements: Sequence[dict[str, Any]]) -> str:
         "",
         "Made by `python -m benchmarks`; every measurement is kept in `benchmarks/results.json`. A figure is a median",
         "of several runs, by turns with its peer; times are CPU time unless they say otherwise. In brackets the ratio",
-        "to the peer. Bold misses its goal.",
+        "to the peer. Bold misses its goal. A shared machine is faster in one minute than in the next: below is what a",
+        "fixed loop of plain Python took beside the figures.",
         "",
         "| | unit | peer | goal | " + " | ".join(f"{each['version']}" for each in shown) + " |",
         "|---|---|---|---|" + "---:|" * len(shown),
@@ -60,10 +63,25 @@ def page(measurements: Sequence[dict[str, Any]]) -> str:
         latest = next(each["figures"][name] for each in reversed(shown) if name in each["figures"])
         cells = [_cell(each["figures"].get(name)) for each in shown]
         lines.append(f"| {name} | {latest['unit']} | {latest['peer']} | {_goal(latest)} | {' | '.join(cells)} |")
-    lines += ["", *(f"- {each['version']}: {each['measured_at']}, {each['machine']}" for each in shown)]
+    lines += ["", *(f"- {each['version']}: {each['measured_at']}, {each['machine']}{_loop(each)}" for each in shown)]
     notes = {name: each["figures"][name]["note"] for each in shown for name in each["figures"]}
     lines += [f"- {name}: {note}" for name, note in notes.items() if note]
     return "\n".join(lines) + "\n"
+
+
+def _loop_ms() -> float:
+    """How fast the machine is at this moment: CPU time of a fixed loop, median of five."""
+    times_s = []
+    for _ in range(5):
+        start = time.thread_time()
+        sum(number * number % 7 for number in range(200_000))
+        times_s.append(time.thread_time() - start)
+    return 1e3 * statistics.median(times_s)
+
+
+def _loop(measurement: dict[str, Any]) -> str:
+    times_ms = [figure["loop_ms"] for figure in measurement["figures"].values() if "loop_ms" in figure]
+    return f", loop {min(times_ms):.0f} to {max(times_ms):.0f} ms" if times_ms else ""
 
 
 def _cell(figure: dict[str, Any] | None) -> str:
