@@ -17,8 +17,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
-from pyarrow import csv
 
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmMember
@@ -27,7 +25,7 @@ from trace_dag.osm.types import OsmMember
 WRITING: Final = "opl,locations_on_ways=true,add_metadata=false"
 
 _MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
-_NODE_COLUMNS: Final = {"id": pa.int64(), "longitude_deg": pa.float64(), "latitude_deg": pa.float64()}
+_NODE_COLUMNS: Final = {"id": "int64", "longitude_deg": "float64", "latitude_deg": "float64"}
 # Turns ``n1x-77.5y37.25,n2xy`` into rows ``1,-77.5,37.25`` and ``2,,``.
 _TO_ROWS: Final = bytes.maketrans(b",xy", b"\n,,")
 
@@ -63,6 +61,9 @@ def read_members(line: bytes) -> tuple[OsmMember, ...]:
 
 def read_way_nodes(way_lines: Sequence[bytes]) -> WayNodes:
     """The nodes of ways."""
+    import pyarrow as pa
+    from pyarrow import csv
+
     fields = [line[line.rindex(b" ") + 2 :] for line in way_lines]
     counts = np.array([field.count(b"n") for field in fields], dtype=np.int64)
     rows = b"".join(fields).translate(_TO_ROWS, b"n")
