@@ -268,7 +268,9 @@ class _Collector:
 
     def _read_ways(self, lines: Sequence[bytes], nodes: opl.WayNodes, wanted: _IntArray) -> dict[int, RawWay]:
         """Those of the wanted ways that are drivable, by their number among the lines."""
-        of_wanted = np.repeat(np.isin(np.arange(len(lines)), wanted), nodes.counts)
+        is_wanted = np.zeros(len(lines), dtype=bool)
+        is_wanted[wanted] = True
+        of_wanted = np.repeat(is_wanted, nodes.counts)
         # Copies: what is kept of a batch must not keep all of it in memory.
         ids, x_deg, y_deg = nodes.ids[of_wanted], nodes.longitudes_deg[of_wanted], nodes.latitudes_deg[of_wanted]
         ends = np.cumsum(nodes.counts[wanted])

@@ -79,7 +79,7 @@ def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement
     streets = streets_at(network, record, placement)
     return (
         _per_vehicle(LANES, streets, _reported_lanes, _mapped_lanes),
-        _intersection(network, record, placement),
+        _intersection(network, record, placement, streets.crossing),
         _per_vehicle(DIVISION, streets, _reported_trafficway, _mapped_trafficways),
         _per_vehicle(CONTROL, streets, _reported_control, _mapped_controls),
         _per_vehicle(LIMIT, streets, _reported_limit, _mapped_limits),
@@ -240,9 +240,13 @@ def _limit(speed_mps: float) -> str:
     return f"{mps_to_mph(speed_mps):.0f} mph"
 
 
-def _intersection(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> Comparison:
+def _intersection(
+    network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
+) -> Comparison:
     reported = record.road_topology
-    kind = _kind_as_named(network, record, placement) if is_at_intersection(record) else _kind_at(network, placement)
+    kind = (
+        _kind_as_named(network, record, placement, own) if is_at_intersection(record) else _kind_at(network, placement)
+    )
     if reported == RoadTopology.OTHERS:
         return Comparison(INTERSECTION, None, kind.value, NOT_COMPARABLE)
     if kind == RoadTopology.NOT_AN_INTERSECTION and reported == RoadTopology.L and _bends(network, placement):
@@ -250,17 +254,19 @@ def _intersection(network: RoadNetwork, record: CrashRecord, placement: CrashPla
     return Comparison(INTERSECTION, reported.value, kind.value, AGREES if kind == reported else DIFFERS)
 
 
-def _kind_as_named(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> RoadTopology:
+def _kind_as_named(
+    network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
+) -> RoadTopology:
     """The kind of the crossing that the report speaks of: the crash's own, unless only another has the reported names.
 
     A crash that happened on the way to or from a crossing may lie nearer to the one before.
     """
-    crossings = [crossing for crossing in find_crossings(network) if crossing.kind is not None]
-    named = [crossing for crossing in crossings if is_named(crossing, record)]
-    own = [crossing for crossing in crossings if placement.junction_id in crossing.junction_ids]
-    meant = [crossing for crossing in own if crossing in named] or named or own
-    nearest = min(meant, key=lambda c: math.dist(c.centre_xy_m, (placement.x_m, placement.y_m)), default=None)
-    return nearest.kind if nearest is not None and nearest.kind is not None else RoadTopology.NOT_AN_INTERSECTION
+    meant = own
+    if own is None or not is_named(own, record):
+        named = (c for c in find_crossings(network) if c.kind is not None and is_named(c, record))
+        here = (placement.x_m, placement.y_m)
+        meant = min(named, key=lambda crossing: math.dist(crossing.centre_xy_m, here), default=own)
+    return RoadTopology.NOT_AN_INTERSECTION if meant is None or meant.kind is None else meant.kind
 
 
 def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:

@@ -79,7 +79,7 @@ def is_at_intersection(record: CrashRecord) -> bool:
 
 def is_named(crossing: Crossing, record: CrashRecord) -> bool:
     """Whether a crossing is the one the report names: both of its streets meet there."""
-    return all((value or 0.0) >= SAME_STREET for value in _name_similarities(crossing, record))
+    return _are_same_streets(_name_similarities(crossing, record))
 
 
 def rank_of(highway: str) -> float:
@@ -243,10 +243,11 @@ class _Placer:
             if crossing.kind is None:
                 continue
             distance_m = self._distance_to(crossing)
-            if distance_m > (_LOOK_AROUND_M if is_named(crossing, record) else self._settings.max_move_m):
+            similarities = _name_similarities(crossing, record)
+            if distance_m > (_LOOK_AROUND_M if _are_same_streets(similarities) else self._settings.max_move_m):
                 continue
             score = -math.log1p((distance_m / _CROSSING_SCALE_M) ** 2)
-            score += sum(4.0 * value - 1.0 for value in _name_similarities(crossing, record) if value is not None)
+            score += sum(4.0 * value - 1.0 for value in similarities if value is not None)
             score += 1.0 if crossing.kind == record.road_topology else 0.0
             if score > best_score:
                 best, best_score = crossing, score
@@ -358,6 +359,10 @@ class _Placer:
 
 def _best(candidates: list[_Candidate]) -> _Candidate:
     return max(candidates, key=lambda candidate: (candidate.score, -candidate.distance_m))
+
+
+def _are_same_streets(similarities: Iterable[float | None]) -> bool:
+    return all(value is not None and value >= SAME_STREET for value in similarities)
 
 
 def _name_similarities(crossing: Crossing, record: CrashRecord) -> tuple[float | None, float | None]:
