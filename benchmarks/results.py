@@ -1,4 +1,4 @@
-"""Figures over versions, kept in ``benchmarks/results.json`` and shown in ``docs/benchmarks.md``."""
+"""Figures over versions, kept in ``benchmarks/results.json`` and shown in ``docs/explanation/benchmarks.md``."""
 
 from __future__ import annotations
 

@@ -78,31 +78,123 @@ class Reason(StrEnum):
         """The paper's category this reason is counted under."""
         return _REASONS[self].published_category
 
+    @property
+    def meaning(self) -> str:
+        """What it says about the crash, in a sentence."""
+        return _REASONS[self].meaning
+
+    @property
+    def remedy(self) -> str:
+        """What can be done about it, in a sentence."""
+        return _REASONS[self].remedy
+
 
 @dataclass(frozen=True)
 class _ReasonFacts:
     stage: Stage
     published_category: PublishedCategory
+    meaning: str
+    remedy: str
 
 
 _PAPER = PublishedCategory
 _REASONS: dict[Reason, _ReasonFacts] = {
-    Reason.NOT_RELEASED: _ReasonFacts(Stage.RAW_REPORT, _PAPER.NOT_IN_PAPER),
-    Reason.MALFORMED_REPORT: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.NOT_IN_PAPER),
-    Reason.INCOMPLETE_LOCATION: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
-    Reason.INCOMPLETE_TOPOLOGY: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
-    Reason.INCOMPLETE_TRAJECTORY: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.INCOMPLETE_INFORMATION),
-    Reason.OUTSIDE_COHORT: _ReasonFacts(Stage.CRASH_RECORD, _PAPER.NOT_IN_PAPER),
-    Reason.NO_MAP_COVERAGE: _ReasonFacts(Stage.OSM_EXTRACT, _PAPER.NOT_IN_PAPER),
-    Reason.MAP_DISTORTED: _ReasonFacts(Stage.ROAD_MAP, _PAPER.INCONSISTENT_LOCATION),
-    Reason.CRASH_OFF_ROAD: _ReasonFacts(Stage.ROAD_MAP, _PAPER.INCONSISTENT_LOCATION),
-    Reason.VERTICAL_GEOMETRY: _ReasonFacts(Stage.ROAD_MAP, _PAPER.VERTICAL_GEOMETRY),
-    Reason.NO_FEASIBLE_STATE: _ReasonFacts(Stage.STATE_ESTIMATE, _PAPER.NOT_REPRODUCED),
-    Reason.NO_COLLISION: _ReasonFacts(Stage.SIMULATION_LOG, _PAPER.NOT_REPRODUCED),
-    Reason.WRONG_LOCATION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
-    Reason.WRONG_IMPACT: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
-    Reason.WRONG_DIRECTION: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
-    Reason.WRONG_SPEED: _ReasonFacts(Stage.VERDICT, _PAPER.NOT_REPRODUCED),
+    Reason.NOT_RELEASED: _ReasonFacts(
+        Stage.RAW_REPORT,
+        _PAPER.NOT_IN_PAPER,
+        "The source answers, but holds no report of this crash yet.",
+        "Run it again after NHTSA's next release.",
+    ),
+    Reason.MALFORMED_REPORT: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.NOT_IN_PAPER,
+        "The report cannot be read: it is not well-formed XML, or holds a code its element does not have in that year.",
+        "Correct the file and ingest it again, or set crash.repair_malformed, which marks the record as repaired.",
+    ),
+    Reason.INCOMPLETE_LOCATION: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.INCOMPLETE_INFORMATION,
+        "The report gives no position, or one outside the United States.",
+        "Nothing: the place is not known.",
+    ),
+    Reason.INCOMPLETE_TOPOLOGY: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.INCOMPLETE_INFORMATION,
+        "The report does not say whether the crash was at an intersection.",
+        "Nothing: the kind of place is not known.",
+    ),
+    Reason.INCOMPLETE_TRAJECTORY: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.INCOMPLETE_INFORMATION,
+        "No field of the report says how one of the vehicles moved.",
+        "Nothing: the motion is not known.",
+    ),
+    Reason.OUTSIDE_COHORT: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.NOT_IN_PAPER,
+        "A filter of the settings leaves the crash out.",
+        "Change crash.vehicles or crash.filters if you want it in.",
+    ),
+    Reason.NO_MAP_COVERAGE: _ReasonFacts(
+        Stage.OSM_EXTRACT,
+        _PAPER.NOT_IN_PAPER,
+        "No map file covers the place, or the map has no drivable road there.",
+        "Ingest a map that covers it (trace-dag ingest --maps).",
+    ),
+    Reason.MAP_DISTORTED: _ReasonFacts(
+        Stage.ROAD_MAP,
+        _PAPER.INCONSISTENT_LOCATION,
+        "A gate of the road map does not hold: the map is not what OpenStreetMap says.",
+        "Look at the gate in the table map_checks; often the OSM data there is damaged.",
+    ),
+    Reason.CRASH_OFF_ROAD: _ReasonFacts(
+        Stage.ROAD_MAP,
+        _PAPER.INCONSISTENT_LOCATION,
+        "The reported point is not on a road of the map, nor near one that fits the report.",
+        "Compare the point with the map; a newer map may have the road.",
+    ),
+    Reason.VERTICAL_GEOMETRY: _ReasonFacts(
+        Stage.ROAD_MAP,
+        _PAPER.VERTICAL_GEOMETRY,
+        "A bridge or tunnel is near, and roads.elevation is off.",
+        "Switch roads.elevation on (the default).",
+    ),
+    Reason.NO_FEASIBLE_STATE: _ReasonFacts(
+        Stage.STATE_ESTIMATE,
+        _PAPER.NOT_REPRODUCED,
+        "No pair of paths on this map brings the vehicles together as reported.",
+        "Look at the map picture: often a lane or a side road is missing.",
+    ),
+    Reason.NO_COLLISION: _ReasonFacts(
+        Stage.SIMULATION_LOG,
+        _PAPER.NOT_REPRODUCED,
+        "The vehicles do not touch in any simulated hypothesis.",
+        "Watch the replay; the log says how near they came.",
+    ),
+    Reason.WRONG_LOCATION: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "The first contact is too far from the reported point.",
+        "See the criterion contact_distance; verdict.max_contact_distance_m is the limit.",
+    ),
+    Reason.WRONG_IMPACT: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A vehicle is struck at another place of its body than reported.",
+        "See the criterion clock_error; verdict.max_clock_error_h is the limit.",
+    ),
+    Reason.WRONG_DIRECTION: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A vehicle went another way than reported, or the two met at another angle.",
+        "See the criteria direction_error and relation_error.",
+    ),
+    Reason.WRONG_SPEED: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A reported travel speed was not kept. Only the rule set strict rejects for it.",
+        "See the criterion initial_speed_error; verdict.max_speed_error_rel is the limit.",
+    ),
 }
 
 

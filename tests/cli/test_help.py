@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import click
 import pytest
 from click.testing import CliRunner
+from command_lines import taken_by
 from sample_runs import trace_dag
 
 from trace_dag.cli.main import cli
@@ -48,20 +49,6 @@ def test_help_ends_with_examples_the_command_would_take(name, tmp_path, monkeypa
     assert examples
     for example in examples:
         assert taken_by(shlex.split(example)) is COMMANDS[name] or isinstance(COMMANDS[name], click.Group), example
-
-
-def taken_by(words: list[str]) -> click.Command:
-    """The command that takes these words, its options and arguments checked. Raises click's UsageError."""
-    context = click.Context(cli, info_name="trace-dag")
-    cli.parse_args(context, words)
-    command: click.Command = cli
-    rest = [*context._protected_args, *context.args]
-    while isinstance(command, click.Group):
-        _, found, rest = command.resolve_command(context, rest)
-        assert found is not None
-        command = found
-    command.make_context(command.name, rest, parent=context)
-    return command
 
 
 def test_help_touches_no_root(tmp_path):

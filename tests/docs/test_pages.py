@@ -1,0 +1,125 @@
+"""Every command and every block of code in the README and on the documentation site is run.
+
+A block that needs what a test cannot have (a server, a cluster, the network) stands below a comment
+``<!-- not run: why -->``: its shell is checked by bash, and its trace-dag commands by the command line's own parser.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import sample_runs
+from command_lines import taken_by
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PAGES = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
+FENCE = re.compile(
+    r"(?:<!-- not run: (?P<reason>[^\n]+) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+KEYS = ("2023-319003", "2023-319022", "2023-319067")  # two that are verified, one without a map
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block; ``commands`` are what a reader would type, without prompts and without what is printed."""
+
+    page: str
+    line: int
+    language: str
+    text: str
+    not_run: str | None
+
+    @property
+    def commands(self) -> str:
+        if self.language != "console":
+            return self.text
+        return "\n".join(line[2:] for line in self.text.splitlines() if line.startswith("$ "))
+
+
+def blocks(path: Path) -> Iterator[Block]:
+    text = path.read_text()
+    page = str(path.relative_to(REPOSITORY))
+    for found in FENCE.finditer(text):
+        line = text.count("\n", 0, found.start("language")) + 1
+        yield Block(page, line, found["language"], found["text"], found["reason"])
+
+
+BLOCKS = {path: list(blocks(path)) for path in PAGES}
+SHELL = ("sh", "console")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Where a reader of the pages would stand: reports, maps, an agent, and a root with some of the sample run."""
+    shutil.copytree(sample_runs.finished(), tmp_path / "trace_dag_home")
+    sample_runs.reports_of(tmp_path / "reports", KEYS)
+    sample_runs.reports_of(tmp_path / "inbox", KEYS[:1])
+    for maps in ("maps", "more-maps"):
+        (tmp_path / maps).symlink_to(sample_runs.SAMPLE / "osm")
+    for block in BLOCKS[REPOSITORY / "docs" / "tutorials" / "driving-stack.md"]:
+        if "class CarefulFollower" in block.text:
+            (tmp_path / "careful.py").write_text(block.text)
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
+def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(path: Path, folder: Path):
+    for block in BLOCKS[path]:
+        if block.not_run is None and block.language in (*SHELL, "python"):
+            done = run(block, folder)
+            assert done.returncode == 0, f"{block.page}:{block.line}\n{block.commands}\n{done.stdout}{done.stderr}"
+            assert_looks_as_shown(block, done.stdout)
+
+
+def run(block: Block, folder: Path) -> subprocess.CompletedProcess[str]:
+    program = [sys.executable, "-"] if block.language == "python" else ["bash", "-e", "-o", "pipefail"]
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    # A page is read on a wide terminal; two workers are enough for three crashes.
+    environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "2"}
+    return subprocess.run(
+        program, input=block.commands, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def assert_looks_as_shown(block: Block, printed: str) -> None:
+    """A page that shows a table shows the columns which the command prints."""
+    if block.language != "console":
+        return
+    shown = [line for line in block.text.splitlines() if line and not line.startswith(("$ ", "─"))]
+    heads = [line.split() for line, below in zip(shown, block.text.splitlines()[2:], strict=False) if "──" in below]
+    for head in heads:
+        assert any(line.split() == head for line in printed.splitlines()), f"{block.page}:{block.line}: {head}"
+
+
+@pytest.mark.parametrize(
+    "block",
+    [block for found in BLOCKS.values() for block in found if block.language in SHELL and block.not_run],
+    ids=lambda block: f"{block.page}:{block.line}",
+)
+def test_what_cannot_be_run_here_is_at_least_taken(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    checked = subprocess.run(["bash", "-n"], input=block.commands, capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+    monkeypatch.chdir(tmp_path)
+    for line in block.commands.splitlines():
+        words = shlex.split(line, comments=True)
+        if any(word.endswith("trace-dag") for word in words):
+            start = next(index for index, word in enumerate(words) if word.endswith("trace-dag"))
+            taken_by(words[start + 1 :])
+
+
+@pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
+def test_blocks_are_of_a_kind_that_is_checked(path: Path):
+    for block in BLOCKS[path]:
+        assert block.language in (*SHELL, "python", "toml", "text"), f"{block.page}:{block.line}: {block.language!r}"
+        if block.language == "toml":
+            tomllib.loads(block.text)
