@@ -19,7 +19,7 @@ from trace_dag import __version__
 
 _ROOT = Path(__file__).resolve().parents[1]
 RESULTS = _ROOT / "benchmarks" / "results.json"
-PAGE = _ROOT / "docs" / "benchmarks.md"
+PAGE = _ROOT / "docs" / "explanation" / "benchmarks.md"
 _SHOWN = 5  # versions side by side
 
 

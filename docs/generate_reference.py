@@ -42,12 +42,13 @@ def settings_page() -> str:
         "# Settings",
         "",
         "In `ROOT/settings.toml`, one section per stage, or in the environment, which wins:",
-        "`TRACE_DAG_SIM__FRICTION=0.4` is `friction = 0.4` in section `[sim]`. A changed setting makes the results of the",
-        "stage it belongs to stale, and those of the stages after it. Names carry units.",
+        "`TRACE_DAG_SIM__FRICTION=0.4` is `friction = 0.4` in section `[sim]`. A changed setting makes the results of",
+        "the stage it belongs to stale, and those of the stages after it. Names carry units.",
     ]
     for section, field in Settings.model_fields.items():
         model = field.annotation
-        assert isinstance(model, type) and issubclass(model, BaseModel)
+        assert isinstance(model, type)
+        assert issubclass(model, BaseModel)
         meaning = " ".join((model.__doc__ or "").split()).replace("``", "`")
         lines += ["", f"## {section}", "", meaning, "", "| setting | default | values | meaning |", "|---|---|---|---|"]
         for name, setting in model.model_fields.items():
@@ -78,8 +79,8 @@ def tables_page() -> str:
     lines = [
         "# Tables and columns",
         "",
-        "Tables and views of `ROOT/warehouse.duckdb`, for `trace-dag sql`; each is a file in `trace_dag/warehouse/sql/`.",
-        "The same comments are in the database: `SELECT * FROM duckdb_columns()`.",
+        "Tables and views of `ROOT/warehouse.duckdb`, for `trace-dag sql`; each is a file in",
+        "`trace_dag/warehouse/sql/`. The same comments are in the database: `SELECT * FROM duckdb_columns()`.",
     ]
     for name, meaning, columns in warehouse_tables():
         lines += ["", f"## {name}", "", f"{meaning}.", "", "| column | meaning |", "|---|---|"]

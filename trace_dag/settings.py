@@ -48,22 +48,28 @@ class OsmSettings(_Section):
 class RoadSettings(_Section):
     """OSM to OpenDRIVE (stage ``road_map``)."""
 
-    converter: Literal["native", "osm2odr"] = "native"
+    converter: Literal["native", "osm2odr"] = Field("native", description="Ours, or CARLA's Osm2Odr (extra carla).")
     elevation: bool = Field(True, description="Off rejects crashes near bridges and tunnels, as the paper does.")
     vertical_geometry_radius_m: float = Field(
         100.0, description="With elevation off: a bridge, tunnel or layer this near the crash rejects it."
     )
-    marks: Literal["reconstruction", "legal"] = "reconstruction"
+    marks: Literal["reconstruction", "legal"] = Field(
+        "reconstruction", description="Marks that allow every reported motion, or those the law paints."
+    )
     max_move_m: float = Field(30.0, description="How far a reported point may be moved to reach the road it names.")
 
 
 class StateSettings(_Section):
     """Estimating states (stage ``state_estimate``)."""
 
-    estimator: Literal["analytic", "llm"] = "analytic"
+    estimator: Literal["analytic", "llm"] = Field("analytic", description="What ranks the hypotheses.")
     lead_time_s: float = Field(5.0, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
-    llm_model: str = Field("gemini/gemini-3-flash-preview", json_schema_extra=_OF_THE_LLM)
+    llm_model: str = Field(
+        "gemini/gemini-3-flash-preview",
+        description="Provider and model, as litellm names them.",
+        json_schema_extra=_OF_THE_LLM,
+    )
     llm_prompt: str = Field("segments-v1", description="Name of the prompt file.", json_schema_extra=_OF_THE_LLM)
     llm_max_attempts: int = Field(
         3, ge=1, description="Answers to one crash before the fallback.", json_schema_extra=_OF_THE_LLM
@@ -108,7 +114,7 @@ class StateSettings(_Section):
 class SimSettings(_Section):
     """Simulation (stage ``simulation_log``)."""
 
-    backend: Literal["embedded", "carla"] = "embedded"
+    backend: Literal["embedded", "carla"] = Field("embedded", description="Ours over MuJoCo, or a CARLA server.")
     step_s: float = Field(0.005, ge=0.0001, le=0.05, description="Integration step.")
     log_step_s: float = Field(0.02, ge=0.001, le=1.0, description="Step of the log.")
     time_limit_s: float = Field(20.0, gt=0, le=600, description="Simulated time at which a run ends at the latest.")
@@ -118,8 +124,8 @@ class SimSettings(_Section):
     locked_wheels: float = Field(
         0.5, ge=0, le=1, description="After the impact: share of a vehicle's weight on locked wheels, the rest rolls."
     )
-    carla_host: str = Field("127.0.0.1", json_schema_extra=_NOT_IN_PROVENANCE)
-    carla_port: int = Field(2000, json_schema_extra=_NOT_IN_PROVENANCE)
+    carla_host: str = Field("127.0.0.1", description="Where the CARLA server is.", json_schema_extra=_NOT_IN_PROVENANCE)
+    carla_port: int = Field(2000, description="Its port.", json_schema_extra=_NOT_IN_PROVENANCE)
 
 
 class VerdictSettings(_Section):
@@ -129,10 +135,12 @@ class VerdictSettings(_Section):
     pipeline's procedure with its own, fixed thresholds, for comparison.
     """
 
-    rule_set: RuleSetName = "trace-dag"
+    rule_set: RuleSetName = Field("trace-dag", description="Which rules judge.")
     max_contact_distance_m: float = Field(5.0, gt=0, description="First contact to the reported location.")
     max_clock_error_h: float = Field(2.0, ge=0, le=6, description="Impact on each body, against the reported one.")
-    max_direction_error_deg: float = Field(45.0, ge=0, le=180)
+    max_direction_error_deg: float = Field(
+        45.0, ge=0, le=180, description="Each turn, and the angle between the approaches, against the reported ones."
+    )
     max_speed_error_rel: float = Field(0.1, ge=0, description='Against reported speeds; rejects only under "strict".')
 
 
@@ -155,7 +163,7 @@ class ServiceSettings(_Section):
 class ExecutionSettings(_Section):
     """How a batch runs; never part of any provenance."""
 
-    executor: Literal["in_process", "processes", "dask"] = "processes"
+    executor: Literal["in_process", "processes", "dask"] = Field("processes", description="Where the work runs.")
     workers: int | None = Field(None, description="Processes; null is one per core.")
     chunk_size: int = Field(8, ge=1, description="Crashes handed to a worker at a time.")
     dask_address: str | None = Field(None, description="Address of a running Dask scheduler, tcp://host:port.")
