@@ -19,7 +19,7 @@ from trace_dag.sim.driving import BodyState, Pedals
 
 
 class CarefulFollower:
-    """The example of the README: slows down to stop ten metres short of whoever is ahead."""
+    """The example of the tutorial for driving stacks: slows down to stop ten metres short of whoever is ahead."""
 
     def reset(self, scenario: Scenario) -> None:
         self.body = scenario.body
