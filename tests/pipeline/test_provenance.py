@@ -136,7 +136,7 @@ def test_every_package_a_stage_function_imports_is_in_its_code_version(definitio
         "estimate_of": stages.estimate_of,
         "logs_of": stages.logs_of,
         "backend": stages.backend.__wrapped__,
-        "_catalog": stages._catalog.__wrapped__,
+        "map_catalog": stages.map_catalog.__wrapped__,
         "_ask_map_service": stages._ask_map_service,
     }
     waiting, seen = [definition.function or definition.batch_function], set()

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
     from trace_dag.pipeline.batch import Pipeline
     from trace_dag.pipeline.home import Home
+    from trace_dag.pipeline.perturbed import Request
     from trace_dag.settings import RuleSetName
     from trace_dag.verdict.controls import ControlRow
     from trace_dag.verdict.peer import ComparisonRow
@@ -70,28 +71,52 @@ def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> di
 
 
 @click.command(
+    cls=ManyValuesCommand,
     epilog=examples(
         "trace-dag controls",
         "trace-dag controls --rules strict --json",
-    )
+        "trace-dag controls --perturbed --most 12 --cohort va-2023",
+        "trace-dag controls --perturbed --only 2023-510179 --kinds 'clock*' foreign_site --draws 5",
+    ),
 )
 @click.option("--cohort", help="Only this cohort; else each by itself.")
 @rules_option
 @click.option(
     "--most",
-    default=500,
-    show_default=True,
-    type=click.IntRange(min=2),
-    help="Each meets every other: of a larger cohort, so many drawn at random.",
+    type=click.IntRange(min=1),
+    help="Of a larger cohort, so many crashes drawn at random; default 500, and 12 with --perturbed.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
+@click.option("--perturbed", is_flag=True, help="Change one thing of each report and run all stages again.")
+@click.option("--only", metavar="KEY", multiple=True, help="With --perturbed: only these crashes.")
+@click.option("--kinds", metavar="NAME", multiple=True, help="With --perturbed: only these changes; * and ? match.")
+@click.option("--draws", default=1, show_default=True, type=click.IntRange(min=1), help="Of each change that is drawn.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Of what --perturbed draws.")
+@executor_options
 @click.pass_obj
-def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int, as_json: bool) -> None:
+def controls(
+    root: str,
+    cohort: str | None,
+    rules: RuleSetName | None,
+    most: int | None,
+    as_json: bool,
+    perturbed: bool,
+    only: tuple[str, ...],
+    kinds: tuple[str, ...],
+    draws: int,
+    seed: int,
+    executor: str | None,
+    workers: int | None,
+) -> None:
     """Judge crashes against what they are not: another crash's report, and one vehicle late.
 
     Prints how many are accepted beside the true pairing's rate; and how many of them with every reported speed driven
     as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
     negative_controls.
+
+    With --perturbed: verified crashes, each with one thing of its report changed, through all stages again. Prints
+    for each change how many are still verified, how many corroborated, and how many of the unchanged simulations the
+    changed report accepts (own). Every changed report enters the warehouse, as table perturbed_controls.
     """
     from dataclasses import asdict
 
@@ -99,7 +124,16 @@ def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
+    if perturbed:
+        from trace_dag.pipeline.perturbed import MOST, Request
+
+        request = Request(most or MOST, only, kinds, draws, seed)
+        _perturbed(home, cohort, rules, request, as_json, execution_overrides(executor, workers))
+        return
+    if only or kinds:
+        raise click.UsageError("--only and --kinds go with --perturbed")
     pipeline = _judged_by(home, rules)
+    most = _MOST_CONTROLS if most is None else most
     with progress_told("read, then judged") as tell:
         found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(pipeline, name, most=most, tell=tell))
     build_warehouse(pipeline.storage, home.local_folder)
@@ -110,6 +144,36 @@ def controls(root: str, cohort: str | None, rules: RuleSetName | None, most: int
         ["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"],
         [line for name, rows in found.items() for line in _control_lines(name, rows)],
     )
+
+
+_MOST_CONTROLS = 500
+
+
+def _perturbed(
+    home: Home,
+    cohort: str | None,
+    rules: RuleSetName | None,
+    request: Request,
+    as_json: bool,
+    execution: dict[str, Any],
+) -> None:
+    from dataclasses import asdict
+
+    from trace_dag.cli.perturbing import print_perturbed
+    from trace_dag.pipeline.perturbed import perturbed_controls
+    from trace_dag.warehouse.build import build_warehouse
+
+    overrides: dict[str, Any] = {"execution": execution}
+    pipeline = home.pipeline(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
+    with progress_told("changed reports") as tell:
+        found = _of_each(_cohorts(home, cohort), lambda name: perturbed_controls(pipeline, name, request, tell=tell))
+    build_warehouse(pipeline.storage, home.local_folder)
+    if as_json:
+        write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
+        return
+    for name, rows in found.items():
+        click.echo(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
+        print_perturbed(rows)
 
 
 def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, ...]]:

@@ -7,10 +7,10 @@ from where the warehouse takes them.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -33,10 +33,14 @@ from trace_dag.verdict.controls import (
 )
 from trace_dag.verdict.peer import ComparisonRow, compare
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 FOLDER = "comparisons"
 CONTROLS = "controls"
 PUBLISHED = "published"
 ESTIMATORS = "estimators"
+PERTURBED = "perturbed"
 _SEED = 1
 _PEER_TIME_LIMIT_S = 45.0  # the slowest published vehicle takes half a minute to the crash
 
@@ -54,6 +58,12 @@ def stored_crash(pipeline: Pipeline, key: str) -> CrashFiles:
     """One crash's artefacts; :class:`UserError` for a key that is not registered."""
     source = pipeline.registry.sources([key])[key]
     return _files(pipeline, source, read_records(pipeline.storage, [key])[key], key)
+
+
+def crash_files(pipeline: Pipeline, keys: Collection[str]) -> Iterator[CrashFiles]:
+    """The artefacts of some registered crashes, in their order."""
+    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
+    return (_files(pipeline, sources[key], records[key], key) for key in keys)
 
 
 def _files(pipeline: Pipeline, source: CrashSource, records: Records, key: str) -> CrashFiles:
@@ -74,24 +84,34 @@ def judged_crashes(
 
     The same crashes give the same draw. ``tell`` hears how many of how many have been read.
     """
-    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
-    files = (_files(pipeline, sources[key], records[key], key) for key in keys)
-    judged = [each for each in files if each.has(Stage.VERDICT, "json")]
-    if most is not None and len(judged) > most:
-        chosen = np.random.default_rng(_SEED).choice(len(judged), most, replace=False)
-        judged = [judged[index] for index in sorted(chosen)]
+    judged = [each for each in crash_files(pipeline, keys) if each.has(Stage.VERDICT, "json")]
+    if most is not None:
+        judged = drawn(judged, most, _SEED)
     found = []
     for done, each in enumerate(judged, 1):
-        verdict = stages.verdict_of(each)
-        crash = JudgedCrash(
-            stages.record_of(each),
-            stages.network_of(each),
-            stages.estimate_of(each).hypotheses[verdict.hypothesis],
-            stages.logs_of(each)[verdict.hypothesis],
-        )
-        found.append(StoredCrash(each, crash, verdict.accepted))
+        found.append(read_judged(each))
         tell(done, len(judged))
     return found
+
+
+def read_judged(files: CrashFiles) -> StoredCrash:
+    """A crash that reached a verdict, read."""
+    verdict = stages.verdict_of(files)
+    crash = JudgedCrash(
+        stages.record_of(files),
+        stages.network_of(files),
+        stages.estimate_of(files).hypotheses[verdict.hypothesis],
+        stages.logs_of(files)[verdict.hypothesis],
+    )
+    return StoredCrash(files, crash, verdict.accepted)
+
+
+def drawn(crashes: Sequence[CrashFiles], most: int, seed: int) -> list[CrashFiles]:
+    """All crashes, or ``most`` of them drawn at random, in their order."""
+    if len(crashes) <= most:
+        return list(crashes)
+    chosen = np.random.default_rng(seed).choice(len(crashes), most, replace=False)
+    return [crashes[index] for index in sorted(chosen)]
 
 
 def negative_controls(
@@ -128,7 +148,7 @@ def negative_controls(
             (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
         rows.append(shifted_row(crash, shift, log, settings.verdict))
         tell(done, len(verified))
-    _store(pipeline, CONTROLS, cohort, rows)
+    store(pipeline, CONTROLS, cohort, rows)
     return rows
 
 
@@ -159,7 +179,7 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[
             )
     if not rows:
         raise UserError(f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r}")
-    _store(pipeline, PUBLISHED, cohort, rows)
+    store(pipeline, PUBLISHED, cohort, rows)
     return rows
 
 
@@ -179,7 +199,8 @@ def _theirs(pipeline: Pipeline, files: CrashFiles, simulation: Path, map_file: P
     return compare(PUBLISHED, record, network, states.best, log, pipeline.settings.verdict)
 
 
-def _store(pipeline: Pipeline, kind: str, cohort: str, rows: Sequence[ControlRow | ComparisonRow]) -> None:
+def store(pipeline: Pipeline, kind: str, cohort: str, rows: Sequence[DataclassInstance]) -> None:
+    """Keep the rows of a comparison of a cohort, in place of those before."""
     judged = {"cohort": cohort, "rule_set": pipeline.settings.verdict.rule_set}
     content: list[dict[str, Any]] = [{**judged, **asdict(row)} for row in rows]
     try:

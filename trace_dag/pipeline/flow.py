@@ -84,6 +84,10 @@ class CrashFiles:
         record = self._records.get(stage)
         return record is not None and record.artefact(extension) is not None
 
+    def outcome(self, stage: Stage) -> OutcomeRecord | None:
+        """The outcome of an earlier stage, if it has one."""
+        return self._records.get(stage)
+
     def figures(self, stage: Stage) -> Mapping[str, Figure]:
         """The figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
         return self._records[stage].figures

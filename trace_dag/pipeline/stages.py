@@ -161,7 +161,7 @@ def osm_extract(crashes: Sequence[CrashFiles]) -> Mapping[str, StageProduct | Re
         records = {crash.key: record_of(crash) for crash in together}
         sites = [Site(key, record.latitude_deg, record.longitude_deg) for key, record in records.items()]
         found: dict[str, OsmExtract | Rejection | Failure] = {
-            **_catalog(maps, together[0].storage).extract(sites, together[0].settings.osm)
+            **map_catalog(maps, together[0].storage).extract(sites, together[0].settings.osm)
         }
         if service is not None:
             uncovered = [site for site in sites if isinstance(found[site.key], Rejection)]
@@ -208,7 +208,7 @@ def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
     for crash in crashes:
         figures = crash.figures(Stage.CRASH_RECORD)
         latitude_deg, longitude_deg = float(figures["latitude_deg"] or 0), float(figures["longitude_deg"] or 0)
-        boxes = [file.header.box for file in _catalog(crash.source.maps, crash.storage).files]
+        boxes = [file.header.box for file in map_catalog(crash.source.maps, crash.storage).files]
         covering = tuple(
             index for index, box in enumerate(boxes) if box is None or box.contains(latitude_deg, longitude_deg)
         )
@@ -226,7 +226,7 @@ def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
 
 
 @lru_cache(maxsize=8)
-def _catalog(maps: tuple[MapFile, ...], storage: Storage) -> MapCatalog:
+def map_catalog(maps: tuple[MapFile, ...], storage: Storage) -> MapCatalog:
     """The map files of a cohort; opened once per process."""
     from trace_dag.osm.catalog import MapCatalog
 

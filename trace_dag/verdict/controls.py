@@ -83,7 +83,7 @@ def against_other_reports(
     for other in others:
         if other.record.key == crash.record.key:
             continue
-        foreign = _renumbered(other.record, crash.record)
+        foreign = renumbered(other.record, crash.record)
         if foreign is None:
             continue
         verdict = judge_observation(foreign, observation, crash.log, settings)
@@ -112,7 +112,7 @@ def _disjoint(one: frozenset[float], two: frozenset[float]) -> bool:
     return bool(one and two and not one & two)
 
 
-def _renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
+def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     """The other record with its colliding pair numbered as the own one's, so that it can be judged against."""
     theirs, ours = other.colliding_pair, own.colliding_pair
     if theirs is None or ours is None:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.errors import Failure
-from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PUBLISHED
+from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED
 from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
 from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import temporary_prefix
@@ -61,6 +61,7 @@ TABLES = (
     "cohort_gaps",
     "run_summary",
     "negative_controls",
+    "perturbed_controls",
     "benchmark_comparison",
     "evaluations",
     "leaderboard",
@@ -72,6 +73,7 @@ TABLES = (
 # Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
 _COMPARISONS = {
     "control_files": CONTROLS,
+    "perturbed_files": PERTURBED,
     "comparison_files": PUBLISHED,
     "estimator_files": ESTIMATORS,
 }

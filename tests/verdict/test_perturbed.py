@@ -1,0 +1,198 @@
+"""Changed reports: every perturbation changes the elements it says, and no others."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from cases import SAMPLE, SETTINGS
+
+from trace_dag.crash.parse import read_report
+from trace_dag.crash.record import Movement
+from trace_dag.verdict.perturbed.kinds import KINDS, NOTHING, Needs, perturb
+from trace_dag.verdict.perturbed.places import is_same_street
+from trace_dag.verdict.perturbed.scene import Point, Scene
+from trace_dag.verdict.perturbed.vehicles import turned
+
+REPORT = b"""<ResponseOfListOfCaseDetail><Count>1</Count><Results><ArrayOfCaseDetail><CaseDetail><CrashResultSet>
+<CaseYear>2023</CaseYear><State>51</State><ST_CASE>510002</ST_CASE><VE_FORMS>2</VE_FORMS>
+<FUNC_SYS>5</FUNC_SYS><ROUTE>3</ROUTE><TWAY_ID>OAK ST</TWAY_ID><TWAY_ID2>ELM ST</TWAY_ID2>
+<LATITUDE>37.5</LATITUDE><LONGITUD>-77.5</LONGITUD>
+<HARM_EV>12</HARM_EV><HARM_EVNAME>Motor Vehicle In-Transport</HARM_EVNAME><MAN_COLL>6</MAN_COLL>
+<RELJCT2>3</RELJCT2><TYP_INT>3</TYP_INT>
+<Vehicles><Vehicle><VEH_NO>1</VEH_NO><HARM_EV>12</HARM_EV><MAN_COLL>6</MAN_COLL><BODY_TYP>4</BODY_TYP><MODEL>31</MODEL>
+<TRAV_SP>30</TRAV_SP><IMPACT1>1</IMPACT1><IMPACT1NAME>1 Clock Point</IMPACT1NAME><VNUM_LAN>2</VNUM_LAN>
+<VSPD_LIM>45</VSPD_LIM><VALIGN>2</VALIGN><P_CRASH1>11</P_CRASH1><P_CRASH2>15</P_CRASH2><ACC_TYPE>68</ACC_TYPE>
+<Damages><Damage><VEH_NO>1</VEH_NO><DAMAGE>1</DAMAGE></Damage></Damages>
+<VEvents><VEvent><EVENTNUM>1</EVENTNUM><SOE>12</SOE><VNUMBER1>2</VNUMBER1><AOI1>61</AOI1><VNUMBER2>1</VNUMBER2>
+<AOI2>1</AOI2></VEvent></VEvents><Vsoes><VSOEs><VEVENTNUM>1</VEVENTNUM><SOE>12</SOE><AOI>1</AOI></VSOEs></Vsoes>
+</Vehicle><Vehicle><VEH_NO>2</VEH_NO><HARM_EV>12</HARM_EV><MAN_COLL>6</MAN_COLL><BODY_TYP>14</BODY_TYP>
+<TRAV_SP>50</TRAV_SP><IMPACT1>61</IMPACT1><VNUM_LAN>2</VNUM_LAN><VSPD_LIM>45</VSPD_LIM><VALIGN>1</VALIGN>
+<P_CRASH1>1</P_CRASH1><P_CRASH2>54</P_CRASH2><ACC_TYPE>69</ACC_TYPE>
+<Damages><Damage><VEH_NO>2</VEH_NO><DAMAGE>9</DAMAGE></Damage><Damage><VEH_NO>2</VEH_NO><DAMAGE>13</DAMAGE></Damage>
+</Damages><Vsoes><VSOEs><VEVENTNUM>1</VEVENTNUM><SOE>12</SOE><AOI>61</AOI></VSOEs></Vsoes></Vehicle></Vehicles>
+<CEvents><CEvent><EVENTNUM>1</EVENTNUM><SOE>12</SOE><VNUMBER1>2</VNUMBER1><AOI1>61</AOI1><VNUMBER2>1</VNUMBER2>
+<AOI2>1</AOI2></CEvent></CEvents></CrashResultSet></CaseDetail></ArrayOfCaseDetail></Results>
+</ResponseOfListOfCaseDetail>"""
+
+CHANGED = {
+    "nothing": [],
+    # Vehicle 1: the initial impact, its damage, its party of the event (in the vehicle's copy too) and its own event.
+    "clock_2h": ["IMPACT1 1 3", "DAMAGE 1 3", "AOI2 1 3", "AOI 1 3", "AOI2 1 3"],
+    "left_for_right": ["P_CRASH1 11 10", "P_CRASH2 15 16"],
+    "straight_for_left": ["P_CRASH1 11 1", "P_CRASH2 15 17"],
+    "left_for_straight": ["P_CRASH1 1 11"],
+    "both_backing": ["P_CRASH1 11 13", "P_CRASH2 15 20", "P_CRASH1 1 13"],
+    "speeds_swapped": ["TRAV_SP 30 50", "TRAV_SP 50 30"],
+    "speeds_150": ["TRAV_SP 30 150", "TRAV_SP 50 150"],
+    "type_single": ["ACC_TYPE 68 1", "ACC_TYPE 69 1"],
+    "types_swapped": ["ACC_TYPE 68 69", "ACC_TYPE 69 68"],
+    "manner_front_to_front": ["MAN_COLL 6 2", "MAN_COLL 6 2", "MAN_COLL 6 2"],
+    "tree_harm": ["HARM_EV 12 42", "HARM_EV 12 42", "HARM_EV 12 42"],
+    "tree_event": [
+        *("SOE 12 42", "VNUMBER2 1 9999", "AOI2 1 77", "SOE 12 42", "SOE 12 42", "SOE 12 42", "VNUMBER2 1 9999"),
+        "AOI2 1 77",
+    ],
+    "tree_event_code": ["SOE 12 42", "SOE 12 42", "SOE 12 42", "SOE 12 42"],
+    "name_i999": ["TWAY_ID OAK ST I-999"],
+    "intersection_four_way": ["RELJCT2 3 2", "TYP_INT 3 2"],
+    "intersection_none": ["RELJCT2 3 1", "TYP_INT 3 1"],
+    "road_interstate": [
+        *("FUNC_SYS 5 1", "ROUTE 3 1", "VNUM_LAN 2 6", "VSPD_LIM 45 70", "VNUM_LAN 2 6", "VSPD_LIM 45 70"),
+    ],
+    "alignment_mirrored": ["VALIGN 2 3"],
+    "alignment_other": ["VALIGN 2 1", "VALIGN 1 2"],
+    "bodies": ["BODY_TYP 4 52", "BODY_TYP 14 80"],
+}
+GONE = {b"MODEL"}  # tells of another body; as the labels (...NAME) of codes that were changed
+
+
+def scene(data: bytes = REPORT, seed: int = 1) -> Scene:
+    record = read_report(data, name="report", settings=SETTINGS.crash)
+    return Scene(record, np.random.default_rng(seed), Point(37.51, -77.5, 1110.0, ("Elm Street",), True))
+
+
+def elements(data: bytes) -> list[tuple[str, str]]:
+    found = re.findall(rb"<(\w+)>([^<>\n]+)</", data)
+    return [(name.decode(), text.decode()) for name, text in found if not (name in GONE or name.endswith(b"NAME"))]
+
+
+def differences(before: bytes, after: bytes) -> Iterator[str]:
+    one, two = elements(before), elements(after)
+    assert [name for name, _ in one] == [name for name, _ in two]
+    for (name, was), (_, now) in zip(one, two, strict=True):
+        if was != now:
+            yield f"{name} {was} {now}"
+
+
+@pytest.mark.parametrize("name", CHANGED)
+def test_a_perturbation_changes_what_it_says_and_nothing_else(name: str) -> None:
+    changed = perturb(KINDS[name], REPORT, scene())
+    assert changed is not None
+    assert list(differences(REPORT, changed.xml)) == CHANGED[name]
+
+
+def test_a_label_of_the_old_value_goes() -> None:
+    changed = perturb(KINDS["clock_1h"], REPORT, scene())
+    assert changed is not None
+    assert b"1 Clock Point" not in changed.xml
+    assert b"Motor Vehicle In-Transport" in changed.xml
+
+
+def test_swapped_clocks_are_swapped_wherever_the_record_has_them() -> None:
+    changed = perturb(KINDS["clocks_swapped"], REPORT, scene())
+    assert changed is not None
+    one, two = read_report(changed.xml, name="report", settings=SETTINGS.crash).vehicles
+    assert (one.initial_impact_code, two.initial_impact_code) == (61, 1)
+    assert (one.damaged_areas, two.damaged_areas) == ((9, 13), (1,))
+    (event,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).events
+    assert event.area_1 is not None
+    assert event.area_2 is not None
+    assert (event.vehicle_1, event.area_1.code, event.vehicle_2, event.area_2.code) == (2, 1, 1, 61)
+    assert perturb(KINDS["clocks_swapped"], changed.xml, scene()) is not None
+
+
+@pytest.mark.parametrize(("area", "hours", "expected"), [(12, 1, 1), (11, 3, 2), (61, 6, 3), (13, 4, 13), (0, 6, 0)])
+def test_areas_turn_on_the_clock(area: int, hours: int, expected: int) -> None:
+    assert turned(area, hours) == expected
+
+
+def test_what_does_not_apply_gives_no_report() -> None:
+    already = REPORT.replace(b"<ACC_TYPE>68<", b"<ACC_TYPE>50<").replace(b"<ACC_TYPE>69<", b"<ACC_TYPE>51<")
+    assert perturb(KINDS["type_head_on"], already, scene(already)) is None
+    slow = re.sub(rb"<TRAV_SP>\d+<", b"<TRAV_SP>998<", REPORT)
+    for kind in ("speeds_swapped", "speeds_150", "speeds_0"):
+        assert perturb(KINDS[kind], slow, scene(slow)) is None
+    nameless = REPORT.replace(b"ELM ST", b"")
+    assert perturb(KINDS["names_made_up"], nameless, scene(nameless)) is None
+    assert perturb(KINDS["name_made_up"], nameless, scene(nameless)) is not None
+
+
+def test_a_made_up_street_is_no_street() -> None:
+    made = perturb(KINDS["names_made_up"], REPORT, scene())
+    assert made is not None
+    record = read_report(made.xml, name="report", settings=SETTINGS.crash)
+    assert record.trafficway_1 != record.trafficway_2
+    assert not is_same_street((record.trafficway_1, record.trafficway_2), ("Oak Street", "Elm Street", "Main Street"))
+
+
+def test_a_moved_report_is_as_far_away_as_it_says() -> None:
+    # A degree of latitude at 37.5 degrees north is 110.99 km, of longitude 88.42 km (WGS84).
+    for kind, expected in (
+        ("moved_1000m_n", (37.5 + 1 / 110.99, -77.5)),
+        ("moved_300m_w", (37.5, -77.5 - 0.3 / 88.42)),
+    ):
+        changed = perturb(KINDS[kind], REPORT, scene())
+        assert changed is not None
+        record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+        assert (record.latitude_deg, record.longitude_deg) == pytest.approx(expected, abs=2e-6)
+
+
+def test_a_foreign_report_keeps_its_own_streets_unless_told_otherwise() -> None:
+    foreign = REPORT.replace(b"OAK ST", b"BAY AVE").replace(b"37.5<", b"38.5<")
+    for kind, street in (("foreign_site", "BAY AVE"), ("foreign_site_named_here", "OAK ST")):
+        changed = perturb(KINDS[kind], foreign, scene())
+        assert changed is not None
+        record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+        assert (record.latitude_deg, record.longitude_deg, record.trafficway_1) == (37.5, -77.5, street)
+
+
+def test_a_blank_report_says_nothing_of_the_vehicles() -> None:
+    changed = perturb(KINDS["blank_head_on"], REPORT, scene())
+    assert changed is not None
+    record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+    assert record.trafficway_1 == ""
+    assert [vehicle.crash_type_code for vehicle in record.vehicles] == [50, 51]
+    assert all(v.travel_speed_mps is None and v.lanes is None and v.body_type_code is None for v in record.vehicles)
+    (event,) = record.events
+    assert event.area_1 is None
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_perturbation_of_a_whole_report_can_be_read_and_is_drawn_alike(name: str) -> None:
+    report = (SAMPLE / "reports" / "crash_319003.xml").read_bytes()
+    kind = KINDS[name]
+    taken = (SAMPLE / "reports" / "crash_319022.xml").read_bytes() if kind.needs is Needs.OTHER_REPORT else report
+    changed = perturb(kind, taken, scene(report))
+    if changed is None:
+        return
+    read_report(changed.xml, name=name, settings=SETTINGS.crash)
+    assert changed == perturb(kind, taken, scene(report))
+    if kind is not NOTHING:
+        assert difflib.SequenceMatcher(None, elements(taken), elements(changed.xml), autojunk=False).ratio() < 1
+
+
+def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> None:
+    report = (shared_data / "va-2023" / "reports" / "crash_510002.xml").read_bytes()
+    here = scene(report)
+    applied = {name for name, kind in KINDS.items() if perturb(kind, report, here) is not None}
+    # Vehicle 1 turned left at a T-intersection on a straight road; both speeds and both streets are reported.
+    assert KINDS.keys() - applied <= {"alignment_mirrored", "type_left_across"}
+    changed = perturb(KINDS["left_for_right"], report, here)
+    assert changed is not None
+    record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
+    assert record.vehicles[0].movement is Movement.TURNING_RIGHT
+    assert list(differences(report, changed.xml)) == ["P_CRASH1 11 10", "P_CRASH2 15 16"]

@@ -1,0 +1,161 @@
+"""A report in CrashAPI XML that can be changed: each fact in all the elements that say it.
+
+Elements and their codes are those of the FARS/CRSS Coding and Validation Manual. What a report does not have is not
+added, unless a method says so; the label beside a changed code (``IMPACT1NAME``) goes, since it says the old one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.crash.codes.events import VEHICLE_EVENTS
+from trace_dag.crash.fields import Fields, local_name
+from trace_dag.crash.parse import crash_element
+from trace_dag.crash.xml_input import parse_untrusted
+
+_AREAS_OF_PARTIES: Final = (("VNUMBER1", "AOI1"), ("VNUMBER2", "AOI2"))
+
+
+class ChangedReport:
+    """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response.
+
+    Raises :class:`~trace_dag.errors.Rejection` for data that is no report of one crash.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._root, _ = parse_untrusted(data, name="report", repair=True)
+        self.crash = crash_element(self._root, name="report")
+
+    def to_bytes(self) -> bytes:
+        """The report as XML, UTF-8."""
+        return etree.tostring(self._root, xml_declaration=True, encoding="UTF-8")
+
+    # --- elements ------------------------------------------------------------------------------------------------
+    def vehicle(self, number: int) -> etree._Element | None:
+        """The element of a vehicle in transport, None for a number that is none."""
+        return next((each for each in self.vehicles() if code_in(each, "VEH_NO") == number), None)
+
+    def vehicles(self) -> list[etree._Element]:
+        """The elements of all vehicles in transport."""
+        return list(Fields(self.crash, "report").members("Vehicles"))
+
+    def crash_events(self) -> list[etree._Element]:
+        """Every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
+        rows = list(Fields(self.crash, "report").members("CEvents"))
+        return rows + [row for each in self.vehicles() for row in Fields(each, "report").members("VEvents")]
+
+    def own_events(self, number: int) -> list[etree._Element]:
+        """The rows of a vehicle's own sequence (``VSOE``)."""
+        return self._rows(number, "Vsoes", "VSOEs")
+
+    def damages(self, number: int) -> list[etree._Element]:
+        """The rows of a vehicle's damaged areas (``DAMAGE``, before 2020 ``MDAREAS``)."""
+        return self._rows(number, "Damages")
+
+    def _rows(self, number: int, *lists: str) -> list[etree._Element]:
+        vehicle = self.vehicle(number)
+        return [] if vehicle is None else list(Fields(vehicle, "report").members(*lists))
+
+    # --- what several elements say together ------------------------------------------------------------------------
+    def change_areas(self, number: int, change: Callable[[int], int]) -> None:
+        """Let ``change`` replace every area of a vehicle's body: initial impact, areas of its events, damage."""
+        for element, name in self._areas(number):
+            area = code_in(element, name)
+            if area is not None:
+                put(element, name, change(area))
+
+    def _areas(self, number: int) -> Iterator[tuple[etree._Element, str]]:
+        vehicle = self.vehicle(number)
+        if vehicle is not None:
+            yield vehicle, "IMPACT1"
+        for row in self.crash_events():
+            for party, area in _AREAS_OF_PARTIES:
+                if code_in(row, party) == number:
+                    yield row, area
+        for row in self.own_events(number):
+            yield row, "AOI"
+        for row in self.damages(number):
+            yield row, "DAMAGE"
+            yield row, "MDAREAS"
+
+    def swap_areas(self, one: int, two: int) -> None:
+        """Exchange the areas of two vehicles: initial impacts, areas of the collisions of the two, damage."""
+        first, second = self.vehicle(one), self.vehicle(two)
+        if first is None or second is None:
+            return
+        exchange(first, second, "IMPACT1")
+        for row in self.crash_events():
+            if {code_in(row, "VNUMBER1"), code_in(row, "VNUMBER2")} == {one, two}:
+                areas = code_in(row, "AOI1"), code_in(row, "AOI2")
+                if areas[0] is not None and areas[1] is not None:
+                    put(row, "AOI1", areas[1])
+                    put(row, "AOI2", areas[0])
+        collisions = [
+            [row for row in self.own_events(number) if code_in(row, "SOE") in VEHICLE_EVENTS] for number in (one, two)
+        ]
+        for mine, theirs in zip(*collisions, strict=False):
+            exchange(mine, theirs, "AOI")
+        lists = [next((e for e in each if _is(e, "Damages")), None) for each in (first, second)]
+        if lists[0] is not None and lists[1] is not None:
+            rows = [list(each) for each in lists if each is not None]
+            for element, number, moved in ((lists[0], one, rows[1]), (lists[1], two, rows[0])):
+                element[:] = moved
+                for row in moved:
+                    put(row, "VEH_NO", number)
+
+    def everywhere(self, name: str, code: int) -> None:
+        """Put a code into an element of the crash that the rows of its vehicles repeat (``MAN_COLL``, ``HARM_EV``)."""
+        for element in (self.crash, *self.vehicles()):
+            put(element, name, code)
+
+
+def code_in(element: etree._Element, *names: str) -> int | None:
+    """The number in the first of the named children that has one."""
+    return Fields(element, "report").integer(*names)
+
+
+def put(element: etree._Element, name: str, value: object) -> bool:
+    """Put a value into a child that is there, and take its label away; whether there is such a child."""
+    child = next((each for each in element if _is(each, name) and len(each) == 0), None)
+    if child is None:
+        return False
+    if child.text != str(value):
+        child.text = str(value)
+        remove(element, f"{name}NAME")
+    return True
+
+
+def exchange(one: etree._Element, two: etree._Element, name: str) -> None:
+    """Exchange a number between two elements that both have it."""
+    first, second = code_in(one, name), code_in(two, name)
+    if first is not None and second is not None:
+        put(one, name, second)
+        put(two, name, first)
+
+
+def remove(element: etree._Element, *names: str) -> None:
+    """Take children away, whatever they hold."""
+    for child in list(element):
+        if _is(child, *names):
+            element.remove(child)
+
+
+def keep(element: etree._Element, names: Sequence[str]) -> None:
+    """Take all children away but the named ones."""
+    for child in list(element):
+        if not _is(child, *names):
+            element.remove(child)
+
+
+def add(element: etree._Element, name: str, value: object = "") -> etree._Element:
+    """A new last child."""
+    child = etree.SubElement(element, name)
+    child.text = str(value) if value != "" else None
+    return child
+
+
+def _is(element: etree._Element, *names: str) -> bool:
+    return isinstance(element.tag, str) and local_name(element).upper() in {name.upper() for name in names}

@@ -1,0 +1,42 @@
+"""What a change is made from, beside the report itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place on a road, WGS84 degrees: how far from the crash, the names of its street, and whether that is the
+    crash's street."""
+
+    latitude_deg: float
+    longitude_deg: float
+    distance_m: float
+    names: tuple[str, ...]
+    same_street: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The crash as reported (``record``), the draws (``rng``), and the place drawn for it (``point``), if one is.
+
+    ``record`` stays that of the crash perturbed, where it is another crash's report that is changed.
+    """
+
+    record: CrashRecord
+    rng: np.random.Generator
+    point: Point | None = None
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Numbers of the two vehicles that collided, in order. Raises ``ValueError`` if the record has none."""
+        pair = self.record.colliding_pair
+        if pair is None:
+            raise ValueError(f"{self.record.key}: no two vehicles collided")
+        one, two = sorted(vehicle.number for vehicle in pair)
+        return one, two

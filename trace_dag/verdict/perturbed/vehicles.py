@@ -1,0 +1,182 @@
+"""Changes to what a report says of the two vehicles: where they were struck, how they moved, how fast, what they were.
+
+Each function changes the report in place and says in words what it changed; None where it does not apply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from trace_dag.crash.codes.bodies import BODY_TYP
+from trace_dag.crash.codes.events import IMPACT1
+from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1, P_CRASH2
+from trace_dag.crash.record import Movement
+from trace_dag.verdict.perturbed.report import ChangedReport, code_in, exchange, put, remove
+from trace_dag.verdict.perturbed.scene import Scene
+
+_HOUR_OF_SIDE: Final = {61: 9, 62: 10, 63: 8, 81: 3, 82: 2, 83: 4}
+_MIRRORED_SIDE: Final = {61: 81, 62: 82, 63: 83, 81: 61, 82: 62, 83: 63}
+_CRITICAL_EVENT_OF: Final = {
+    Movement.TURNING_RIGHT: 16,
+    Movement.TURNING_LEFT: 15,
+    Movement.BACKING: 20,
+    Movement.U_TURN: 21,
+}
+"""``P_CRASH2`` values that repeat the vehicle's own movement (``P_CRASH1``)."""
+_PASSING_THROUGH: Final = 17
+_OTHER_EVENT: Final = 98
+_FASTEST_MPH: Final = 151
+_BODY_EVIDENCE: Final = (
+    *("MODEL", "MODELNAME", "MAK_MOD", "MAK_MODNAME", "VPICBODYCLASS", "GVWR", "GVWR_FROM", "GVWR_TO"),
+    *("VinDeriveds", "VinDecodes"),
+)
+
+
+# --- clocks ----------------------------------------------------------------------------------------------------------
+def turned(area: int, hours: int) -> int:
+    """An area of the body so many hours further round, clockwise; sides by their middle; others (top) stay."""
+    hour = _HOUR_OF_SIDE.get(area, area)
+    return (hour + hours - 1) % 12 + 1 if 1 <= hour <= 12 else area
+
+
+def turn_clocks(report: ChangedReport, scene: Scene, *, hours: int, both: bool) -> str | None:
+    """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike."""
+    numbers = scene.pair if both else scene.pair[:1]
+    for number in numbers:
+        report.change_areas(number, lambda area: turned(area, hours))
+    return f"areas of vehicle {' and '.join(map(str, numbers))} turned by {hours} h"
+
+
+def random_clocks(report: ChangedReport, scene: Scene) -> str | None:
+    """The areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely."""
+    words = []
+    for number in scene.pair:
+        hours = int(scene.rng.integers(12))
+        report.change_areas(number, lambda area, by=hours: turned(area, by))  # type: ignore[misc]
+        words.append(f"vehicle {number} by {hours} h")
+    return "areas turned: " + ", ".join(words)
+
+
+def swap_clocks(report: ChangedReport, scene: Scene) -> str | None:
+    """The areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage."""
+    report.swap_areas(*scene.pair)
+    return "areas of the two vehicles exchanged"
+
+
+def mirror_clocks(report: ChangedReport, scene: Scene) -> str | None:
+    """Left for right in all areas of both vehicles."""
+    for number in scene.pair:
+        report.change_areas(number, _mirrored)
+    return "areas of both vehicles mirrored"
+
+
+def _mirrored(area: int) -> int:
+    return (12 - area) or 12 if 1 <= area <= 12 else _MIRRORED_SIDE.get(area, area)
+
+
+# --- movements -------------------------------------------------------------------------------------------------------
+def change_movements(report: ChangedReport, scene: Scene, *, to: Mapping[Movement, Movement]) -> str | None:
+    """``P_CRASH1`` of both vehicles by a table, and ``P_CRASH2`` where it repeats the vehicle's own turn.
+
+    ``ACC_TYPE``, which speaks of both vehicles, stays.
+    """
+    words = []
+    for number in scene.pair:
+        vehicle = report.vehicle(number)
+        code = code_in(vehicle, "P_CRASH1") if vehicle is not None else None
+        if vehicle is None or code is None or code not in P_CRASH1.meanings or Movement(code) not in to:
+            continue
+        movement = to[Movement(code)]
+        put(vehicle, "P_CRASH1", int(movement))
+        if code_in(vehicle, "P_CRASH2") in _CRITICAL_EVENT_OF.values():
+            event = _CRITICAL_EVENT_OF.get(movement, _PASSING_THROUGH)
+            put(vehicle, "P_CRASH2", event if P_CRASH2.holds(event, scene.record.case_year) else _OTHER_EVENT)
+        words.append(f"vehicle {number} {P_CRASH1.meaning(int(movement))}")
+    return ", ".join(words) or None
+
+
+# --- speeds ----------------------------------------------------------------------------------------------------------
+def swap_speeds(report: ChangedReport, scene: Scene) -> str | None:
+    """``TRAV_SP`` of the two vehicles exchanged, where both are reported."""
+    one, two = (report.vehicle(number) for number in scene.pair)
+    if one is None or two is None or any(not _has_speed(each) for each in (one, two)):
+        return None
+    exchange(one, two, "TRAV_SP")
+    return "speeds of the two vehicles exchanged"
+
+
+def set_speeds(report: ChangedReport, scene: Scene, *, mph: int) -> str | None:
+    """``TRAV_SP`` of both vehicles, where it is reported."""
+    numbers = []
+    for number in scene.pair:
+        vehicle = report.vehicle(number)
+        if vehicle is not None and _has_speed(vehicle):
+            put(vehicle, "TRAV_SP", mph)
+            numbers.append(number)
+    return f"vehicle {' and '.join(map(str, numbers))} at {mph} mph" if numbers else None
+
+
+def _has_speed(vehicle: object) -> bool:
+    speed = code_in(vehicle, "TRAV_SP")  # type: ignore[arg-type]
+    return speed is not None and 0 <= speed <= _FASTEST_MPH
+
+
+# --- crash types -----------------------------------------------------------------------------------------------------
+def set_crash_types(report: ChangedReport, scene: Scene, *, codes: tuple[int, int]) -> str | None:
+    """``ACC_TYPE`` of the two vehicles, in the order of their numbers."""
+    done = [
+        put(vehicle, "ACC_TYPE", code)
+        for number, code in zip(scene.pair, codes, strict=True)
+        if (vehicle := report.vehicle(number)) is not None
+    ]
+    return f"ACC_TYPE {codes[0]} and {codes[1]}" if len(done) == 2 and all(done) else None
+
+
+def swap_crash_types(report: ChangedReport, scene: Scene) -> str | None:
+    """``ACC_TYPE`` of the one vehicle reported of the other."""
+    one, two = (report.vehicle(number) for number in scene.pair)
+    if one is None or two is None:
+        return None
+    exchange(one, two, "ACC_TYPE")
+    return "crash types of the two vehicles exchanged"
+
+
+# --- bodies and the rest ---------------------------------------------------------------------------------------------
+def set_bodies(report: ChangedReport, scene: Scene, *, codes: tuple[int, int]) -> str | None:
+    """``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go."""
+    for number, code in zip(scene.pair, codes, strict=True):
+        vehicle = report.vehicle(number)
+        if vehicle is None or not put(vehicle, "BODY_TYP", code):
+            return None
+        remove(vehicle, *_BODY_EVIDENCE)
+    return " and ".join(BODY_TYP.meaning(code) for code in codes)
+
+
+def random_vehicles(report: ChangedReport, scene: Scene) -> str | None:
+    """All that is said of both vehicles' course drawn at random: movement, critical event, crash type, areas, speed
+    (5 to 80 mph, where one is reported)."""
+    rng, year, words = scene.rng, scene.record.case_year, []
+    random_clocks(report, scene)
+
+    def draw(codes: Callable[[], list[int]]) -> int:
+        return int(rng.choice(codes()))
+
+    for number in scene.pair:
+        vehicle = report.vehicle(number)
+        if vehicle is None:
+            return None
+        movement = draw(lambda: [1, 2, 3, 4, 5, 6, 10, 11, 12, 13, 14, 15, 16])
+        event = draw(lambda: [code for code in range(10, 79) if P_CRASH2.holds(code, year)])
+        crash_type = draw(lambda: [code for code in ACC_TYPE.meanings if 20 <= code <= 93])
+        put(vehicle, "P_CRASH1", movement)
+        put(vehicle, "P_CRASH2", event)
+        put(vehicle, "ACC_TYPE", crash_type)
+        if _has_speed(vehicle):
+            put(vehicle, "TRAV_SP", int(rng.integers(5, 81)))
+        area = code_in(vehicle, "IMPACT1")
+        words.append(
+            f"vehicle {number}: P_CRASH1 {movement}, P_CRASH2 {event}, ACC_TYPE {crash_type}, "
+            f"{IMPACT1.meaning(area) or 'impact unknown'}"
+        )
+    return "; ".join(words)
