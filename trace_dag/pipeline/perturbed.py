@@ -33,7 +33,7 @@ from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.registry import CrashSource, MapFile, ReportSource
-from trace_dag.pipeline.standing import FinalState, standing
+from trace_dag.pipeline.standing import FinalState, standing_of_valid
 from trace_dag.pipeline.tasks import Chunk, CrashTask, Work
 from trace_dag.pipeline.worker import work_on_chunk
 from trace_dag.provenance import Outcome, OutcomeRecord
@@ -300,7 +300,8 @@ class _Perturbation:
         files = CrashFiles(key, self._crash.source, self._crash.settings, storage)
         for outcome in records.values():
             files.accept(outcome)
-        stands = standing(key, records)
+        # All of them count: to valid_records an extract that was kept would be none of the changed record's.
+        stands = standing_of_valid(key, records)
         judged = stands.final_state is not FinalState.FAILED and stands.reason is not Reason.NO_MAP_COVERAGE
         row = replace(
             self._row,
