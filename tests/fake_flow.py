@@ -12,12 +12,22 @@ import os
 import signal
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from trace_dag.errors import Reason, Rejection, Stage, TransientFailure
-from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition, StageProduct
-from trace_dag.pipeline.registry import ReportSource
+from trace_dag.pipeline.artefacts import Artefact
+from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
+from trace_dag.pipeline.products import StageProduct
+from trace_dag.pipeline.registry import MapFile, ReportSource
+from trace_dag.pipeline.services import Services
+from trace_dag.settings import (
+    CrashSettings,
+    OsmSettings,
+    RoadSettings,
+    SimSettings,
+    StateSettings,
+    VerdictSettings,
+)
 
 ORDER = tuple(Stage)
 REASON_OF = {
@@ -28,23 +38,15 @@ REASON_OF = {
     Stage.SIMULATION_LOG: Reason.NO_COLLISION,
     Stage.VERDICT: Reason.WRONG_LOCATION,
 }
-SETTINGS = {
-    Stage.CRASH_RECORD: "crash",
-    Stage.OSM_EXTRACT: "osm",
-    Stage.ROAD_MAP: "roads",
-    Stage.STATE_ESTIMATE: "states",
-    Stage.SIMULATION_LOG: "sim",
-    Stage.VERDICT: "verdict",
-}
 
 
-def _count(crash: CrashFiles, stage: Stage) -> int:
+def _count(key: str, services: Services, stage: Stage) -> int:
     """Note a call; how many there have been for this crash and stage."""
-    root = crash.storage.local_root
+    root = services.storage.local_root
     assert root is not None
     calls = root / "calls"
     calls.mkdir(exist_ok=True)
-    log = calls / f"{stage}-{crash.key}"
+    log = calls / f"{stage}-{key}"
     with log.open("a") as file:
         file.write(f"{os.getpid()}\n")
     return len(log.read_text().splitlines())
@@ -59,8 +61,8 @@ def calls(root: Path) -> dict[tuple[str, str], int]:
     return found
 
 
-def _behave(crash: CrashFiles, stage: Stage, content: bytes) -> StageProduct:
-    times = _count(crash, stage)
+def _behave(key: str, services: Services, stage: Stage, content: bytes) -> StageProduct:
+    times = _count(key, services, stage)
     words = content.decode().splitlines()
     if f"slow:{stage}" in words:
         time.sleep(0.2)
@@ -69,9 +71,9 @@ def _behave(crash: CrashFiles, stage: Stage, content: bytes) -> StageProduct:
     if f"die-once:{stage}" in words and times == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     if f"fail:{stage}" in words:
-        raise RuntimeError(f"{stage} is broken for {crash.key}")
+        raise RuntimeError(f"{stage} is broken for {key}")
     if f"fail-once:{stage}" in words and times == 1:
-        raise RuntimeError(f"{stage} is broken for {crash.key}")
+        raise RuntimeError(f"{stage} is broken for {key}")
     if f"flaky:{stage}" in words and times == 1:
         raise TransientFailure("no answer")
     rejection = None
@@ -83,21 +85,26 @@ def _behave(crash: CrashFiles, stage: Stage, content: bytes) -> StageProduct:
     return StageProduct(files, {"words": len(words)}, rejection)
 
 
-def raw_report(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.RAW_REPORT, Path(crash.source.report.location).read_bytes())
+def raw_report(key: str, report: ReportSource, services: Services) -> StageProduct:
+    return _behave(key, services, Stage.RAW_REPORT, Path(report.location).read_bytes())
 
 
-def crash_record(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.CRASH_RECORD, crash.read(Stage.RAW_REPORT, "txt"))
+def crash_record(key: str, report_text: bytes, services: Services, settings: CrashSettings) -> StageProduct:
+    return _behave(key, services, Stage.CRASH_RECORD, report_text)
 
 
-def osm_extract(crashes: Sequence[CrashFiles]) -> Mapping[str, StageProduct | Rejection]:
+def osm_extract(
+    record_text: Mapping[str, bytes],
+    maps: Mapping[str, tuple[MapFile, ...]],
+    services: Services,
+    settings: OsmSettings,
+) -> Mapping[str, StageProduct | Rejection]:
     answers: dict[str, StageProduct | Rejection] = {}
-    for crash in crashes:
+    for key, text in record_text.items():
         try:
-            answers[crash.key] = _behave(crash, Stage.OSM_EXTRACT, crash.read(Stage.CRASH_RECORD, "txt"))
+            answers[key] = _behave(key, services, Stage.OSM_EXTRACT, text)
         except Rejection as rejection:
-            answers[crash.key] = rejection
+            answers[key] = rejection
     return answers
 
 
@@ -106,20 +113,20 @@ def pairs(crashes: Sequence[CrashFiles]) -> list[list[str]]:
     return [keys[start : start + 2] for start in range(0, len(keys), 2)]
 
 
-def road_map(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.ROAD_MAP, crash.read(Stage.OSM_EXTRACT, "txt"))
+def road_map(key: str, extract_text: bytes, services: Services, settings: RoadSettings) -> StageProduct:
+    return _behave(key, services, Stage.ROAD_MAP, extract_text)
 
 
-def state_estimate(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.STATE_ESTIMATE, crash.read(Stage.ROAD_MAP, "txt"))
+def state_estimate(key: str, map_text: bytes, services: Services, settings: StateSettings) -> StageProduct:
+    return _behave(key, services, Stage.STATE_ESTIMATE, map_text)
 
 
-def simulation_log(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.SIMULATION_LOG, crash.read(Stage.STATE_ESTIMATE, "txt"))
+def simulation_log(key: str, estimate_text: bytes, services: Services, settings: SimSettings) -> StageProduct:
+    return _behave(key, services, Stage.SIMULATION_LOG, estimate_text)
 
 
-def verdict(crash: CrashFiles) -> StageProduct:
-    return _behave(crash, Stage.VERDICT, crash.read(Stage.SIMULATION_LOG, "txt"))
+def verdict(key: str, log_text: bytes, services: Services, settings: VerdictSettings) -> StageProduct:
+    return _behave(key, services, Stage.VERDICT, log_text)
 
 
 def picture(crash: CrashFiles) -> dict[str, bytes]:
@@ -133,22 +140,20 @@ def picture(crash: CrashFiles) -> dict[str, bytes]:
     return files | {"svg": b"<svg xmlns='http://www.w3.org/2000/svg'/>"}
 
 
-def _definition(stage: Stage) -> StageDefinition:
-    before = ORDER[stage.position - 1] if stage.position else None
-    common = StageDefinition(
-        stage,
-        function=raw_report,
-        inputs=((before, "txt"),) if before else (),
-        from_source={Stage.RAW_REPORT: ("report",), Stage.OSM_EXTRACT: ("maps",)}.get(stage, ()),
-        settings=SETTINGS.get(stage),
-        code=("trace_dag.errors",),
+ARTEFACTS = {
+    name: Artefact(stage, ("txt",))
+    for name, stage in zip(
+        ("report_text", "record_text", "extract_text", "map_text", "estimate_text", "log_text"), Stage, strict=False
     )
-    if stage is Stage.OSM_EXTRACT:
-        return replace(common, function=None, batch_function=osm_extract, grouping=pairs)
-    return replace(common, function=globals()[stage.value])
-
-
-FLOW = Flow(tuple(_definition(stage) for stage in Stage), picture=picture)
+}
+FLOW = Flow(
+    tuple(
+        StageDefinition(stage, f"fake_flow:{stage}", grouping="fake_flow:pairs" if stage is Stage.OSM_EXTRACT else None)
+        for stage in Stage
+    ),
+    ARTEFACTS,
+    picture="fake_flow:picture",
+)
 
 
 def write_reports(folder: Path, behaviours: Mapping[str, str]) -> dict[str, ReportSource]:

@@ -3,40 +3,28 @@
 Belongs here: the fingerprint of a stage (code, settings, inputs) and the outcome record stored beside the artefacts.
 Does not belong here: deciding what to run (:mod:`trace_dag.pipeline`).
 
-A result is current while its fingerprint is: the same source code of everything the stage depends on, the same
-section of settings, the same bytes as input. The record of an outcome is written after the artefacts it lists, so a
-record means that they are complete; a look at their sizes tells whether they still are.
+A result is current while its fingerprint is: the same code of everything the stage runs, the same versions of the
+libraries that decide with it, the same section of settings, the same bytes as input. The record of an outcome is
+written after the artefacts it lists, so a record means that they are complete; a look at their sizes tells whether they
+still are.
 """
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from trace_dag import __version__
+from trace_dag.code_versions import CodeVersion, library_version
 from trace_dag.errors import Failure, Reason, Stage
 from trace_dag.storage import StoredFile
 
-_PACKAGE = Path(__file__).resolve().parent
-# How work is stored, scheduled, shown and fetched does not change what comes out; settings enter by value.
-_NOT_PART_OF_ANY_RESULT = (
-    "trace_dag.pipeline",
-    "trace_dag.storage",
-    "trace_dag.provenance",
-    "trace_dag.settings",
-    "trace_dag.http",
-    "trace_dag.turns",
-)
 _HISTORY_KEPT = 20
 
 
@@ -51,16 +39,17 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Everything a stage's result depends on. ``inputs`` maps artefact names to SHA-256."""
+    """Everything a stage's result depends on. ``inputs`` maps artefact names to SHA-256, ``libraries`` to versions."""
 
     code: str
     settings: dict[str, Any]
     inputs: dict[str, str]
+    libraries: dict[str, str] = field(default_factory=dict)
 
     @property
     def fingerprint(self) -> str:
         """SHA-256 (hexadecimal) over all of it."""
-        parts = {"code": self.code, "settings": self.settings, "inputs": self.inputs}
+        parts = asdict(self)
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -187,76 +176,20 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
     return section.model_dump(mode="json", exclude=outside)
 
 
+def libraries_of(code: CodeVersion, section: BaseModel | None) -> dict[str, str]:
+    """Versions of the libraries that decide: those the code imports, and those that a choice of the settings brings in.
+
+    A field declares the latter by its values, ``json_schema_extra={"libraries": {"carla": "carla"}}``.
+    """
+    chosen = {}
+    for name, info in type(section).model_fields.items() if section is not None else ():
+        declared = info.json_schema_extra.get("libraries") if isinstance(info.json_schema_extra, dict) else None
+        library = declared.get(getattr(section, name)) if isinstance(declared, dict) else None
+        if isinstance(library, str):
+            chosen[library] = library_version(library) or "not installed"
+    return {**code.libraries, **chosen}
+
+
 def combined_digest(parts: Mapping[str, str]) -> str:
     """One SHA-256 for several named digests, whatever their order."""
     return hashlib.sha256(json.dumps(dict(parts), sort_keys=True).encode()).hexdigest()
-
-
-# --- code ------------------------------------------------------------------------------------------------------
-@cache
-def code_version(modules: tuple[str, ...]) -> str:
-    """Version of the code behind some modules of this package: ``0.1.0+<digest of their sources>``.
-
-    The digest covers every module of the package they import, directly or not, inside functions too, and the data
-    files (code tables, prompts) beside those modules. So a change anywhere a stage depends on makes its results
-    stale, and a change elsewhere does not.
-    """
-    digest = hashlib.sha256()
-    folders = set()
-    for module in sorted(_import_closure(modules)):
-        path = _source_of(module)
-        if path is None:
-            continue
-        digest.update(module.encode() + b"\0" + path.read_bytes() + b"\0")
-        folders.add(path.parent)
-    for folder in sorted(folders - {_PACKAGE}):
-        for path in sorted(_data_files(folder)):
-            digest.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + path.read_bytes() + b"\0")
-    return f"{__version__}+{digest.hexdigest()[:16]}"
-
-
-def _data_files(folder: Path) -> Iterable[Path]:
-    for path in folder.iterdir():
-        if path.is_file() and path.suffix not in (".py", ".pyc"):
-            yield path
-        elif path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
-            yield from _data_files(path)
-
-
-@cache
-def _import_closure(modules: tuple[str, ...]) -> frozenset[str]:
-    found: set[str] = set()
-    waiting = list(modules)
-    while waiting:
-        module = waiting.pop()
-        if module in found or module.startswith(_NOT_PART_OF_ANY_RESULT):
-            continue
-        found.add(module)
-        waiting.extend(_imports_of(module))
-        if "." in module:
-            waiting.append(module.rpartition(".")[0])
-    return frozenset(found)
-
-
-@cache
-def _imports_of(module: str) -> frozenset[str]:
-    path = _source_of(module)
-    if path is None or module == "trace_dag":
-        return frozenset()
-    imported = set()
-    for node in ast.walk(ast.parse(path.read_bytes(), filename=str(path))):
-        if isinstance(node, ast.Import):
-            imported |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            imported.add(node.module)
-            imported |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return frozenset(name for name in imported if name.split(".")[0] == "trace_dag" and _source_of(name))
-
-
-def _source_of(module: str) -> Path | None:
-    """Source file of a module of this package, None if there is no such module."""
-    base = _PACKAGE.joinpath(*module.split(".")[1:])
-    for path in (base.with_suffix(".py"), base / "__init__.py"):
-        if path.is_file():
-            return path
-    return None

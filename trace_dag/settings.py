@@ -48,7 +48,11 @@ class OsmSettings(_Section):
 class RoadSettings(_Section):
     """OSM to OpenDRIVE (stage ``road_map``)."""
 
-    converter: Literal["native", "osm2odr"] = Field("native", description="Ours, or CARLA's Osm2Odr (extra carla).")
+    converter: Literal["native", "osm2odr"] = Field(
+        "native",
+        json_schema_extra={"libraries": {"osm2odr": "carla"}},
+        description="Ours, or CARLA's Osm2Odr (extra carla).",
+    )
     elevation: bool = Field(True, description="Off rejects crashes near bridges and tunnels, as the paper does.")
     vertical_geometry_radius_m: float = Field(
         100.0, description="With elevation off: a bridge, tunnel or layer this near the crash rejects it."
@@ -114,7 +118,11 @@ class StateSettings(_Section):
 class SimSettings(_Section):
     """Simulation (stage ``simulation_log``)."""
 
-    backend: Literal["embedded", "carla"] = Field("embedded", description="Ours over MuJoCo, or a CARLA server.")
+    backend: Literal["embedded", "carla"] = Field(
+        "embedded",
+        json_schema_extra={"libraries": {"carla": "carla"}},
+        description="Ours over MuJoCo, or a CARLA server.",
+    )
     step_s: float = Field(0.005, ge=0.0001, le=0.05, description="Integration step.")
     log_step_s: float = Field(0.02, ge=0.001, le=1.0, description="Step of the log.")
     time_limit_s: float = Field(20.0, gt=0, le=600, description="Simulated time at which a run ends at the latest.")

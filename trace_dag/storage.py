@@ -87,6 +87,15 @@ class Storage:
             text = str(self.local_root)
         self.root = text.rstrip("/") or "/"
 
+    @property
+    def local_folder(self) -> Path:
+        """Where what belongs to this root and must be local can lie: the root itself if it is local; else a folder of
+        the user's own for this root."""
+        if self.local_root is not None:
+            return self.local_root
+        base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+        return base / "trace-dag" / hashlib.sha256(self.root.encode()).hexdigest()[:16]
+
     @classmethod
     def open(cls, root: str | os.PathLike[str]) -> Storage:
         """The storage at ``root``, made if need be, after a look at whether one can read and write there.

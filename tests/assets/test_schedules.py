@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-import fake_flow
 import pytest
 from dagster import AssetKey, RunRequest, SkipReason, build_schedule_context
 from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
@@ -26,7 +25,7 @@ from trace_dag.pipeline.stages import FLOW
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))
 # The real first stage, which asks the service; the rest does not matter here.
-ASKING = Flow((FLOW.definition(Stage.RAW_REPORT),), picture=fake_flow.picture)
+ASKING = Flow((FLOW.definition(Stage.RAW_REPORT),), picture="fake_flow:picture")
 
 
 class Following:

@@ -26,7 +26,7 @@ BEHAVIOURS = {f"2023-5100{number}": "" for number in range(10, 16)} | {"2023-510
 @pytest.fixture
 def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[TroubledStore]]:
     monkeypatch.setattr("trace_dag.storage.time.sleep", lambda _: None)
-    monkeypatch.setattr(fake_flow, "_count", lambda crash, stage: 1)
+    monkeypatch.setattr(fake_flow, "_count", lambda key, services, stage: 1)
     TroubledStore.reset()
     yield TroubledStore
     TroubledStore.reset()
@@ -189,10 +189,9 @@ def test_a_report_kept_on_a_store_that_is_down_is_a_failure_and_no_rejection(sto
 
     from dataclasses import replace
 
-    from trace_dag.pipeline.stages import raw_report
+    from trace_dag.pipeline.stages import FLOW
 
-    first = replace(fake_flow.FLOW.definition(Stage.RAW_REPORT), function=raw_report)
-    flow = replace(fake_flow.FLOW, stages=(first, *fake_flow.FLOW.stages[1:]))
+    flow = replace(fake_flow.FLOW, stages=(FLOW.definition(Stage.RAW_REPORT), *fake_flow.FLOW.stages[1:]))
     store.fault = down
     events = list(replace(pipeline, flow=flow).run(["2023-510030"], run_id="down", stages=[Stage.RAW_REPORT]))
     (record,) = [event.record for event in events]

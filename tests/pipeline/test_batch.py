@@ -51,16 +51,17 @@ def test_accepted_crash_has_all_artefacts_and_records_that_list_them(make_pipeli
     assert pipeline.storage.exists(f"pictures/{GOOD}.png")
 
 
+def draws_one(crash: CrashFiles) -> dict[str, bytes]:
+    if crash.key == GOOD:
+        raise ZeroDivisionError("no scale")
+    return fake_flow.picture(crash)
+
+
 def test_a_picture_that_cannot_be_drawn_is_missed_by_nobody(make_pipeline):
     pipeline = make_pipeline({GOOD: "", OTHER: ""})
     run(pipeline)
 
-    def draws(crash: CrashFiles) -> dict[str, bytes]:
-        if crash.key == GOOD:
-            raise ZeroDivisionError("no scale")
-        return fake_flow.picture(crash)
-
-    again = replace(pipeline, flow=replace(fake_flow.FLOW, picture=draws))
+    again = replace(pipeline, flow=replace(fake_flow.FLOW, picture=f"{__name__}:draws_one"))
     events = run(again, force=[Stage.ROAD_MAP])
     assert actions(events, GOOD) == actions(events, OTHER)  # the crash goes on
     assert {where: event.no_picture for where, event in events.items() if event.no_picture} == {
@@ -260,7 +261,7 @@ def broken_grouping(crashes):
 
 def test_grouping_that_breaks_does_not_keep_the_crashes_from_running(make_pipeline):
     pipeline = make_pipeline({GOOD: "", OTHER: "fail:osm_extract"})
-    extract = replace(fake_flow.FLOW.definition(Stage.OSM_EXTRACT), grouping=broken_grouping)
+    extract = replace(fake_flow.FLOW.definition(Stage.OSM_EXTRACT), grouping=f"{__name__}:broken_grouping")
     stages = tuple(extract if each.stage is Stage.OSM_EXTRACT else each for each in fake_flow.FLOW.stages)
     events = run(replace(pipeline, flow=replace(fake_flow.FLOW, stages=stages)))
     assert {key for (key, _), event in events.items() if event.failed} == {OTHER}

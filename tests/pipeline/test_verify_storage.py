@@ -12,6 +12,7 @@ import pytest
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
+from trace_dag.pipeline.products import StageProduct
 from trace_dag.pipeline.records import read_records, write_record
 from trace_dag.pipeline.registry import ReportSource
 from trace_dag.pipeline.verify import Kind, StorageReport, repair_storage, verify_storage
@@ -137,12 +138,12 @@ def test_a_copied_report_that_is_gone_and_crashes_that_are_registered_no_more(pi
 def test_a_failed_stage_leaves_no_file_behind(make_pipeline):
     pipeline = make_pipeline({GOOD: ""})
     run(pipeline)
-    failing = replace(fake_flow.FLOW.definition(Stage.SIMULATION_LOG), function=broken, code=("trace_dag.units",))
+    failing = replace(fake_flow.FLOW.definition(Stage.SIMULATION_LOG), function=f"{__name__}:broken")
     stages = tuple(failing if each.stage is failing.stage else each for each in fake_flow.FLOW.stages)
     run(replace(pipeline, flow=replace(fake_flow.FLOW, stages=stages)))
     assert not pipeline.storage.exists(f"simulation_log/{GOOD}.txt")
     assert look(pipeline).disagreements == ()
 
 
-def broken(crash):
+def broken(key: str) -> StageProduct:
     raise RuntimeError("the simulator is broken")

@@ -171,10 +171,14 @@ def summarise(home: Home, instance: DagsterInstance) -> RunReport:
     return RunReport(1, tuple(_errors(result)))
 
 
-def summary_is_due(instance: DagsterInstance) -> bool:
-    """Whether the last thing done was not bringing the warehouse and the benchmark up to date, and successfully."""
+def summary_is_current(home: Home, instance: DagsterInstance) -> bool:
+    """Whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is now."""
+    from trace_dag.pipeline.benchmark import is_made_by_this_code
+    from trace_dag.warehouse.build import is_built_by_this_code
+
     newest = instance.get_runs(limit=1)
-    return not newest or newest[0].job_name != SUMMARY or newest[0].status is not DagsterRunStatus.SUCCESS
+    done = bool(newest) and newest[0].job_name == SUMMARY and newest[0].status is DagsterRunStatus.SUCCESS
+    return done and is_built_by_this_code(home.warehouse) and is_made_by_this_code(Storage(home.root))
 
 
 def _job(home: Home, name: str) -> JobDefinition:

@@ -144,7 +144,7 @@ def _run_and_summarise(
     home: Home, pipeline: Pipeline, settings: Mapping[str, Any], selection: Selection
 ) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
-    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_due
+    from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_current
     from trace_dag.pipeline.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
@@ -167,7 +167,7 @@ def _run_and_summarise(
             click.echo("Nothing to run again: none of the crashes is one of those asked for.")
         else:
             click.echo("Nothing to run: every crash asked for is up to date.")
-        if batches or not home.warehouse.is_file() or summary_is_due(instance):
+        if batches or not summary_is_current(home, instance):
             with progress_told("pages") as tell_pages:
                 errors += summarise(replace(home, page_listener=tell_pages), instance).errors
     return errors

@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from trace_dag.code_versions import referred
 from trace_dag.crash.completeness import filters_of
 from trace_dag.errors import Failure, Stage
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
@@ -21,9 +22,9 @@ from trace_dag.pipeline.outcomes import Attempt
 from trace_dag.pipeline.record_index import write_index
 from trace_dag.pipeline.records import Records, intact, read_records, write_record
 from trace_dag.pipeline.registry import CrashSource, Registry
-from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, provenance_of
+from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, is_current, provenance_of
 from trace_dag.pipeline.worker import work_on_chunk
-from trace_dag.provenance import Outcome, OutcomeRecord, now
+from trace_dag.provenance import Outcome, now
 from trace_dag.settings import Settings, load_settings
 from trace_dag.storage import Storage
 
@@ -81,7 +82,7 @@ class Pipeline:
         for key in keys:
             for definition in self.flow.stages:
                 record = records[key].get(definition.stage)
-                if not _holds(record, definition, work, sources[key], records[key], whole):
+                if not is_current(record, provenance_of(definition, work, sources[key], records[key]), whole):
                     stale[key] = definition.stage
                     break
                 if record is not None and record.outcome is Outcome.REJECTED:
@@ -97,7 +98,7 @@ class Pipeline:
             return
         for definition in self.flow.stages:
             if definition.stage in stages and definition.requires is not None:
-                definition.requires(self.settings)
+                referred(definition.requires)(self.settings)
 
     def run(
         self,
@@ -175,9 +176,8 @@ class _Batch:
             if ended is not None:
                 return events + self._with_later(crash, ended)
             record = crash.records.get(definition.stage)
-            if definition.stage in self.work.force or not _holds(
-                record, definition, self.work, crash.source, crash.records, whole
-            ):
+            made_from = provenance_of(definition, self.work, crash.source, crash.records)
+            if definition.stage in self.work.force or not is_current(record, made_from, whole):
                 return None
             event = StageEvent(crash.key, definition.stage, Action.UNCHANGED, record)
             if record is not None and record.outcome is Outcome.REJECTED:
@@ -225,7 +225,7 @@ class _Batch:
         if definition.grouping is None:
             return []
         try:
-            return [list(group) for group in definition.grouping([self._files(each) for each in crashes])]
+            return [list(group) for group in referred(definition.grouping)([self._files(each) for each in crashes])]
         except Exception as error:
             # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
             told = not isinstance(error, Failure)
@@ -247,7 +247,7 @@ class _Batch:
         events: list[StageEvent] = []
         for stuck in segment:
             record = records.get(stuck.stage)
-            if not _holds(record, stuck, self.work, task.source, records, {}):
+            if not is_current(record, provenance_of(stuck, self.work, task.source, records), {}):
                 break
             events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
             if record is not None and record.outcome is Outcome.REJECTED:
@@ -272,19 +272,3 @@ def _shared_out(work: Work, machines: int) -> Work:
     services = work.settings.services
     part = services.model_copy(update={"requests_per_s": services.requests_per_s / machines})
     return replace(work, settings=work.settings.model_copy(update={"services": part}))
-
-
-def _holds(
-    record: OutcomeRecord | None,
-    definition: StageDefinition,
-    work: Work,
-    source: CrashSource,
-    records: Records,
-    whole: Mapping[str, bool],
-) -> bool:
-    """Whether a stored outcome is current, its artefacts having been looked at before."""
-    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED):
-        return False
-    if record.name in whole and not whole[record.name]:
-        return False
-    return record.fingerprint == provenance_of(definition, work, source, records).fingerprint

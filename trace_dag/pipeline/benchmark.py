@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from trace_dag.errors import Stage
+from trace_dag.code_versions import code_version
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
+from trace_dag.pipeline.artefacts import ESTIMATE, MAP_REPORT, RECORD, VERDICT
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
@@ -30,7 +31,6 @@ from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
 from trace_dag.pipeline.worker import picture_name
-from trace_dag.provenance import code_version
 from trace_dag.settings import Settings
 from trace_dag.storage import Storage
 from trace_dag.warehouse import query
@@ -117,7 +117,8 @@ def build_benchmark(
     _remove_others(storage, {"packages": verified, "replays": {crash.key for crash in crashes}})
     _write_index(storage, warehouse, table, Rights.of(each for crash in crashes for each in crash.rights.attributions))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
-    storage.write(f"{FOLDER}/digests.json", json.dumps(digests, indent=0).encode())
+    made = {"code": _code(), "crashes": digests}
+    storage.write(f"{FOLDER}/digests.json", json.dumps(made, indent=0).encode())
     packages = sum(name.endswith(".zip") for name in storage.list(f"{FOLDER}/packages"))
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
@@ -130,7 +131,7 @@ def _crashes(pipeline: Pipeline, warehouse: Path, table: Sequence[Mapping[str, A
     for row in query.rows(warehouse, "stage_outcomes"):
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
-    code = code_version(_CODE)
+    code = _code()
     crashes = []
     for crash in table:
         key = crash["key"]
@@ -180,7 +181,6 @@ def _make(task: _Task) -> dict[str, str]:
 
 @no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> None:
-    from trace_dag.pipeline import stages
     from trace_dag.scenario.site import CrashPage, Download, write_crash_page
 
     storage, key = files.storage, files.key
@@ -210,10 +210,10 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
         crash.row,
         crash.outcomes,
         crash.rights,
-        record=stages.record_of(files) if files.has(Stage.CRASH_RECORD, "parquet") else None,
-        map_report=stages.map_report_of(files) if files.has(Stage.ROAD_MAP, "json") else None,
-        estimate=stages.estimate_of(files) if files.has(Stage.STATE_ESTIMATE, "json") else None,
-        verdict=stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None,
+        record=files.load(RECORD) if files.has(RECORD) else None,
+        map_report=files.load(MAP_REPORT) if files.has(MAP_REPORT) else None,
+        estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
+        verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         picture=f"../pictures/{key}.png" if picture else None,
         replay=f"../replays/{key}.html" if replay else None,
         downloads=downloads,
@@ -227,13 +227,26 @@ def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
     return zip_files(package, folder=key)
 
 
-def _digests(storage: Storage) -> dict[str, str]:
+def is_made_by_this_code(storage: Storage) -> bool:
+    """Whether packages and pages were last made by the code that would make them now."""
+    return bool(_made(storage).get("code") == _code())
+
+
+def _code() -> str:
+    return code_version((__name__, *_CODE)).digest
+
+
+def _made(storage: Storage) -> dict[str, Any]:
     try:
-        digests: dict[str, str] = json.loads(storage.read(f"{FOLDER}/digests.json"))
+        made: dict[str, Any] = json.loads(storage.read(f"{FOLDER}/digests.json"))
     except (FileNotFoundError, json.JSONDecodeError):
         return {}
+    return made
+
+
+def _digests(storage: Storage) -> dict[str, str]:
     present = storage.list(f"{FOLDER}/crashes")
-    return {key: digest for key, digest in digests.items() if page_name(key) in present}
+    return {key: digest for key, digest in _made(storage).get("crashes", {}).items() if page_name(key) in present}
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:

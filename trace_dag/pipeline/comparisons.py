@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from trace_dag.errors import Failure, Stage, UserError
-from trace_dag.pipeline import stages
+from trace_dag.errors import Failure, UserError
+from trace_dag.pipeline.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.progress import Progress, untold
@@ -84,7 +84,7 @@ def judged_crashes(
 
     The same crashes give the same draw. ``tell`` hears how many of how many have been read.
     """
-    judged = [each for each in crash_files(pipeline, keys) if each.has(Stage.VERDICT, "json")]
+    judged = [each for each in crash_files(pipeline, keys) if each.has(VERDICT)]
     if most is not None:
         judged = drawn(judged, most, _SEED)
     found = []
@@ -96,12 +96,12 @@ def judged_crashes(
 
 def read_judged(files: CrashFiles) -> StoredCrash:
     """A crash that reached a verdict, read."""
-    verdict = stages.verdict_of(files)
+    verdict = files.load(VERDICT)
     crash = JudgedCrash(
-        stages.record_of(files),
-        stages.network_of(files),
-        stages.estimate_of(files).hypotheses[verdict.hypothesis],
-        stages.logs_of(files)[verdict.hypothesis],
+        files.load(RECORD),
+        files.load(ROAD_MAP),
+        files.load(ESTIMATE).hypotheses[verdict.hypothesis],
+        files.load(LOGS)[verdict.hypothesis],
     )
     return StoredCrash(files, crash, verdict.accepted)
 
@@ -167,7 +167,7 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[
     for key in pipeline.registry.keys(cohort):
         case = key.partition("-")[2]
         files = stored_crash(pipeline, key)
-        if case not in simulations or not files.has(Stage.CRASH_RECORD, "parquet"):
+        if case not in simulations or not files.has(RECORD):
             continue
         rows.append(_theirs(pipeline, files, simulations[case], folder / "maps" / f"map_{case}.xodr"))
         for ours in judged_crashes(pipeline, [key]):
@@ -191,7 +191,7 @@ def _theirs(pipeline: Pipeline, files: CrashFiles, simulation: Path, map_file: P
 
     if not map_file.is_file():
         raise UserError(f"{map_file}: not there; every published simulation needs its map beside it")
-    record, xodr = stages.record_of(files), map_file.read_bytes()
+    record, xodr = files.load(RECORD), map_file.read_bytes()
     network = read_opendrive(xodr, name=str(map_file))
     states = published_estimate(read_published(simulation.read_bytes(), name=str(simulation)), record)
     settings = pipeline.settings.sim.model_copy(update={"time_limit_s": _PEER_TIME_LIMIT_S})
@@ -218,12 +218,12 @@ def replay(pipeline: Pipeline, key: str, replay_format: Literal["html", "gif", "
     from trace_dag.scenario.replay import write_html_player
 
     files = stored_crash(pipeline, key)
-    if not files.has(Stage.SIMULATION_LOG, "parquet"):
+    if not files.has(LOGS):
         raise UserError(f"crash {key} was not simulated; trace-dag status tells where it stands")
-    verdict = stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None
-    logs = stages.logs_of(files)
+    verdict = files.load(VERDICT) if files.has(VERDICT) else None
+    logs = files.load(LOGS)
     log = logs[verdict.hypothesis if verdict else 0]
-    record, network = stages.record_of(files), stages.network_of(files)
+    record, network = files.load(RECORD), files.load(ROAD_MAP)
     if replay_format == "html":
         return write_html_player(record, network, log, verdict)
     return write_animation(record, network, log, verdict, image_format=replay_format)

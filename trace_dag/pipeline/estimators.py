@@ -13,8 +13,8 @@ import uuid
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
-from trace_dag.errors import Failure, Rejection, Stage, UserError
-from trace_dag.pipeline import stages
+from trace_dag.errors import Failure, Rejection, UserError
+from trace_dag.pipeline.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.comparisons import ESTIMATORS, FOLDER
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
@@ -91,7 +91,7 @@ def estimators_compared(
     named = {name: settings_of(name, pipeline.settings.states) for name in estimators}
     if len(named) < 2:
         raise UserError("give at least two different estimators to compare, such as analytic,llm")
-    mapped = [crash for crash in _crashes(pipeline, cohort) if crash.has(Stage.ROAD_MAP, "xodr")]
+    mapped = [crash for crash in _crashes(pipeline, cohort) if crash.has(ROAD_MAP)]
     if not mapped:
         raise UserError(f"no crash of cohort {cohort!r} has a road map yet; trace-dag run --cohort {cohort} makes them")
     tasks = [_Task(crash, tuple(named.items()), truth) for crash in mapped]
@@ -132,8 +132,8 @@ def _compare(task: _Task) -> tuple[EstimatorRow, ...]:
 
 def _attempt(task: _Task, name: str, chosen: StateSettings) -> Attempt:
     crash, stored_as = task.crash, f"{estimates_folder(name)}/{task.crash.key}.json"
-    client = stages.llm_client_of(chosen, crash.storage, crash.run_id) if chosen.estimator == "llm" else None
-    record, network, report = stages.record_of(crash), stages.network_of(crash), stages.map_report_of(crash)
+    client = crash.services.language_model(chosen) if chosen.estimator == "llm" else None
+    record, network, report = crash.load(RECORD), crash.load(ROAD_MAP), crash.load(MAP_REPORT)
     try:
         made = estimate(record, network, report, chosen, llm=client)
     except UnusableAnswers as unusable:
@@ -146,7 +146,7 @@ def _attempt(task: _Task, name: str, chosen: StateSettings) -> Attempt:
         return Attempt(None, detail=str(failure), failed=True)
     crash.storage.write(stored_as, estimate_to_json(made))
     settings = crash.settings
-    xodr = crash.read(Stage.ROAD_MAP, "xodr")
+    xodr = crash.load(XODR)
     logs = simulate(EmbeddedBackend(settings.sim), network, xodr, made, settings.sim, record=record)
     verdict = judge(record, network, report, made, logs, settings.verdict)
     return Attempt(

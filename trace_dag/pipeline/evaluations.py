@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
+from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.cases import Case
@@ -20,7 +21,7 @@ from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate, run
 from trace_dag.evaluation.metrics import Outcome
 from trace_dag.evaluation.registry import label, make_agent, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
-from trace_dag.pipeline import stages
+from trace_dag.pipeline.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT, XODR
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.deadlines import DeadlinePool, StepLost, Task
 from trace_dag.pipeline.executors import available_cores
@@ -29,8 +30,9 @@ from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.selection import registered
 from trace_dag.pipeline.standing import FinalState, standing, valid_records
-from trace_dag.provenance import code_version, now
+from trace_dag.provenance import now
 from trace_dag.settings import Settings
+from trace_dag.sim.backends import backend
 from trace_dag.sim.types import Simulation
 from trace_dag.storage import Storage
 
@@ -113,9 +115,7 @@ class EvaluationWork:
         """The case, and its map made ready. Raises :class:`Failure`."""
         try:
             case = load_case(self.cases[name], self.settings, self.storage)
-            return LoadedCase(
-                case, stages.backend(self.settings.sim).load(case.network, case.xodr, friction=case.friction)
-            )
+            return LoadedCase(case, backend(self.settings.sim).load(case.network, case.xodr, friction=case.friction))
         except Failure:
             raise
         except Exception as error:
@@ -141,17 +141,17 @@ def load_case(stored: StoredCase, settings: Settings, storage: Storage) -> Case:
     from trace_dag.sim.run import participants, surface_friction
 
     files = stored.files(settings, storage)
-    network, xodr = stages.network_of(files), files.read(Stage.ROAD_MAP, "xodr")
+    network, xodr = files.load(ROAD_MAP), files.load(XODR)
     if stored.variation is not None:
         from trace_dag.pipeline.variations import read_variation
 
         varied = read_variation(storage, stored.variation)
         hypothesis, log, friction = varied.hypothesis, varied.log, varied.about.friction
     else:
-        verdict = stages.verdict_of(files)
-        hypothesis = stages.estimate_of(files).hypotheses[verdict.hypothesis]
-        log = stages.logs_of(files)[verdict.hypothesis]
-        friction = surface_friction(settings.sim, stages.record_of(files))
+        verdict = files.load(VERDICT)
+        hypothesis = files.load(ESTIMATE).hypotheses[verdict.hypothesis]
+        log = files.load(LOGS)[verdict.hypothesis]
+        friction = surface_friction(settings.sim, files.load(RECORD))
     return Case(
         case_id=stored.case_id,
         key=stored.key,
@@ -223,7 +223,7 @@ def evaluate_agents(
     pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
         work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
     )
-    code = code_version(_CODE)
+    code = code_version(_CODE).digest
     results = _Results(pipeline.storage, {name: label(name) + conditions.suffix for name in agents})
     try:
         for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
@@ -310,12 +310,12 @@ def replay_with(
 
     (stored,) = verified_cases(pipeline, None, [key])
     case = load_case(stored, pipeline.settings, pipeline.storage)
-    simulation = stages.backend(pipeline.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    simulation = backend(pipeline.settings.sim).load(case.network, case.xodr, friction=case.friction)
     try:
         log = run(case, number_of(case, role), make_agent(resolve(agent)), Conditions(), simulation)
     except AgentFault as fault:
         raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
-    record = stages.record_of(stored.files(pipeline.settings, pipeline.storage))
+    record = stored.files(pipeline.settings, pipeline.storage).load(RECORD)
     if replay_format == "html":
         return write_html_player(record, case.network, log)
     return write_animation(record, case.network, log, image_format=replay_format)

@@ -1,41 +1,44 @@
-"""What a flow is made of: stages, each a function from stored artefacts to new ones.
+"""What a flow is made of: stages, each a function of what it needs, and a crash's files as they see it.
 
 Belongs here: the contract between the runner and the stage functions. The functions of the seven real stages are in
 :mod:`trace_dag.pipeline.stages`; a test may hand the runner a flow of its own.
+
+A stage is a function that is given what its parameters ask for, by name:
+
+* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.pipeline.artefacts`): its inputs;
+* ``report``, ``maps``, ``map_service``: where the report and the maps come from;
+* ``settings``: the section of the settings that its annotation names;
+* ``key``: the crash; ``services``: what may be asked of the world outside.
+
+It returns a :class:`StageProduct` and raises :class:`trace_dag.errors.Rejection` or :class:`trace_dag.errors.Failure`.
+A function that returns a ``Mapping`` makes its stage for several crashes at once, where that is cheaper: whatever
+belongs to one crash is given to it by key, and it answers every key, what breaks for one crash alone with the failure.
+
+All of it is read from the function's source, so that asking what a stage depends on loads nothing.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from trace_dag.errors import Failure, Rejection, Stage
+from trace_dag.code_versions import CodeVersion, code_version, referred, signature_of
+from trace_dag.errors import Rejection, Stage
+from trace_dag.pipeline.artefacts import ARTEFACTS, Artefact
+from trace_dag.pipeline.products import Figure, StageProduct
 from trace_dag.pipeline.registry import CrashSource
+from trace_dag.pipeline.services import Services
 from trace_dag.provenance import OutcomeRecord, artefact_name
 from trace_dag.settings import Settings
 from trace_dag.storage import Storage, StoredFile
 
 T = TypeVar("T")
-Figure = str | float | int | bool | None
-
-
-@dataclass(frozen=True)
-class StageProduct:
-    """What a stage made: contents by file extension, and the few figures a person looks at first.
-
-    A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
-    ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by
-    extension, what the artefact's reader would make of it, where the stage has read it back already.
-    """
-
-    files: Mapping[str, bytes]
-    figures: Mapping[str, Figure] = field(default_factory=dict)
-    rejection: Rejection | None = None
-    parsed: Mapping[str, object] = field(default_factory=dict)
+_SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fields.items() if info.annotation}
+_SOURCES = {"report": "report", "maps": "maps", "map_service": "maps"}  # parameter: what it is of a crash's sources
 
 
 class DamagedArtefactError(Exception):
@@ -79,10 +82,15 @@ class CrashFiles:
         self._contents.update(contents or {})
         self._parsed.update(parsed or {})
 
-    def has(self, stage: Stage, extension: str) -> bool:
-        """Whether a stage left such an artefact."""
-        record = self._records.get(stage)
-        return record is not None and record.artefact(extension) is not None
+    @property
+    def services(self) -> Services:
+        """What may be asked of the world outside for this crash."""
+        return Services(self.storage, self.settings.services, self.run_id)
+
+    def has(self, artefact: Artefact[Any]) -> bool:
+        """Whether there is such an artefact."""
+        record = self._records.get(artefact.stage)
+        return record is not None and all(record.artefact(extension) for extension in artefact.extensions)
 
     def outcome(self, stage: Stage) -> OutcomeRecord | None:
         """The outcome of an earlier stage, if it has one."""
@@ -92,8 +100,20 @@ class CrashFiles:
         """The figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
         return self._records[stage].figures
 
+    def load(self, artefact: Artefact[T]) -> T:
+        """An artefact as its reader reads it, read once per crash. Raises :class:`DamagedArtefactError`."""
+        contents = [self.read(artefact.stage, extension) for extension in artefact.extensions]
+        if not artefact.reader:
+            return contents[0]  # type: ignore[return-value] # an artefact without a reader is one of bytes
+        name = artefact_name(artefact.stage, self.key, artefact.extensions[0])
+        if name not in self._parsed:
+            named = {"name": name.partition("/")[2]} if artefact.named else {}
+            self._parsed[name] = referred(artefact.reader)(*contents, **named)
+        value: T = self._parsed[name]
+        return value
+
     def read(self, stage: Stage, extension: str) -> bytes:
-        """Content of an artefact of an earlier stage. Raises :class:`DamagedArtefactError`."""
+        """Content of one of the files of a stage. Raises :class:`DamagedArtefactError`."""
         name = artefact_name(stage, self.key, extension)
         if name not in self._contents:
             file = self._records[stage].artefact(extension)
@@ -101,14 +121,6 @@ class CrashFiles:
                 raise KeyError(name)
             self._contents[name] = self._checked(stage, file)
         return self._contents[name]
-
-    def parsed(self, stage: Stage, extension: str, parse: Callable[[bytes], T]) -> T:
-        """An artefact as ``parse`` reads it, parsed once per crash: each artefact has one reader."""
-        name = artefact_name(stage, self.key, extension)
-        if name not in self._parsed:
-            self._parsed[name] = parse(self.read(stage, extension))
-        value: T = self._parsed[name]
-        return value
 
     def _checked(self, stage: Stage, file: StoredFile) -> bytes:
         found = ""
@@ -123,79 +135,51 @@ class CrashFiles:
         raise DamagedArtefactError(stage, file, found)
 
 
-class StageFunction(Protocol):
-    """Makes one stage for one crash; raises :class:`Rejection` or :class:`trace_dag.errors.Failure`."""
-
-    def __call__(self, crash: CrashFiles, /) -> StageProduct:
-        """The product of the stage."""
-
-
-class BatchStageFunction(Protocol):
-    """Makes one stage for several crashes at once, where that is cheaper; every key must be answered.
-
-    What breaks for one crash alone is answered with the :class:`Failure`; what breaks for all is raised.
-    """
-
-    def __call__(self, crashes: Sequence[CrashFiles], /) -> Mapping[str, StageProduct | Rejection | Failure]:
-        """Products, rejections or failures by key."""
-
-
-class Grouping(Protocol):
-    """Divides crashes into the groups a :class:`BatchStageFunction` is best called with."""
-
-    def __call__(self, crashes: Sequence[CrashFiles], /) -> Sequence[Sequence[str]]:
-        """Groups of keys, together all of them."""
-
-
-class Requirement(Protocol):
-    """Raises :class:`trace_dag.errors.UserError` where this machine lacks what the settings ask of a stage."""
-
-    def __call__(self, settings: Settings, /) -> None:
-        """Nothing where all is there."""
-
-
 @dataclass(frozen=True)
 class StageDefinition:
-    """One stage: its function and everything its result depends on.
+    """One stage. ``function`` makes it; everything it depends on is in its signature and its code.
 
-    ``inputs`` are artefacts of earlier stages by stage and extension; ``from_source`` says whether the report or the
-    maps outside the storage enter; ``settings`` picks the section that matters; ``code`` names the modules whose
-    sources, with all they import, make up its code version. ``requires`` is asked once before a run, so that what no
-    crash could be done without is said once and before any is worked on.
+    ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
+    best called with. ``requires`` is asked once before a run, with the settings, and raises
+    :class:`trace_dag.errors.UserError` for what no crash could be done without. All three as ``module:function``.
     """
 
     stage: Stage
-    function: StageFunction | None = None
-    batch_function: BatchStageFunction | None = None
-    grouping: Grouping | None = None
-    inputs: tuple[tuple[Stage, str], ...] = ()
-    from_source: tuple[str, ...] = ()  # "report", "maps"
-    settings: str | None = None  # name of the section
-    code: tuple[str, ...] = ()
-    requires: Requirement | None = None
+    function: str
+    grouping: str | None = None
+    requires: str | None = None
 
-    def __post_init__(self) -> None:
-        if (self.function is None) == (self.batch_function is None):
-            raise ValueError(f"{self.stage}: a stage has either a function or a batch function")
+    @property
+    def for_several(self) -> bool:
+        """Whether the function makes the stage for several crashes at once."""
+        return signature_of(self.function).returns.startswith("Mapping[")
+
+    @property
+    def sources(self) -> frozenset[str]:
+        """What from outside the storage enters: "report", "maps"."""
+        names = (each.name for each in signature_of(self.function).parameters)
+        return frozenset(_SOURCES[name] for name in names if name in _SOURCES)
 
     def section(self, settings: Settings) -> BaseModel | None:
-        """The section of settings this stage depends on."""
-        return None if self.settings is None else getattr(settings, self.settings)
-
-
-class PictureFunction(Protocol):
-    """Draws what is known of a crash: files by extension, none where nothing can be drawn yet."""
-
-    def __call__(self, crash: CrashFiles, /) -> Mapping[str, bytes]:
-        """The picture as ``png``, as ``webp`` small enough for an event log, and a sketch as ``svg``."""
+        """The section of settings that the function asks for."""
+        for parameter in signature_of(self.function).parameters:
+            if parameter.name == "settings":
+                section: BaseModel = getattr(settings, _SECTIONS[parameter.annotation])
+                return section
+        return None
 
 
 @dataclass(frozen=True)
 class Flow:
-    """The stages in order, and what draws a crash."""
+    """The stages in order, the artefacts they pass on, by parameter, and what draws a crash.
+
+    ``picture`` (``module:function``) is given the :class:`CrashFiles` of a crash and returns files by extension:
+    ``png``, ``webp`` small enough for an event log, ``svg`` a sketch; none where nothing can be drawn yet.
+    """
 
     stages: tuple[StageDefinition, ...]
-    picture: PictureFunction | None = None
+    artefacts: Mapping[str, Artefact[Any]] = field(default_factory=lambda: ARTEFACTS)
+    picture: str | None = None
 
     def __post_init__(self) -> None:
         positions = [definition.stage.position for definition in self.stages]
@@ -206,14 +190,55 @@ class Flow:
         """The definition of a stage."""
         return next(definition for definition in self.stages if definition.stage is stage)
 
+    def inputs(self, definition: StageDefinition) -> dict[str, Artefact[Any]]:
+        """The artefacts of earlier stages that a stage is made from, by parameter."""
+        names = [each.name for each in signature_of(definition.function).parameters]
+        return {name: self.artefacts[name] for name in names if name in self.artefacts}
+
+    def code(self, definition: StageDefinition) -> CodeVersion:
+        """The version of the code that makes a stage: its function's module, and what reads its inputs."""
+        readers = {each.reader for each in self.inputs(definition).values() if each.reader}
+        return code_version(tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers))))
+
+    def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
+        """A stage made for one crash."""
+        product: StageProduct = referred(definition.function)(**self._arguments(definition, crash))
+        return product
+
+    def make_for_several(
+        self, definition: StageDefinition, crashes: Sequence[CrashFiles]
+    ) -> Mapping[str, StageProduct | Rejection | Exception]:
+        """A stage made for several crashes at once; products, rejections or failures by key."""
+        arguments = {crash.key: self._arguments(definition, crash) for crash in crashes}
+        of_crash = {*self.artefacts, *_SOURCES}
+        given = {
+            name: {key: each[name] for key, each in arguments.items()} if name in of_crash else value
+            for name, value in arguments[crashes[0].key].items()
+        }
+        products: Mapping[str, StageProduct | Rejection | Exception] = referred(definition.function)(**given)
+        return products
+
+    def _arguments(self, definition: StageDefinition, crash: CrashFiles) -> dict[str, object]:
+        at_hand = {
+            "key": crash.key,
+            "report": crash.source.report,
+            "maps": crash.source.maps,
+            "map_service": crash.source.map_service,
+            "services": crash.services,
+            "settings": definition.section(crash.settings),
+        }
+        return {
+            each.name: crash.load(self.artefacts[each.name]) if each.name in self.artefacts else at_hand[each.name]
+            for each in signature_of(definition.function).parameters
+        }
+
     def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
-        """Selected stages cut into runs that one worker does for one crash at a time, batch stages by themselves."""
+        """Selected stages cut into runs that a worker does for one crash at a time, those for several by themselves."""
         segments: list[list[StageDefinition]] = []
         for definition in self.stages:
             if definition.stage not in stages:
                 continue
-            alone = definition.batch_function is not None
-            if alone or not segments or segments[-1][-1].batch_function is not None:
+            if definition.for_several or not segments or segments[-1][-1].for_several:
                 segments.append([definition])
             else:
                 segments[-1].append(definition)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,14 +24,6 @@ BUILDING = ".building-"  # folders in which a warehouse is being built begin so
 def storage_root(chosen: str | None = None) -> str:
     """The storage root: the one chosen, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
     return chosen or os.environ.get(ROOT_VARIABLE) or DEFAULT_ROOT
-
-
-def local_folder(storage: Storage) -> Path:
-    """The root of a storage if it is local; else a folder of the user's own for this root."""
-    if storage.local_root is not None:
-        return storage.local_root
-    base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
-    return base / "trace-dag" / hashlib.sha256(storage.root.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -59,7 +50,7 @@ class Home:
 
         The root itself if it is local; else a folder of the user's own for this root.
         """
-        return local_folder(Storage(self.root))
+        return Storage(self.root).local_folder
 
     @property
     def warehouse(self) -> Path:

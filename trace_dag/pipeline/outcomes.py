@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from trace_dag.errors import Failure, Stage, TransientFailure
 from trace_dag.logs import at_work, figures
-from trace_dag.pipeline.flow import StageProduct
+from trace_dag.pipeline.products import StageProduct
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.storage import StoredFile
 

@@ -10,7 +10,18 @@ from __future__ import annotations
 from importlib import resources
 
 from trace_dag.errors import Stage
-from trace_dag.pipeline import stages
+from trace_dag.pipeline.artefacts import (
+    ESTIMATE,
+    LOGS,
+    MAP_REPORT,
+    OSM_XML,
+    RECORD,
+    REPORT_XML,
+    ROAD_MAP,
+    VERDICT,
+    VERDICT_JSON,
+    XODR,
+)
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.records import Records
 
@@ -19,13 +30,13 @@ def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
     """The scenario package of a verified crash, by file name. ``records`` are those that count."""
     from trace_dag.scenario.package import PackageInput, package_files
 
-    verdict = stages.verdict_of(files)
+    verdict = files.load(VERDICT)
     return package_files(
         PackageInput(
-            record=stages.record_of(files),
-            report_xml=files.read(Stage.RAW_REPORT, "xml"),
-            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
-            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
+            record=files.load(RECORD),
+            report_xml=files.load(REPORT_XML),
+            osm_xml=files.load(OSM_XML),
+            map_xodr=files.load(XODR),
             provenance={
                 stage.value: {
                     "code": record.provenance.code,
@@ -35,10 +46,10 @@ def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
                 }
                 for stage, record in records.items()
             },
-            network=stages.network_of(files),
-            map_report=stages.map_report_of(files),
-            estimate=stages.estimate_of(files),
-            log=stages.logs_of(files)[verdict.hypothesis],
+            network=files.load(ROAD_MAP),
+            map_report=files.load(MAP_REPORT),
+            estimate=files.load(ESTIMATE),
+            log=files.load(LOGS)[verdict.hypothesis],
             verdict=verdict,
         )
     )
@@ -50,14 +61,14 @@ def unverified_files(files: CrashFiles) -> dict[str, bytes]:
     from trace_dag.scenario.replay import write_html_player
 
     made = {}
-    if files.has(Stage.ROAD_MAP, "xodr"):
-        made["map.xodr"] = files.read(Stage.ROAD_MAP, "xodr")
-    if files.has(Stage.VERDICT, "json"):
-        made["verdict.json"] = files.read(Stage.VERDICT, "json")
-    if files.has(Stage.SIMULATION_LOG, "parquet"):
-        verdict = stages.verdict_of(files) if files.has(Stage.VERDICT, "json") else None
-        log = stages.logs_of(files)[verdict.hypothesis if verdict else 0]
-        made["replay.html"] = write_html_player(stages.record_of(files), stages.network_of(files), log, verdict)
+    if files.has(ROAD_MAP):
+        made["map.xodr"] = files.load(XODR)
+    if files.has(VERDICT):
+        made["verdict.json"] = files.load(VERDICT_JSON)
+    if files.has(LOGS):
+        verdict = files.load(VERDICT) if files.has(VERDICT) else None
+        log = files.load(LOGS)[verdict.hypothesis if verdict else 0]
+        made["replay.html"] = write_html_player(files.load(RECORD), files.load(ROAD_MAP), log, verdict)
     return made
 
 
@@ -72,12 +83,12 @@ def published_files(files: CrashFiles) -> dict[str, bytes]:
     from trace_dag.scenario.published_layout import write_published
 
     case = files.key.partition("-")[2]
-    hypothesis = stages.verdict_of(files).hypothesis
-    simulation = write_published(stages.estimate_of(files).hypotheses[hypothesis], stages.logs_of(files)[hypothesis])
+    hypothesis = files.load(VERDICT).hypothesis
+    simulation = write_published(files.load(ESTIMATE).hypotheses[hypothesis], files.load(LOGS)[hypothesis])
     return {
-        f"reports/crash_{case}.xml": files.read(Stage.RAW_REPORT, "xml"),
-        f"summary/summary_{case}.txt": (stages.record_of(files).summary + "\n").encode(),
-        f"maps/map_{case}.xodr": files.read(Stage.ROAD_MAP, "xodr"),
+        f"reports/crash_{case}.xml": files.load(REPORT_XML),
+        f"summary/summary_{case}.txt": (files.load(RECORD).summary + "\n").encode(),
+        f"maps/map_{case}.xodr": files.load(XODR),
         f"simulations/simulation_{case}.json": simulation,
     }
 

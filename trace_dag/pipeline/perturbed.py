@@ -25,7 +25,7 @@ from trace_dag.errors import Reason, Rejection, Stage, UserError
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
-from trace_dag.pipeline import stages
+from trace_dag.pipeline.artefacts import MAP_REPORT, OSM_XML, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.comparisons import PERTURBED, StoredCrash, crash_files, drawn, read_judged, store
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
@@ -33,6 +33,7 @@ from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.registry import CrashSource, MapFile, ReportSource
+from trace_dag.pipeline.stages.osm_extract import catalog_of
 from trace_dag.pipeline.standing import FinalState, standing_of_valid
 from trace_dag.pipeline.tasks import Chunk, CrashTask, Work
 from trace_dag.pipeline.worker import work_on_chunk
@@ -160,7 +161,7 @@ def perturbed_controls(
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    return crash.has(Stage.VERDICT, "json") and stages.verdict_of(crash).accepted
+    return crash.has(VERDICT) and crash.load(VERDICT).accepted
 
 
 def _tasks(
@@ -205,15 +206,15 @@ def _maps_around(crashes: Sequence[CrashFiles]) -> dict[str, bytes]:
     for crash in crashes:
         by_maps.setdefault(crash.source.maps, []).append(crash)
     for maps, together in by_maps.items():
-        records = {crash.key: stages.record_of(crash) for crash in together}
+        records = {crash.key: crash.load(RECORD) for crash in together}
         sites = [Site(key, record.latitude_deg, record.longitude_deg) for key, record in records.items()]
         osm = together[0].settings.osm
         wide = osm.model_copy(update={"radius_m": _FARTHEST_M + _MARGIN_M + osm.radius_m})
-        extracts = stages.map_catalog(maps, together[0].storage).extract(sites, wide)
+        extracts = catalog_of(maps, together[0].services).extract(sites, wide)
         for crash in together:
             extract = extracts[crash.key]
             if isinstance(extract, Rejection):
-                found[crash.key] = crash.read(Stage.OSM_EXTRACT, "osm")
+                found[crash.key] = crash.load(OSM_XML)
             else:
                 found[crash.key] = write_osm(extract)
     return found
@@ -265,7 +266,7 @@ class _Perturbation:
         if scene.point is None and self._kind.needs in (Needs.OTHER_STREET, Needs.SAME_STREET):
             return None
         source = self._change.other or self._crash
-        changed = perturb(self._kind, source.read(Stage.RAW_REPORT, "xml"), scene)
+        changed = perturb(self._kind, source.load(REPORT_XML), scene)
         if changed is None:
             return None
         other_key = None if self._change.other is None else source.key
@@ -291,7 +292,7 @@ class _Perturbation:
 
     def _names_here(self) -> tuple[str, ...]:
         """Names of the streets the crash was placed on, and those it reports."""
-        placed, roads = stages.map_report_of(self._crash).placement, self._judged.network.road_by_id
+        placed, roads = self._crash.load(MAP_REPORT).placement, self._judged.network.road_by_id
         here = [name for road in (placed.road_id, *placed.cross_road_ids) for name in roads[road].names]
         return tuple(dict.fromkeys((*here, *_reported_names(self._judged.record))))
 
@@ -311,15 +312,15 @@ class _Perturbation:
             outcome_detail=stands.detail,
             accepted=stands.final_state is FinalState.VERIFIED if judged else None,
         )
-        if files.has(Stage.CRASH_RECORD, "parquet"):
-            record = stages.record_of(files)
+        if files.has(RECORD):
+            record = files.load(RECORD)
             row = replace(
                 row,
                 own_accepted=self._own_accepted(record),
                 moved_m=_apart_m(self._judged.record, record),
                 same_street=point.same_street if point else self._is_named_here(record),
             )
-        if files.has(Stage.VERDICT, "json"):
+        if files.has(VERDICT):
             grade, support = _grade_of(files)
             row = replace(row, grade=grade, support=support)
         return row
@@ -385,12 +386,12 @@ class _Perturbation:
     def _record(self, records: Records, storage: Storage) -> CrashRecord:
         files = CrashFiles(self._crash.key, self._crash.source, self._crash.settings, storage)
         files.accept(records[Stage.CRASH_RECORD])
-        return stages.record_of(files)
+        return files.load(RECORD)
 
 
 def _grade_of(files: CrashFiles) -> tuple[str | None, float | None]:
     """Grade and support of a stored verdict, as far as it has them."""
-    verdict = json.loads(files.read(Stage.VERDICT, "json"))
+    verdict = json.loads(files.load(VERDICT_JSON))
     support = verdict.get("support")
     if isinstance(support, dict):
         support = support.get("total")

@@ -1,7 +1,7 @@
 """What travels to the workers and back: crashes and stages to run, and what each stage did.
 
-Belongs here: these types, and what a stage's result would be made from. Does not belong here: doing the work
-(:mod:`trace_dag.pipeline.worker`) or dividing it (:mod:`trace_dag.pipeline.batch`).
+Belongs here: these types, what a stage's result would be made from, and whether a stored one still holds. Does not
+belong here: doing the work (:mod:`trace_dag.pipeline.worker`) or dividing it (:mod:`trace_dag.pipeline.batch`).
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from trace_dag.code_versions import CodeVersion
 from trace_dag.errors import Stage
 from trace_dag.pipeline.flow import Flow, StageDefinition
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.registry import CrashSource
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance, code_version, settings_of
+from trace_dag.provenance import Outcome, OutcomeRecord, Provenance, libraries_of, settings_of
 from trace_dag.settings import Settings
 from trace_dag.storage import Storage
 
@@ -57,13 +58,13 @@ class Work:
     settings: Settings
     flow: Flow
     run_id: str
-    code: Mapping[Stage, str]
+    code: Mapping[Stage, CodeVersion]
     force: frozenset[Stage] = frozenset()
 
     @staticmethod
-    def code_versions(flow: Flow) -> dict[Stage, str]:
-        """Code version of every stage of a flow, from the sources in this process."""
-        return {definition.stage: code_version(definition.code) for definition in flow.stages}
+    def code_versions(flow: Flow) -> dict[Stage, CodeVersion]:
+        """Code version of every stage of a flow, as this process has it."""
+        return {definition.stage: flow.code(definition) for definition in flow.stages}
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,25 @@ def provenance_of(
 ) -> Provenance:
     """What the stage's result would be made from now."""
     inputs = {}
-    if "report" in definition.from_source:
+    if "report" in definition.sources:
         report = source.report
         inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
-    if "maps" in definition.from_source:
+    if "maps" in definition.sources:
         inputs["maps"] = source.maps_digest
-    for stage, extension in definition.inputs:
-        record = records.get(stage)
-        file = record.artefact(extension) if record else None
-        inputs[f"{stage}.{extension}"] = file.sha256 if file else ""
-    return Provenance(work.code[definition.stage], settings_of(definition.section(work.settings)), inputs)
+    for artefact in work.flow.inputs(definition).values():
+        record = records.get(artefact.stage)
+        for extension in artefact.extensions:
+            file = record.artefact(extension) if record else None
+            inputs[f"{artefact.stage}.{extension}"] = file.sha256 if file else ""
+    code, section = work.code[definition.stage], definition.section(work.settings)
+    return Provenance(code.digest, settings_of(section), inputs, libraries_of(code, section))
+
+
+def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:
+    """Whether a stored outcome still holds: no failure, its artefacts whole, made from what it would be made from now.
+
+    ``whole`` says of records by name whether their artefacts are, as :func:`trace_dag.pipeline.records.intact` finds.
+    """
+    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED):
+        return False
+    return whole.get(record.name, True) and record.fingerprint == made_from.fingerprint

@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trace_dag.errors import Failure, Stage, UserError
+from trace_dag.code_versions import code_version
+from trace_dag.errors import Failure, UserError
 from trace_dag.evaluation.table import Row, rows_from_parquet, rows_to_parquet
 from trace_dag.geometry import Pose
-from trace_dag.pipeline import stages
+from trace_dag.pipeline.artefacts import ESTIMATE, MAP_REPORT, OSM_XML, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.evaluations import StoredCase, load_case
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
-from trace_dag.provenance import code_version
 from trace_dag.settings import Settings
+from trace_dag.sim.backends import backend
 from trace_dag.sim.log_io import logs_from_files, logs_to_files
 from trace_dag.sim.types import Participant, SimulationLog
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
@@ -140,16 +141,16 @@ def _make_family(task: _Task) -> FamilyReport:
         raise Failure(f"{stored.key}: its simulation has no contact; run it again")
     kept, drawn = family(
         case,
-        stages.backend(task.settings.sim),
+        backend(task.settings.sim),
         count=request.count,
         seed=request.seed,
         bounds=request.bounds,
         criteria=request.criteria,
     )
     files = stored.files(task.settings, storage)
-    recorded = stages.estimate_of(files).hypotheses[stages.verdict_of(files).hypothesis]
+    recorded = files.load(ESTIMATE).hypotheses[files.load(VERDICT).hypothesis]
     before = {each["variation_id"] for each in _family_rows(storage, stored.key)}
-    code = code_version(_CODE)
+    code = code_version(_CODE).digest
     rows = []
     for variation in kept:
         _store(storage, variation, recorded, request, code, stored.fingerprint)
@@ -295,15 +296,15 @@ def package_of(pipeline: Pipeline, stored: StoredCase) -> Mapping[str, bytes]:
         raise ValueError(f"{stored.key} is no variation")
     files = stored.files(pipeline.settings, pipeline.storage)
     varied = read_variation(pipeline.storage, stored.variation)
-    record, network, map_report = stages.record_of(files), stages.network_of(files), stages.map_report_of(files)
+    record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
     about: dict[str, Any] = _abouts().dump_python(varied.about, mode="json")
     verdict = judge(record, network, map_report, varied.estimate, [varied.log], pipeline.settings.verdict)
     return package_files(
         PackageInput(
             record=record,
-            report_xml=files.read(Stage.RAW_REPORT, "xml"),
-            osm_xml=files.read(Stage.OSM_EXTRACT, "osm"),
-            map_xodr=files.read(Stage.ROAD_MAP, "xodr"),
+            report_xml=files.load(REPORT_XML),
+            osm_xml=files.load(OSM_XML),
+            map_xodr=files.load(XODR),
             provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
             network=network,
             map_report=map_report,

@@ -7,30 +7,29 @@ the record that lists them.
 
 from __future__ import annotations
 
-import importlib
 import logging
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
+from trace_dag.code_versions import referred
 from trace_dag.errors import Failure, Rejection, Stage, TransientFailure
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
-from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition, StageProduct
+from trace_dag.pipeline.flow import CrashFiles, DamagedArtefactError, Flow, StageDefinition
 from trace_dag.pipeline.locks import held
 from trace_dag.pipeline.outcomes import Attempt, failed_record, log_outcome, made_record
+from trace_dag.pipeline.products import StageProduct
 from trace_dag.pipeline.records import intact, read_records, write_record
-from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, provenance_of
+from trace_dag.pipeline.tasks import Action, Chunk, CrashTask, StageEvent, Work, is_current, provenance_of
 from trace_dag.provenance import (
     Outcome,
     OutcomeRecord,
     Provenance,
     artefact_name,
-    code_version,
     now,
 )
-from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
 
@@ -38,23 +37,24 @@ log = logging.getLogger(__name__)
 def get_ready(flow: Flow) -> None:
     """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version."""
     for definition in flow.stages:
-        for module in definition.code:
-            importlib.import_module(module)
-        code_version(definition.code)
+        flow.code(definition)
+        for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
+            if reference:
+                referred(reference)
 
 
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     """Run the chunk's stages; one event for each crash and stage it got to, in order."""
     work = chunk.work
     for stage in chunk.stages:
-        here = code_version(work.flow.definition(stage).code)
+        here = work.flow.code(work.flow.definition(stage))
         if here != work.code[stage]:
             raise Failure(f"{stage}: this worker has code {here}, the run has {work.code[stage]}; update the workers")
     if chunk.again:
         stored = read_records(work.storage, [crash.key for crash in chunk.crashes])
         chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
     definitions = [work.flow.definition(stage) for stage in chunk.stages]
-    if definitions[0].batch_function is not None:
+    if definitions[0].for_several:
         with _holding(work, chunk.crashes) as crashes:
             return _work_on_group(replace(chunk, crashes=crashes), definitions[0])
     events = []
@@ -112,7 +112,7 @@ class _CrashWorker:
         """Run a stage unless its record is current; the stages before it were accepted."""
         provenance = self.provenance(definition)
         earlier = self.records.get(definition.stage)
-        if not force and earlier is not None and is_current(earlier, provenance, self.work.storage):
+        if not force and self.holds(earlier, provenance):
             return StageEvent(self.task.key, definition.stage, Action.UNCHANGED, earlier)
         unmarked = self.mark_started(definition, provenance)
         return self._event(unmarked or self.compute(definition, provenance))
@@ -127,18 +127,22 @@ class _CrashWorker:
                 return self._failed(definition, provenance, now(), 0.0, error)
         return None
 
+    def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
+        """Whether an outcome is current, looking at its artefacts only if it could be."""
+        if earlier is None or not is_current(earlier, provenance, {}):
+            return False
+        return is_current(earlier, provenance, intact(self.work.storage, [earlier]))
+
     def provenance(self, definition: StageDefinition) -> Provenance:
         return provenance_of(definition, self.work, self.task.source, self.records)
 
     def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
-        if definition.function is None:
-            raise ValueError(f"{definition.stage} is a batch stage")
         execution = self.work.settings.execution
         started_at, started, wait_s = now(), time.monotonic(), execution.retry_wait_s
         for attempt in range(1, execution.transient_retries + 2):
             try:
                 with at_work(self.task.key, definition.stage):
-                    product: StageProduct | Rejection | Exception = definition.function(self.files)
+                    product: StageProduct | Rejection | Exception = self.work.flow.make(definition, self.files)
             except Rejection as rejection:
                 product = rejection
             except Exception as error:
@@ -216,7 +220,7 @@ class _CrashWorker:
         ):
             return events
         try:
-            for extension, picture in draws(self.files).items():
+            for extension, picture in referred(draws)(self.files).items():
                 self.work.storage.write(picture_name(self.task.key, extension), picture)
         except Exception as error:
             # A crash is not worse for want of a picture, and the run says whose is wanting. The one drawn before
@@ -260,7 +264,7 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
         worker = _CrashWorker(chunk.work, crash)
         provenance, earlier = worker.provenance(definition), worker.records.get(definition.stage)
         forced = definition.stage in chunk.work.force
-        if not forced and earlier is not None and is_current(earlier, provenance, chunk.work.storage):
+        if not forced and worker.holds(earlier, provenance):
             events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
         else:
             open_workers.append((worker, provenance))
@@ -271,7 +275,7 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
             marked.append((worker, provenance))
         else:
             events.append(StageEvent(failed.key, failed.stage, Action.COMPUTED, failed))
-    for (worker, provenance), product, started_at, duration_s in _call_batch(definition, marked):
+    for (worker, provenance), product, started_at, duration_s in _call_for_several(chunk.work.flow, definition, marked):
         record = worker.conclude(definition, provenance, product, started_at, duration_s)
         event = StageEvent(record.key, record.stage, Action.COMPUTED, record)
         events.extend(worker.drawn([event]) if chunk.last else [event])
@@ -281,20 +285,18 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
 _OpenCrash = tuple[_CrashWorker, Provenance]
 
 
-def _call_batch(
-    definition: StageDefinition, crashes: Sequence[_OpenCrash]
+def _call_for_several(
+    flow: Flow, definition: StageDefinition, crashes: Sequence[_OpenCrash]
 ) -> Iterable[tuple[_OpenCrash, StageProduct | Rejection | Exception, str, float]]:
-    if definition.batch_function is None:
-        raise ValueError(f"{definition.stage} is not a batch stage")
     if not crashes:
         return
     started_at, started = now(), time.monotonic()
     try:
-        products = definition.batch_function([worker.files for worker, _ in crashes])
+        products = flow.make_for_several(definition, [worker.files for worker, _ in crashes])
     except Exception as error:
         if len(crashes) > 1:  # find the one it broke on
             for crash in crashes:
-                yield from _call_batch(definition, [crash])
+                yield from _call_for_several(flow, definition, [crash])
             return
         yield crashes[0], error, started_at, time.monotonic() - started
         return
@@ -303,13 +305,6 @@ def _call_batch(
         key = crash[0].task.key
         product = products.get(key, Failure(f"{definition.stage}: no answer for {key} from the batch"))
         yield crash, product, started_at, duration_s
-
-
-def is_current(record: OutcomeRecord, provenance: Provenance, storage: Storage) -> bool:
-    """Whether a stored outcome still holds: same fingerprint, not a failure, artefacts all there."""
-    if record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.fingerprint != provenance.fingerprint:
-        return False
-    return intact(storage, [record])[record.name]
 
 
 PICTURE_EXTENSIONS = ("png", "webp", "svg")

@@ -16,12 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.errors import Failure
+from trace_dag.code_versions import code_version
+from trace_dag.errors import Failure, UserError
 from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED
 from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
 from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import temporary_prefix
 from trace_dag.storage import Storage
+from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import JSON_DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
@@ -68,6 +70,7 @@ TABLES = (
     "leaderboard_by_class",
     "variations",
     "estimator_comparison",
+    "warehouse_build",
 )
 
 # Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
@@ -88,6 +91,21 @@ class BuildReport:
     rows: dict[str, int]
     size: int
     duration_s: float
+
+
+def warehouse_code() -> str:
+    """The version of the code and the SQL that build a warehouse."""
+    return code_version((__name__,)).digest
+
+
+def is_built_by_this_code(path: Path) -> bool:
+    """Whether there is a warehouse and the code and the SQL that built it are those that would build it now."""
+    try:
+        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [
+            (warehouse_code(),)
+        ]
+    except UserError:  # an older one does not say
+        return False
 
 
 def build_warehouse(storage: Storage, local_folder: Path) -> BuildReport:
@@ -128,6 +146,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
         for name, rows_of_agents in evaluation_tables(storage).items():
             connection.register(name, rows_of_agents)
+        connection.execute("SET VARIABLE code_version = $code", {"code": warehouse_code()})
         for table in TABLES:
             execute_sql(connection, table)
         rows = {table: _count(connection, table) for table in TABLES}

@@ -9,6 +9,7 @@ from trace_dag.errors import Stage, UserError
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.standing import standing, valid_records
 from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.warehouse.build import is_built_by_this_code
 from trace_dag.warehouse.query import query
 
 _CRASHES = "SELECT key, final_state, stage_reached, reason FROM crashes"
@@ -31,6 +32,8 @@ def verify_warehouse(path: Path, records: Mapping[str, Records]) -> list[Disagre
     except UserError as error:
         return [Disagreement(Kind.WAREHOUSE, f"{path} cannot be read: {error}", file=str(path))]
     found = []
+    if not is_built_by_this_code(path):
+        found.append(Disagreement(Kind.WAREHOUSE, f"{path} was built by other code or other SQL", file=str(path)))
     for key in sorted(crashes.keys() | records.keys()):
         found += _of_crash(key, records.get(key), crashes.get(key), outcomes.get(key, {}))
     return found

@@ -1,0 +1,25 @@
+"""What a stage makes for one crash."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from trace_dag.errors import Rejection
+
+Figure = str | float | int | bool | None
+
+
+@dataclass(frozen=True)
+class StageProduct:
+    """What a stage made: contents by file extension, and the few figures a person looks at first.
+
+    A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
+    ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by
+    extension, what the artefact's reader would make of it, where the stage has read it back already.
+    """
+
+    files: Mapping[str, bytes]
+    figures: Mapping[str, Figure] = field(default_factory=dict)
+    rejection: Rejection | None = None
+    parsed: Mapping[str, object] = field(default_factory=dict)
