@@ -57,6 +57,8 @@ class Reason(StrEnum):
     INCOMPLETE_TOPOLOGY = "incomplete_topology"
     INCOMPLETE_TRAJECTORY = "incomplete_trajectory"
     OUTSIDE_COHORT = "outside_cohort"
+    NOT_MODELLED = "not_modelled"
+    INCOMPLETE_SEQUENCE = "incomplete_sequence"
     NO_MAP_COVERAGE = "no_map_coverage"
     MAP_DISTORTED = "map_distorted"
     CRASH_OFF_ROAD = "crash_off_road"
@@ -134,6 +136,18 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         _PAPER.NOT_IN_PAPER,
         "A filter of the settings leaves the crash out.",
         "Change crash.vehicles or crash.filters if you want it in.",
+    ),
+    Reason.NOT_MODELLED: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.NOT_IN_PAPER,
+        "No event of the report is a contact of two motor vehicles; the sentence names what happened instead.",
+        "Nothing: collisions of two vehicles alone are modelled so far.",
+    ),
+    Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.INCOMPLETE_INFORMATION,
+        "The events of the report do not say which two vehicles met first, or whether any did.",
+        "Nothing: who met whom is not known.",
     ),
     Reason.NO_MAP_COVERAGE: _ReasonFacts(
         Stage.OSM_EXTRACT,

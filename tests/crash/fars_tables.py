@@ -17,6 +17,9 @@ NESTED = {
     "ParkWorks": "parkwork",
     "PbTypes": "pbtype",
     "NPersons": "person",
+    "NmPriors": "nmprior",
+    "NmCrashes": "nmcrash",
+    "SafetyEQs": "safetyeq",
     "Weathers": "weather",
 }
 OF_VEHICLE = {

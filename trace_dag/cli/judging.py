@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from trace_dag.verdict.controls import ControlRow
     from trace_dag.verdict.peer import ComparisonRow
 
-Row = TypeVar("Row")
+Found = TypeVar("Found")
 
 
 rules_option = click.option(
@@ -54,11 +54,11 @@ def _cohorts(home: Home, cohort: str | None) -> list[str]:
     return names
 
 
-def _of_each(cohorts: Sequence[str], compared: Callable[[str], list[Row]]) -> dict[str, list[Row]]:
-    """Rows of every cohort that has something to compare; the last one's complaint if none has."""
+def _of_each(cohorts: Sequence[str], compared: Callable[[str], Found]) -> dict[str, Found]:
+    """What was found of every cohort that has something to compare; the last one's complaint if none has."""
     from trace_dag.errors import UserError
 
-    found: dict[str, list[Row]] = {}
+    found: dict[str, Found] = {}
     complaint: UserError | None = None
     for name in cohorts:
         try:
@@ -207,7 +207,8 @@ def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, .
 def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
     """Run a published benchmark's scenarios on its own maps, judged by the same rules, beside ours.
 
-    FOLDER holds simulations/ and maps/. Every judgement enters the warehouse, as table benchmark_comparison.
+    FOLDER holds simulations/ and maps/. Every judgement enters the warehouse, as table benchmark_comparison. Cases in
+    whose report no two vehicles touch are left out of both and named.
     """
     from dataclasses import asdict
 
@@ -215,9 +216,16 @@ def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None,
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
-    rows_of = _of_each(_cohorts(home, cohort), lambda name: published_comparison(_judged_by(home, rules), name, folder))
-    found = [row for rows in rows_of.values() for row in rows]
+    compared = _of_each(
+        _cohorts(home, cohort), lambda name: published_comparison(_judged_by(home, rules), name, folder)
+    ).values()
+    found = [row for each in compared for row in each.rows]
+    left_out = {key: why for each in compared for key, why in each.left_out.items()}
     build_warehouse(home.pipeline().storage, home.local_folder)
+    if left_out:
+        click.echo(f"{len(left_out)} left out of both, no collision of two vehicles by their reports:", err=True)
+        for key, why in left_out.items():
+            click.echo(f"  {key}  {why}", err=True)
     if as_json:
         write_json([asdict(row) for row in found])
         return

@@ -1,4 +1,4 @@
-"""Whether a record says enough to be reconstructed: one table of rules, each with the reason it rejects with.
+"""Whether a record can be reconstructed and says enough for it: one table of rules, each with its reason to reject.
 
 The rules are the paper's (TRACE, FSE Companion '26): a report is usable if the place of the crash, the topology of
 the road there and the trajectories of the vehicles can be told from it. Any field that says so will do, and what other
@@ -16,6 +16,7 @@ from trace_dag.crash.classes import VehicleTrajectory, trajectory_of_crash_type
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
+from trace_dag.crash.kind import another_kind, untold_meeting
 from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
@@ -48,9 +49,10 @@ class Rule:
 def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rule] = ()) -> None:
     """Raises :class:`Rejection` with the first rule a record falls short of.
 
-    The cohort's filters come first: whether a crash outside the cohort is complete does not matter.
+    The cohort's filters come first, then the kind of crash: whether one that is not wanted or not modelled is complete
+    does not matter.
     """
-    for rule in (*filters_of(settings), *further, *RULES):
+    for rule in (*filters_of(settings), *further, *KINDS, *RULES):
         detail = rule.shortcoming(record)
         if detail is not None:
             raise Rejection(rule.reason, detail)
@@ -188,6 +190,12 @@ def _said(code: int | None) -> str:
 def _movement(movement: Movement) -> str:
     return "unknown" if movement is Movement.UNKNOWN else str(int(movement))
 
+
+KINDS: Final[tuple[Rule, ...]] = (
+    Rule("sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known", untold_meeting),
+    Rule("modelled", Reason.NOT_MODELLED, "two motor vehicles touched", another_kind),
+)
+"""What kind of crash it has to be."""
 
 RULES: Final[tuple[Rule, ...]] = (
     Rule("location", Reason.INCOMPLETE_LOCATION, "the place of the crash is known", _location),

@@ -7,18 +7,20 @@ from typing import Final
 
 from trace_dag.crash.classes import trajectories_disagree, trajectory_of_crash_type
 from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, MAN_COLL, RELJCT2, TYP_INT
-from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1
 from trace_dag.crash.derive import (
+    CORNER_H,
     UNSAID_MOVEMENTS,
+    agrees_with_manner,
     area_in,
-    first_collision,
     impact_area,
     implied_impact_of_crash_type,
     implied_movement,
     is_near,
 )
-from trace_dag.crash.record import CrashRecord, ImpactArea, Movement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord, first_contact
+from trace_dag.crash.summary import event_in_words
 from trace_dag.units import mps_to_mph
 
 _TURNS: Final = frozenset({Movement.TURNING_LEFT, Movement.TURNING_RIGHT})
@@ -32,9 +34,6 @@ _MAY_STAND: Final = _STILL | {
 }
 _STOPPED_MAX_MPS: Final = 2.3
 """A vehicle coded as stopped may still have been rolling at walking pace (5 mph)."""
-
-_CORNER_H: Final = 2.0
-"""From the middle of a side to the body's corner, in hours: a corner belongs to both of its sides."""
 
 
 def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
@@ -61,7 +60,7 @@ def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
     for vehicle in record.colliding_pair or ():
         expected = implied_impact_of_crash_type(vehicle.crash_type_code)
         reported = impact_area(vehicle.initial_impact_code)
-        if expected and reported and not is_near(reported, expected.clock_h, _CORNER_H):
+        if expected and reported and not is_near(reported, expected.clock_h, CORNER_H):
             yield (
                 f"vehicle {vehicle.number}: IMPACT1 says {reported.code}, but ACC_TYPE {vehicle.crash_type_code} "
                 f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) means {expected.code}"
@@ -69,7 +68,7 @@ def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
 
 
 def _impact_against_event(record: CrashRecord) -> Iterator[str]:
-    collision = first_collision(record.events, (vehicle.number for vehicle in record.vehicles))
+    collision = first_contact(record.events)
     if collision is None or "events" in record.implied:
         return
     for vehicle in record.vehicles:
@@ -86,37 +85,12 @@ def _manner_against_impacts(record: CrashRecord) -> Iterator[str]:
     if pair is None or record.first_harmful_event_code != MOTOR_VEHICLE_IN_TRANSPORT:
         return
     first, second = pair[0].impact, pair[1].impact
-    needs = _MANNERS.get(record.manner_of_collision_code or 0)
-    if needs and first and second and not (needs(first, second) or needs(second, first)):
+    if first and second and agrees_with_manner(record.manner_of_collision_code, first, second) is False:
         yield (
             f"MAN_COLL {record.manner_of_collision_code} ({MAN_COLL.meaning(record.manner_of_collision_code)}) "
             f"does not agree with the impacts at {first.clock_h:g} and {second.clock_h:g} o'clock of vehicles "
             f"{pair[0].number} and {pair[1].number}"
         )
-
-
-def _front(area: ImpactArea) -> bool:
-    return is_near(area, 12)
-
-
-def _rear(area: ImpactArea) -> bool:
-    return is_near(area, 6)
-
-
-def _side(area: ImpactArea) -> bool:
-    # Corners (1, 5, 7, 11) count as front or rear and as side.
-    return is_near(area, 3, _CORNER_H) or is_near(area, 9, _CORNER_H)
-
-
-_MANNERS: Final[dict[int, Callable[[ImpactArea, ImpactArea], bool]]] = {
-    1: lambda a, b: _front(a) and _rear(b),
-    2: lambda a, b: _front(a) and _front(b),
-    6: lambda a, b: _side(a) or _side(b),
-    7: lambda a, b: _side(a) or _side(b),
-    8: lambda a, b: _side(a) or _side(b),
-    9: lambda a, b: _rear(a) and _side(b),
-    10: lambda a, b: _rear(a) and _rear(b),
-}
 
 
 def _movements(record: CrashRecord) -> Iterator[str]:
@@ -165,6 +139,26 @@ def _junction(record: CrashRecord) -> Iterator[str]:
         )
 
 
+def _first_event_against_sequence(record: CrashRecord) -> Iterator[str]:
+    first = record.first_harmful_event_code
+    harmful = [event for event in record.events if HARM_EV.known(event.code) and event.code in HARM_EV.meanings]
+    # In a sequence put together from the vehicles' own it is the first of one of them, it cannot be told of which.
+    if "events" in record.implied:
+        of_vehicle: dict[int | None, EventRecord] = {}
+        for event in harmful:
+            for number in (event.vehicle_1, event.vehicle_2):
+                of_vehicle.setdefault(number, event)
+        harmful = list(of_vehicle.values())
+    else:
+        harmful = harmful[:1]
+    if first is not None and harmful and first not in {event.code for event in harmful}:
+        said = harmful[0]
+        yield (
+            f"HARM_EV {first} says that the first harmful event is that a vehicle {HARM_EV.meaning(first)}, but the "
+            f"sequence begins with event {said.number}, {event_in_words(said)} (SOE {said.code})"
+        )
+
+
 def _first_event(record: CrashRecord) -> Iterator[str]:
     collision_first = record.first_harmful_event_code == MOTOR_VEHICLE_IN_TRANSPORT
     if MAN_COLL.known(record.manner_of_collision_code) is None or record.first_harmful_event_code is None:
@@ -186,4 +180,5 @@ _CHECKS: Final[tuple[Callable[[CrashRecord], Iterator[str]], ...]] = (
     _speeds,
     _junction,
     _first_event,
+    _first_event_against_sequence,
 )

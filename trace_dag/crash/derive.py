@@ -1,4 +1,4 @@
-"""What fields imply about each other: areas of impact, movements, events, where a report leaves one of them out.
+"""What fields imply about each other: areas of impact, movements, crash types, where a report leaves one of them out.
 
 Rules follow the FARS/CRSS Coding and Validation Manual's definitions of ``ACC_TYPE``, ``P_CRASH1``, ``P_CRASH2`` and
 ``IMPACT1``. Everything that is implied is marked as such by the caller.
@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
-from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT, VEHICLE_EVENTS
+from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
-from trace_dag.crash.record import EventRecord, ImpactArea, Movement, VehicleRecord
+from trace_dag.crash.record import EventRecord, ImpactArea, Movement, VehicleRecord, first_contact
 from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
 
 HOUR_RAD: Final = math.pi / 6
@@ -43,61 +43,6 @@ def impact_area(code: int | None) -> ImpactArea | None:
     else:
         return None
     return ImpactArea(code, centre_h, clock_to_bearing_rad(centre_h), half_width_h * HOUR_RAD)
-
-
-# --- events --------------------------------------------------------------------------------------------------------
-
-
-def is_vehicle_to_vehicle(event: EventRecord, numbers: Iterable[int]) -> bool:
-    """Whether both parties of an event are among the vehicles of those numbers."""
-    known = set(numbers)
-    return event.vehicle_1 in known and event.vehicle_2 in known and event.vehicle_1 != event.vehicle_2
-
-
-def first_collision(events: Sequence[EventRecord], numbers: Iterable[int]) -> EventRecord | None:
-    """The first event between two of the vehicles, or None."""
-    known = tuple(numbers)
-    return next((event for event in events if is_vehicle_to_vehicle(event, known)), None)
-
-
-@dataclass(frozen=True)
-class VehicleEvent:
-    """One event as a single vehicle saw it (``VSOE``): without the other party."""
-
-    vehicle: int
-    code: int
-    area: ImpactArea | None
-
-
-def events_of_vehicles(by_vehicle: Mapping[int, Sequence[VehicleEvent]]) -> tuple[EventRecord, ...]:
-    """The crash's sequence put together from the vehicles' own sequences (``VSOE``).
-
-    A collision in transport appears once in the sequence of each of its two vehicles. With two vehicles the first of
-    one is the first of the other, and so on; with more the partner is not known and stays None.
-    """
-    numbers = sorted(by_vehicle)
-    pending = {number: list(by_vehicle[number]) for number in numbers}
-    merged: list[tuple[VehicleEvent, VehicleEvent | None]] = []
-    while any(pending.values()):
-        for number in numbers:
-            while pending[number] and pending[number][0].code != MOTOR_VEHICLE_IN_TRANSPORT:
-                merged.append((pending[number].pop(0), None))
-        colliding = [pending[number].pop(0) for number in numbers if pending[number]]
-        if len(numbers) == 2 and len(colliding) == 2:
-            merged.append((colliding[0], colliding[1]))
-        else:
-            merged.extend((event, None) for event in colliding)
-    return tuple(
-        EventRecord(
-            number=index,
-            code=first.code,
-            vehicle_1=first.vehicle,
-            area_1=first.area,
-            vehicle_2=second.vehicle if second else None,
-            area_2=second.area if second else None,
-        )
-        for index, (first, second) in enumerate(merged, start=1)
-    )
 
 
 # --- crash type ----------------------------------------------------------------------------------------------------
@@ -129,17 +74,21 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
     return tuple(implied.get(vehicle.number, vehicle) for vehicle in vehicles)
 
 
+def in_one_configuration(one: int | None, other: int | None) -> bool:
+    """Whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21."""
+    return _COUNTERPART.get(one or 0) == (other or -1) or _COUNTERPART.get(other or 0) == (one or -1)
+
+
 def _pair(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
 ) -> tuple[VehicleRecord, VehicleRecord] | None:
-    """The two vehicles that collided; two vehicles whose events are not known are taken to have."""
+    """The two vehicles of the first contact, or None."""
+    contact = first_contact(events)
+    if contact is None:
+        return None
     by_number = {vehicle.number: vehicle for vehicle in vehicles}
-    collision = first_collision(events, by_number)
-    if collision is not None and collision.vehicle_1 is not None and collision.vehicle_2 is not None:
-        return by_number[collision.vehicle_1], by_number[collision.vehicle_2]
-    if len(vehicles) == 2 and not _struck_others_only(events):
-        return vehicles[0], vehicles[1]
-    return None
+    first, second = by_number.get(contact.vehicle_1 or 0), by_number.get(contact.vehicle_2 or 0)
+    return (first, second) if first and second else None
 
 
 # --- movement ------------------------------------------------------------------------------------------------------
@@ -251,7 +200,7 @@ def with_impacts(
     ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
     with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
     """
-    collision = first_collision(events, (vehicle.number for vehicle in vehicles))
+    collision = first_contact(events)
     pair = _pair(vehicles, events) or ()
     found = {
         vehicle.number: _with_own_impact(vehicle, events, collision, in_pair=vehicle in pair) for vehicle in vehicles
@@ -301,10 +250,41 @@ def _harmful_before(number: int, events: Sequence[EventRecord], collision: Event
     return False
 
 
-def _struck_others_only(events: Sequence[EventRecord]) -> bool:
-    """Whether the sequence is known and no vehicle of it met another one."""
-    return bool(events) and not any(event.code in VEHICLE_EVENTS for event in events)
-
-
 def _implied(vehicle: VehicleRecord, area: ImpactArea) -> VehicleRecord:
     return replace(vehicle, impact=area, implied=(*vehicle.implied, "impact"))
+
+
+# --- manner of collision ------------------------------------------------------------------------------------------
+
+CORNER_H: Final = 2.0
+"""From the middle of a side to the body's corner, in hours: a corner belongs to both of its sides."""
+
+
+def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: ImpactArea | None) -> bool | None:
+    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
+    needs = _MANNERS.get(man_coll or 0)
+    return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
+
+
+def _front(area: ImpactArea) -> bool:
+    return is_near(area, 12)
+
+
+def _rear(area: ImpactArea) -> bool:
+    return is_near(area, 6)
+
+
+def _side(area: ImpactArea) -> bool:
+    # Corners (1, 5, 7, 11) count as front or rear and as side.
+    return is_near(area, 3, CORNER_H) or is_near(area, 9, CORNER_H)
+
+
+_MANNERS: Final[dict[int, Callable[[ImpactArea, ImpactArea], bool]]] = {
+    1: lambda a, b: _front(a) and _rear(b),
+    2: lambda a, b: _front(a) and _front(b),
+    6: lambda a, b: _side(a) or _side(b),
+    7: lambda a, b: _side(a) or _side(b),
+    8: lambda a, b: _side(a) or _side(b),
+    9: lambda a, b: _rear(a) and _side(b),
+    10: lambda a, b: _rear(a) and _rear(b),
+}

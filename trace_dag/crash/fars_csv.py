@@ -8,7 +8,7 @@ columns and older codes are understood where reports are read.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -39,12 +39,16 @@ _VEHICLE_LISTS: Final = {
     "vevent": ("VEvents", "VEvent"),
     "vsoe": ("Vsoes", "VSOEs"),
 }
+_SEQUENCE_LISTS: Final = {name: _VEHICLE_LISTS[name] for name in ("vevent", "vsoe")}
 _TELLING_TABLES: Final = ("vsoe", "vevent", "maneuver", "damage")
-"""Tables with rows for vehicles in transport only, ``VEH_NO`` above 0."""
+"""Tables that tell of vehicles by ``VEH_NO`` above 0: the events of all, the others of those in transport."""
 _CRASH_LISTS: Final = {
     "weather": ("Weathers", "Weather"),
     "cevent": ("CEvents", "CEvent"),
     "pbtype": ("PbTypes", "PBType"),
+    "nmprior": ("NmPriors", "NMPrior"),
+    "nmcrash": ("NmCrashes", "NMCrash"),
+    "safetyeq": ("SafetyEQs", "SafetyEQ"),
 }
 _NOT_XML: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _INTEGER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
@@ -259,19 +263,35 @@ def _report(year: int, case: int, tables: dict[str, Rows]) -> bytes:
     for row in _vehicle_rows(case, tables):
         vehicle = etree.SubElement(vehicles, "Vehicle")
         _scalars(vehicle, row)
-        for name, (members, member) in _VEHICLE_LISTS.items():
-            own = [entry for entry in tables.get(name, {}).get(case, []) if _same_vehicle(entry, row)]
-            _list(vehicle, members, member, own)
+        _lists_of(vehicle, row, _VEHICLE_LISTS, case, tables)
     for name, (members, member) in _CRASH_LISTS.items():
         _list(crash, members, member, _by_number(tables.get(name, {}).get(case, []), "EVENTNUM"))
-    _list(crash, "ParkWorks", "ParkWork", _by_number(tables.get("parkwork", {}).get(case, []), "VEH_NO"))
+    standing = _by_number(tables.get("parkwork", {}).get(case, []), "VEH_NO")
+    if standing:
+        parked = etree.SubElement(crash, "ParkWorks")
+    for row in standing:
+        vehicle = etree.SubElement(parked, "ParkWork")
+        _scalars(vehicle, row)
+        _lists_of(vehicle, row, _SEQUENCE_LISTS, case, tables)
     outside = [entry for entry in tables.get("person", {}).get(case, []) if _integer(entry, "VEH_NO") in (None, 0)]
     _list(crash, "NPersons", "Person", outside)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
+def _lists_of(
+    vehicle: etree._Element, row: Row, lists: Mapping[str, tuple[str, str]], case: int, tables: dict[str, Rows]
+) -> None:
+    """What the tables ``lists`` names tell of one vehicle, below its element."""
+    for name, (members, member) in lists.items():
+        own = [entry for entry in tables.get(name, {}).get(case, []) if _same_vehicle(entry, row)]
+        _list(vehicle, members, member, own)
+
+
 def _vehicle_rows(case: int, tables: dict[str, Rows]) -> list[Row]:
-    """The rows of the vehicles in transport, and a bare number for those that only other tables tell of."""
+    """The rows of the vehicles in transport, and a bare number for those that only other tables tell of.
+
+    Whether such a vehicle was in transport, or parked, is decided where reports are read.
+    """
     rows = tables["vehicle"].get(case, [])
     known = {_integer(row, "VEH_NO") for row in (*rows, *tables.get("parkwork", {}).get(case, []))}
     told_of = {_integer(row, "VEH_NO") for name in _TELLING_TABLES for row in tables.get(name, {}).get(case, [])}

@@ -39,6 +39,10 @@ class Fields:
             if isinstance(child.tag, str) and len(child) == 0:
                 self._text.setdefault(local_name(child).upper(), " ".join((child.text or "").split()))
 
+    def names(self) -> set[str]:
+        """The names of all values that are not blank, in capitals."""
+        return {name for name, value in self._text.items() if value}
+
     def text(self, *names: str) -> str:
         """The first of the named values that is not blank, else ""."""
         return next((self._text[name] for name in names if self._text.get(name)), "")

@@ -8,7 +8,7 @@ fields imply, and marked; what disagrees is listed. Whether the record says enou
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -21,16 +21,15 @@ from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
 from trace_dag.crash.contradictions import contradictions_of
 from trace_dag.crash.derive import (
     UNSAID_MOVEMENTS,
-    VehicleEvent,
-    events_of_vehicles,
-    impact_area,
     implied_movement,
     with_crash_types,
     with_impacts,
 )
 from trace_dag.crash.fields import Fields, local_name, malformed
 from trace_dag.crash.keys import crash_key, state_of
-from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, VehicleRecord
+from trace_dag.crash.persons import read_non_motorists
+from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.sequence import read_sequence, struck_standing_only, told_of_by_events_alone
 from trace_dag.crash.summary import summarise
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
@@ -102,7 +101,9 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
     latitude_deg, longitude_deg = reported_position(fields.decimal("LATITUDE"), fields.decimal("LONGITUD", "LONGITUDE"))
 
     vehicles = _vehicles(fields)
-    events, events_implied = _events(fields, vehicles)
+    sequence = read_sequence(fields, vehicles)
+    events = sequence.events
+    non_motorists, of_persons = read_non_motorists(fields, vehicles)
     man_coll = fields.code(crash_codes.MAN_COLL)
     vehicles = with_impacts(with_crash_types(vehicles, events), events, man_coll)
     vehicles = tuple(_with_movement(vehicle) for vehicle in vehicles)
@@ -146,19 +147,15 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
         weather_code=_weather(fields),
         fatalities=fields.integer("FATALS", low=0),
         vehicles_in_transport=fields.integer("VE_FORMS", low=0),
-        non_motorists=_non_motorists(fields),
-        implied=tuple(
-            field
-            for field, implied in (
-                ("events", events_implied),
-                ("road_topology", topology_implied),
-                ("function_class_code", class_implied),
-            )
-            if implied
+        non_motorists=non_motorists,
+        implied=(
+            *sequence.implied,
+            *(("road_topology",) if topology_implied else ()),
+            *(("function_class_code",) if class_implied else ()),
         ),
     )
     record = replace(record, vehicle_trajectory=vehicle_trajectory(_crash_types(record)))
-    return replace(record, contradictions=contradictions_of(record))
+    return replace(record, contradictions=(*sequence.contradictions, *of_persons, *contradictions_of(record)))
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
@@ -201,13 +198,41 @@ def reported_position(latitude: float | None, longitude: float | None) -> tuple[
 
 
 def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
-    vehicles = [read_vehicle(element, fields) for element in fields.members("Vehicles")]
-    vehicles += [read_parked_vehicle(element, fields) for element in fields.members("ParkWorks")]
+    reported: list[VehicleRecord] = []
+    unreported: list[etree._Element] = []
+    for element in fields.members("Vehicles"):
+        if told_of_by_events_alone(Fields(element, fields.where, fields.year)):
+            unreported.append(element)
+        else:
+            reported.append(read_vehicle(element, fields))
+    reported += [read_parked_vehicle(element, fields) for element in fields.members("ParkWorks")]
+    vehicles = [*reported, *_unreported_vehicles(unreported, reported, fields)]
     numbers = [vehicle.number for vehicle in vehicles]
     twice = sorted({number for number in numbers if numbers.count(number) > 1})
     if twice:
         raise malformed(f"{fields.where}: vehicle number {twice[0]} is given {numbers.count(twice[0])} times")
     return tuple(sorted(vehicles, key=lambda vehicle: vehicle.number))
+
+
+def _unreported_vehicles(
+    elements: Iterable[etree._Element], reported: Sequence[VehicleRecord], crash: Fields
+) -> Iterator[VehicleRecord]:
+    """The vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
+
+    A vehicle whose events are those of one that stands was parked, if there were more vehicles (``VE_TOTAL``) than in
+    transport (``VE_FORMS``). What the counts have no room for is not there; its events are a contradiction.
+    """
+    in_transport, total = crash.integer("VE_FORMS"), crash.integer("VE_TOTAL")
+    moving = sum(vehicle.in_transport for vehicle in reported)
+    standing = len(reported) - moving
+    for element in elements:
+        parked = struck_standing_only(Fields(element, crash.where, crash.year))
+        if parked and (in_transport is None or total is None or standing < total - in_transport):
+            standing += 1
+            yield read_parked_vehicle(element, crash)
+        elif in_transport is None or moving < in_transport:
+            moving += 1
+            yield read_vehicle(element, crash)
 
 
 def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
@@ -217,56 +242,6 @@ def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:
     if implied is None:
         return vehicle
     return replace(vehicle, movement=implied, implied=(*vehicle.implied, "movement"))
-
-
-def _events(fields: Fields, vehicles: Sequence[VehicleRecord]) -> tuple[tuple[EventRecord, ...], bool]:
-    """The crash's sequence, and whether it had to be put together from the vehicles' own sequences."""
-    numbers = {vehicle.number for vehicle in vehicles}
-    of_crash = list(fields.members("CEvents"))
-    if of_crash:
-        return _event_rows(of_crash, fields, numbers), False
-    own = [Fields(element, fields.where, fields.year) for element in fields.members("Vehicles")]
-    of_vehicles = [event for vehicle in own for event in vehicle.members("VEvents")]
-    if of_vehicles:
-        # VEvent repeats the crash's events for every vehicle that took part in them.
-        return _event_rows(of_vehicles, fields, numbers), True
-    sequences = {number: seq for vehicle in own if (seq := _own_sequence(vehicle)) for number in [seq[0].vehicle]}
-    return events_of_vehicles(sequences), bool(sequences)
-
-
-def _event_rows(rows: Iterable[etree._Element], crash: Fields, numbers: set[int]) -> tuple[EventRecord, ...]:
-    events: dict[int, EventRecord] = {}
-    for row in rows:
-        fields = Fields(row, f"{crash.where}: event", crash.year)
-        number, code = fields.integer("EVENTNUM", low=1), fields.code(event_codes.SOE)
-        if number is None or code is None:
-            continue  # a blank row says nothing
-        first, second = fields.integer("VNUMBER1"), fields.integer("VNUMBER2")
-        events.setdefault(
-            number,
-            EventRecord(
-                number=number,
-                code=code,
-                vehicle_1=first if first in numbers else None,
-                area_1=impact_area(fields.code(event_codes.AOI, "AOI1")),
-                vehicle_2=second if second in numbers else None,
-                area_2=impact_area(fields.code(event_codes.AOI, "AOI2")),
-            ),
-        )
-    return tuple(events[number] for number in sorted(events))
-
-
-def _own_sequence(vehicle: Fields) -> list[VehicleEvent]:
-    number = vehicle.integer("VEH_NO") or 0
-    rows: list[tuple[int, VehicleEvent]] = []
-    for row in vehicle.members("Vsoes", "VSOEs"):
-        fields = Fields(row, f"{vehicle.where}: vehicle {number}, event", vehicle.year)
-        code = fields.code(event_codes.SOE)
-        if code is None:
-            continue
-        area = impact_area(fields.code(event_codes.AOI, "AOI"))
-        rows.append((fields.integer("VEVENTNUM") or len(rows) + 1, VehicleEvent(number, code, area)))
-    return [event for _, event in sorted(rows, key=lambda row: row[0])]
 
 
 def _function_class(fields: Fields) -> tuple[int | None, int | None, bool]:
@@ -291,16 +266,6 @@ def _weather(fields: Fields) -> int | None:
     )
     own = (fields.known_code(crash_codes.WEATHER, name) for name in ("WEATHER", "WEATHER1", "WEATHER2"))
     return next((code for code in (*own, *listed) if code), None)
-
-
-def _non_motorists(fields: Fields) -> tuple[NonMotorist, ...]:
-    found: dict[int, NonMotorist] = {}
-    for element in fields.members("NPersons"):
-        person = Fields(element, f"{fields.where}: person", fields.year)
-        number, kind = person.integer("PER_NO"), person.code(crash_codes.PER_TYP)
-        if number is not None and kind is not None and kind not in crash_codes.VEHICLE_OCCUPANTS:
-            found.setdefault(number, NonMotorist(number, kind, person.integer("STR_VEH") or None))
-    return tuple(found[number] for number in sorted(found))
 
 
 def _crash_types(record: CrashRecord) -> list[int | None]:

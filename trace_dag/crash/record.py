@@ -6,10 +6,12 @@ docstrings are FARS elements (FARS Analytical User's Manual).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, VEHICLE_CONTACTS
 
 
 class Movement(IntEnum):
@@ -108,7 +110,10 @@ class VehicleRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """One event of the crash's sequence (``CEvent``): who hit what where."""
+    """One event of the crash's sequence (``CEvent``): who hit what where.
+
+    A contact whose second party the report does not name has ``vehicle_2`` None, as events without one have.
+    """
 
     number: int  # EVENTNUM
     code: int  # SOE
@@ -117,14 +122,52 @@ class EventRecord:
     vehicle_2: int | None  # VNUMBER2, None unless a motor vehicle
     area_2: ImpactArea | None  # AOI2
 
+    @property
+    def is_contact(self) -> bool:
+        """Whether two motor vehicles that are both named touched each other."""
+        parties = {self.vehicle_1, self.vehicle_2}
+        return self.code in VEHICLE_CONTACTS and len(parties) == 2 and None not in parties
+
 
 @dataclass(frozen=True)
 class NonMotorist:
-    """A person outside motor vehicles: pedestrian, cyclist, ..."""
+    """A person outside motor vehicles: pedestrian, cyclist, ... ``None`` means that the report does not say.
+
+    Codes are those of :mod:`trace_dag.crash.codes.persons`. What is coded at or near intersections only (directions,
+    manoeuvre of the motorist, leg, scenario) is None elsewhere.
+    """
 
     number: int  # PER_NO
-    person_type_code: int  # PER_TYP
+    person_type_code: int  # PER_TYP, else PBPTYPE
     striking_vehicle: int | None = None  # STR_VEH
+    age_years: int | None = None  # AGE, else PBAGE
+    sex_code: int | None = None  # SEX, else PBSEX
+    location_code: int | None = None  # LOCATION
+    crosswalk_code: int | None = None  # PBCWALK
+    sidewalk_code: int | None = None  # PBSWALK
+    school_zone_code: int | None = None  # PBSZONE
+    intersection_code: int | None = None  # PEDLOC, of a cyclist BIKELOC
+    pedestrian_position_code: int | None = None  # PEDPOS
+    cyclist_position_code: int | None = None  # BIKEPOS
+    pedestrian_direction_code: int | None = None  # PEDDIR
+    cyclist_direction_code: int | None = None  # BIKEDIR
+    motorist_direction_code: int | None = None  # MOTDIR
+    motorist_manoeuvre_code: int | None = None  # MOTMAN
+    intersection_leg_code: int | None = None  # PEDLEG
+    scenario: str = ""  # PEDSNR, such as 3b
+    pedestrian_group_code: int | None = None  # PEDCGP
+    cyclist_group_code: int | None = None  # BIKECGP
+    pedestrian_type_code: int | None = None  # PEDCTYPE
+    cyclist_type_code: int | None = None  # BIKECTYPE
+    actions: tuple[int, ...] = ()  # NMACTION / MPR_ACT
+    circumstances: tuple[int, ...] = ()  # NMCC / MTM_CRSH
+    equipment: tuple[int, ...] = ()  # MSAFEQMT, until 2018
+    helmet_code: int | None = None  # NMHELMET, as the next ones since 2019
+    pads_code: int | None = None  # NMPROPAD
+    other_protection_code: int | None = None  # NMOTHPRO
+    reflective_clothing_code: int | None = None  # NMREFCLO
+    lights_code: int | None = None  # NMLIGHT
+    other_prevention_code: int | None = None  # NMOTHPRE
 
 
 @dataclass(frozen=True)
@@ -172,9 +215,22 @@ class CrashRecord:
 
     @property
     def colliding_pair(self) -> tuple[VehicleRecord, VehicleRecord] | None:
-        """The two motor vehicles of the first vehicle-to-vehicle collision, or None."""
+        """The two motor vehicles of the first contact that an event says, or None (see :func:`first_contact`)."""
+        contact = first_contact(self.events)
         by_number = {vehicle.number: vehicle for vehicle in self.vehicles}
-        for event in self.events:
-            if event.vehicle_1 in by_number and event.vehicle_2 in by_number:
-                return by_number[event.vehicle_1], by_number[event.vehicle_2]
-        return (self.vehicles[0], self.vehicles[1]) if len(self.vehicles) == 2 else None
+        if contact is None or contact.vehicle_1 not in by_number or contact.vehicle_2 not in by_number:
+            return None
+        return by_number[contact.vehicle_1], by_number[contact.vehicle_2]
+
+
+def first_contact(events: Sequence[EventRecord]) -> EventRecord | None:
+    """The first event in which two named vehicles touch.
+
+    None too where an earlier contact in transport does not name its parties: then the first one is not known.
+    """
+    for event in events:
+        if event.is_contact:
+            return event
+        if event.code == MOTOR_VEHICLE_IN_TRANSPORT:
+            return None
+    return None

@@ -9,10 +9,19 @@ from __future__ import annotations
 from calendar import month_name
 
 from trace_dag.crash.codes import crash as crash_codes
+from trace_dag.crash.codes import persons as person_codes
 from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.events import IMPACT1, SOE, VEHICLE_EVENTS
-from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, Movement, VehicleClass, VehicleRecord
+from trace_dag.crash.codes.events import IMPACT1, SET_IN_MOTION_BY_VEHICLE, SOE, VEHICLE_CONTACTS, VEHICLE_EVENTS
+from trace_dag.crash.record import (
+    CrashRecord,
+    EventRecord,
+    ImpactArea,
+    Movement,
+    NonMotorist,
+    VehicleClass,
+    VehicleRecord,
+)
 from trace_dag.units import mps_to_mph
 
 _CLASS_NAMES = {
@@ -167,28 +176,41 @@ def _control(vehicle: VehicleRecord) -> str:
 def _sequence(record: CrashRecord) -> str:
     if not record.events:
         return ""
-    return "Sequence: " + "; ".join(f"({event.number}) {_event(event)}" for event in record.events) + "."
+    return "Sequence: " + "; ".join(f"({event.number}) {event_in_words(event)}" for event in record.events) + "."
 
 
-def _event(event: EventRecord) -> str:
+def event_in_words(event: EventRecord) -> str:
+    """An event as a clause: who did what to whom, and at which parts of the bodies."""
     subject = f"vehicle {event.vehicle_1}" if event.vehicle_1 is not None else "a vehicle"
     at_1 = f" (at {_area(event.area_1)})" if event.area_1 else ""
     if event.code in VEHICLE_EVENTS and event.vehicle_2 is not None:
         at_2 = f" (at {_area(event.area_2)})" if event.area_2 else ""
         verb = (
-            SOE.meaning(event.code).split(" a ")[0]
-            if event.code != 54
-            else "was involved, by objects set in motion, with"
+            "was involved, by objects set in motion, with"
+            if event.code == SET_IN_MOTION_BY_VEHICLE
+            else SOE.meaning(event.code).split(" a ")[0]
         )
         return f"{subject}{at_1} {verb} vehicle {event.vehicle_2}{at_2}"
-    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{at_1}"
+    unnamed = " that is not named" if event.code in VEHICLE_CONTACTS else ""
+    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{unnamed}{at_1}"
 
 
 def _non_motorists(record: CrashRecord) -> str:
     return " ".join(
-        f"Person {person.number}: {crash_codes.PER_TYP.meaning(person.person_type_code) or 'non-motorist'}"
-        + (f", struck by vehicle {person.striking_vehicle}." if person.striking_vehicle else ".")
+        f"Person {person.number}: {', '.join(part for part in _person(person) if part)}."
         for person in record.non_motorists
+    )
+
+
+def _person(person: NonMotorist) -> tuple[str, ...]:
+    position = person_codes.PEDPOS.meaning(person.pedestrian_position_code) or person_codes.BIKEPOS.meaning(
+        person.cyclist_position_code
+    )
+    return (
+        crash_codes.PER_TYP.meaning(person.person_type_code) or "non-motorist",
+        *(person_codes.NMACTION.meaning(code) for code in person.actions),
+        position or person_codes.LOCATION.meaning(person.location_code),
+        f"struck by vehicle {person.striking_vehicle}" if person.striking_vehicle else "",
     )
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from trace_dag.crash.kind import another_kind, untold_meeting
 from trace_dag.errors import Failure, UserError
 from trace_dag.pipeline.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.pipeline.batch import Pipeline
@@ -152,9 +153,18 @@ def negative_controls(
     return rows
 
 
-def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[ComparisonRow]:
+@dataclass(frozen=True)
+class PublishedComparison:
+    """The judgements of both benchmarks; ``left_out`` says by crash why neither of them is judged on it."""
+
+    rows: list[ComparisonRow]
+    left_out: dict[str, str]
+
+
+def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> PublishedComparison:
     """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
 
+    A case in whose report no two vehicles are known to have touched is left out of both: it has no collision to judge.
     ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
     :class:`UserError` if it does not, or if none of its cases is in the cohort.
     """
@@ -164,10 +174,16 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[
             f"{folder}: no simulations/simulation_<stateCase>.json in it; the published benchmark's folder?"
         )
     rows: list[ComparisonRow] = []
+    left_out: dict[str, str] = {}
     for key in pipeline.registry.keys(cohort):
         case = key.partition("-")[2]
         files = stored_crash(pipeline, key)
         if case not in simulations or not files.has(RECORD):
+            continue
+        record = files.load(RECORD)
+        no_collision = untold_meeting(record) or another_kind(record)
+        if no_collision is not None:
+            left_out[key] = no_collision
             continue
         rows.append(_theirs(pipeline, files, simulations[case], folder / "maps" / f"map_{case}.xodr"))
         for ours in judged_crashes(pipeline, [key]):
@@ -178,9 +194,12 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> list[
                 )
             )
     if not rows:
-        raise UserError(f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r}")
+        raise UserError(
+            f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r} in which two "
+            "vehicles touched"
+        )
     store(pipeline, PUBLISHED, cohort, rows)
-    return rows
+    return PublishedComparison(rows, left_out)
 
 
 def _theirs(pipeline: Pipeline, files: CrashFiles, simulation: Path, map_file: Path) -> ComparisonRow:

@@ -96,7 +96,7 @@ def published_estimate(scenario: PublishedScenario, record: CrashRecord) -> Stat
     """The scenario as an estimate with one hypothesis, both bodies the car it was made with."""
     pair = record.colliding_pair
     if pair is None:
-        raise UserError(f"{record.key}: the report names no pair of vehicles; a published scenario has two")
+        raise UserError(f"{record.key}: no two vehicles touch in the report; a published scenario is of two that do")
     vehicles = sorted(pair, key=lambda vehicle: vehicle.number)
     participants = tuple(
         _participant(published, vehicle, scenario.crash_xy_m)

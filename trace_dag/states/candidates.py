@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from trace_dag.states import evidence
 from trace_dag.states.crash_types import Relation
-from trace_dag.states.encounters import Encounter, collided_with_each_other
+from trace_dag.states.encounters import Encounter
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.pairs import Pair
 from trace_dag.states.pairs_along import opposite, same_direction, same_lane
@@ -18,7 +18,6 @@ from trace_dag.states.pairs_crossing import backing, crossing
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 
-NOT_REPORTED = -3.0
 DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
 
 
@@ -71,9 +70,6 @@ def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value
-    if not collided_with_each_other(scene.record):
-        # The same for every candidate; it says that the record itself does not have them touch.
-        terms["collision of the two not reported"] = NOT_REPORTED
     from_driveway = any(party.vehicle.trafficway_code == DRIVEWAY_WAY for party, _ in sides)
     if encounter.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
         roads = [option.stream.road for _, option in sides]

@@ -98,7 +98,7 @@ def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
     own_events: list[EventRecord] = []
     for event in record.events:
         if vehicle.number in (event.vehicle_1, event.vehicle_2):
-            if event.vehicle_1 is not None and event.vehicle_2 is not None:
+            if event.is_contact:
                 break
             own_events.append(event)
     turn = _MOVEMENT_TURN.get(vehicle.movement, crash_type.turn)
@@ -143,18 +143,7 @@ def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, fl
             weights[each.critical.relation] += _HINT
     for relation in _MANNER_RELATIONS.get(record.collision_type, ()):
         weights[relation] += _MANNER_HINT
-    if not collided_with_each_other(record):
-        # Both struck someone or something else, one after the other: as a rule they followed one another.
-        weights[Relation.SAME_LANE] += _MANNER_HINT
-        weights[Relation.SAME_DIRECTION] += _MANNER_HINT
     return weights
-
-
-def collided_with_each_other(record: CrashRecord) -> bool:
-    """Whether the sequence of events holds a collision of two motor vehicles of the record, or no sequence is known."""
-    numbers = {vehicle.number for vehicle in record.vehicles}
-    pairs = [event for event in record.events if event.vehicle_1 in numbers and event.vehicle_2 in numbers]
-    return bool(pairs) or not record.events
 
 
 def _mover_prior(relation: Relation, mover: Party, other: Party) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.record import CrashRecord, ImpactArea, Movement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, ImpactArea, Movement, VehicleRecord, first_contact
 from trace_dag.geometry import Pose, contact_clock_h
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.sim.plan import tracking_errors
@@ -137,7 +137,7 @@ def compare(observation: Observation, record: CrashRecord) -> CrashMeasures:
         contact_x_m=contact.x_m,
         contact_y_m=contact.y_m,
         contact_distance_m=math.hypot(contact.x_m, contact.y_m),
-        right_pair=pair is None or {pair[0].number, pair[1].number} == {one.number, two.number},
+        right_pair=pair is not None and {pair[0].number, pair[1].number} == {one.number, two.number},
         closing_speed_mps=contact.closing_speed_mps,
         approach_angle_deg=abs(math.degrees(wrap_angle(contact.pose_1.heading_rad - contact.pose_2.heading_rad))),
         relation_error_deg=_relation_error_deg(relation, first, second, record) if first and second else None,
@@ -269,18 +269,16 @@ def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> flo
 def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> tuple[LaterEvent, ...]:
     """Events after the first collision of two vehicles. Another collision of vehicles is looked for among the
     contacts; what happened beside the road, or to a vehicle's balance, is not simulated."""
-    numbers = {vehicle.number for vehicle in record.vehicles}
-    collisions = [event for event in record.events if {event.vehicle_1, event.vehicle_2} <= numbers]
-    if not collisions:
+    first = first_contact(record.events)
+    if first is None:
         return ()
-    first = collisions[0]
     contacts = list(later_contacts)
     later = []
     for event in record.events:
         if event.number <= first.number:
             continue
         occurred = None
-        if event in collisions:
+        if event.is_contact:
             pair = {event.vehicle_1, event.vehicle_2}
             found = next((c for c in contacts if {c.number_1, c.number_2} == pair), None)
             occurred = found is not None

@@ -70,7 +70,7 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     ]
     if not measures.right_pair:
         numbers = " and ".join(str(vehicle.number) for vehicle in measures.vehicles)
-        detail = f"the first contact is between vehicles {numbers}, not the reported pair"
+        detail = f"the first contact is between vehicles {numbers}, which no event of the report has touch first"
         rejecting.append(Criterion("right_pair", 0.0, 1.0, "", False, Reason.WRONG_IMPACT, detail))
     for vehicle in measures.vehicles:
         error = rules.clock_error(vehicle)

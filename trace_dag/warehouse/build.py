@@ -41,6 +41,7 @@ TABLES = (
     "crashes",
     "vehicles",
     "events",
+    "non_motorists",
     "stage_outcomes",
     "stage_history",
     "artefacts",

@@ -11,18 +11,17 @@ PARKED_MOTOR_VEHICLE: Final = 14
 WORKING_MOTOR_VEHICLE: Final = 45
 SET_IN_MOTION_BY_VEHICLE: Final = 54
 VEHICLE_OUTSIDE_TRAFFICWAY: Final = 55
-VEHICLE_EVENTS: Final = frozenset(
-    {
-        MOTOR_VEHICLE_IN_TRANSPORT,
-        PARKED_MOTOR_VEHICLE,
-        WORKING_MOTOR_VEHICLE,
-        SET_IN_MOTION_BY_VEHICLE,
-        VEHICLE_OUTSIDE_TRAFFICWAY,
-    }
+VEHICLE_CONTACTS: Final = frozenset(
+    {MOTOR_VEHICLE_IN_TRANSPORT, PARKED_MOTOR_VEHICLE, WORKING_MOTOR_VEHICLE, VEHICLE_OUTSIDE_TRAFFICWAY}
 )
-"""Events in which another motor vehicle takes part."""
+"""Events in which two motor vehicles touch."""
+VEHICLE_EVENTS: Final = VEHICLE_CONTACTS | {SET_IN_MOTION_BY_VEHICLE}
+"""Events in which another motor vehicle takes part: by touching, or by what it set in motion."""
 
-DEPARTURES: Final = frozenset({63, 64, 65, 68, 69, 71, 79})
+RAN_OFF_RIGHT: Final = 63
+RAN_OFF_LEFT: Final = 64
+RAN_OFF: Final = 79
+DEPARTURES: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, 65, 68, 69, 71, RAN_OFF})
 """Events in which a vehicle left its side of the road, its roadway, or came back onto it."""
 
 _HARMFUL = {
@@ -100,6 +99,7 @@ _NON_HARMFUL = {
 _SINCE = {74: 2016, 91: 2017, 93: 2017, 98: 2019}
 
 HARM_EV = table("HARM_EV", "First harmful event", _HARMFUL, unknown=(98, 99), since=_SINCE)
+UNKNOWN_EVENT: Final = 99
 SOE = table("SOE", "Event of the sequence", _HARMFUL | _NON_HARMFUL, unknown=(98, 99), since=_SINCE)
 
 _AREAS = {
@@ -121,11 +121,12 @@ _AREAS = {
     82: "the front part of the right side",
     83: "the rear part of the right side",
 }
+NOT_HARMFUL: Final = 55
 IMPACT1 = table("IMPACT1", "Area of initial impact", _AREAS, unknown=(55, 77, 98, 99), since={20: 2017})
 AOI = table(
     "AOI",
     "Area of impact of an event",
-    {**_AREAS, 55: "not harmful", 77: "not a motor vehicle"},
+    {**_AREAS, NOT_HARMFUL: "not harmful", 77: "not a motor vehicle"},
     unknown=(98, 99),
     since={20: 2017},
 )

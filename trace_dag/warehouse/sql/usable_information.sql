@@ -20,14 +20,14 @@ SELECT
     count(*) FILTER (told.speed) AS speed
 FROM crashes
 JOIN told USING (key)
-WHERE crashes.reason IS DISTINCT FROM 'outside_cohort'
+WHERE coalesce(crashes.reason NOT IN ('outside_cohort', 'not_modelled', 'incomplete_sequence'), TRUE)
 GROUP BY ALL
 ORDER BY crashes.cohort, told.moving;
 
-COMMENT ON VIEW usable_information IS 'What the reports tell of the crashes within their cohort''s filters';
+COMMENT ON VIEW usable_information IS 'What the reports tell of the collisions of two vehicles within their cohort''s filters';
 COMMENT ON COLUMN usable_information.cohort IS 'Cohort';
 COMMENT ON COLUMN usable_information.vehicles IS 'Motor vehicles in transport that the report lists';
-COMMENT ON COLUMN usable_information.crashes IS 'Crashes whose report was read, filters passed';
+COMMENT ON COLUMN usable_information.crashes IS 'Crashes whose report was read, filters passed, two vehicles known to have met';
 COMMENT ON COLUMN usable_information.topology IS 'Of those, not rejected as incomplete_topology';
 COMMENT ON COLUMN usable_information.trajectory IS 'Of those, not rejected as incomplete_trajectory';
 COMMENT ON COLUMN usable_information.impact IS 'Of those, with an area of impact of every vehicle';

@@ -20,5 +20,6 @@ SELECT
     contradictions,
     summary,
     vehicles,
-    events
+    events,
+    non_motorists
 FROM read_parquet(getvariable('record_files'))

@@ -1,0 +1,172 @@
+"""Who met whom, where a report has only each vehicle's own sequence (``VSOE``), which never names the other party.
+
+A contact stands in the sequences of both its vehicles, so that every contact of one has its counterpart in another's,
+and along no vehicle's sequence does time run backward. Often that leaves one pairing only: with two vehicles always;
+with three and two contacts the one with two rows is in the middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+from typing import Final, TypeAlias
+
+from trace_dag.crash.codes.events import PARKED_MOTOR_VEHICLE, VEHICLE_EVENTS, WORKING_MOTOR_VEHICLE
+from trace_dag.crash.derive import agrees_with_manner, in_one_configuration
+from trace_dag.crash.record import EventRecord, ImpactArea, VehicleRecord
+
+MOST_CONTACTS: Final = 10
+"""Contacts in all sequences together above which no pairing is looked for: those of ten can be paired in 945 ways."""
+STRUCK_STANDING: Final = frozenset({PARKED_MOTOR_VEHICLE, WORKING_MOTOR_VEHICLE})
+"""Contacts of a vehicle in transport with one that is not; such a vehicle has no other events (all 1,410 of 2016)."""
+
+_Contact: TypeAlias = tuple[int, int]
+"""A vehicle's number, and which of its contacts, from 0."""
+_Meeting: TypeAlias = tuple[_Contact, _Contact]
+_Pairing: TypeAlias = frozenset[_Meeting]
+
+
+@dataclass(frozen=True)
+class VehicleEvent:
+    """One event as a single vehicle saw it (``VSOE``): without the other party."""
+
+    vehicle: int
+    code: int
+    area: ImpactArea | None
+
+
+@dataclass(frozen=True)
+class FirstEvent:
+    """What the report says of the first harmful event: whether two vehicles met in it, and how (``MAN_COLL``)."""
+
+    contact: bool
+    man_coll: int | None
+
+
+def merged(
+    by_vehicle: Mapping[int, Sequence[VehicleEvent]], vehicles: Sequence[VehicleRecord], first: FirstEvent
+) -> tuple[tuple[EventRecord, ...], bool]:
+    """The crash's sequence put together from the vehicles' own, and whether the order of contacts had to be chosen.
+
+    Where several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say.
+    If these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712
+    crashes of three vehicles and two contacts of 2016). Where they differ in who met whom the second party stays None.
+    """
+    standing = frozenset(vehicle.number for vehicle in vehicles if not vehicle.in_transport)
+    contacts = {
+        number: [event for event in events if event.code in VEHICLE_EVENTS] for number, events in by_vehicle.items()
+    }
+    pairing, chosen = _pairing(contacts, standing, {vehicle.number: vehicle for vehicle in vehicles}, first)
+    partner = {one: other for pair in pairing for one, other in (pair, pair[::-1])}
+    others = {vehicle.number for vehicle in vehicles}
+
+    events: list[EventRecord] = []
+    rows = {number: list(by_vehicle[number]) for number in sorted(by_vehicle)}
+    met = dict.fromkeys(rows, 0)  # contacts that are in ``events`` by now
+
+    def add(event: VehicleEvent, second: int | None, area: ImpactArea | None) -> None:
+        events.append(EventRecord(len(events) + 1, event.code, event.vehicle, event.area, second, area))
+
+    while any(rows.values()):
+        for number, pending in rows.items():
+            while pending and (pending[0].code not in VEHICLE_EVENTS or (number, met[number]) not in partner):
+                event = pending.pop(0)
+                met[number] += event.code in VEHICLE_EVENTS
+                add(event, _only_other(event, others, standing), None)
+        heads = {(number, met[number]) for number, pending in rows.items() if pending}
+        meeting = next((one[0], partner[one][0]) for one in sorted(heads) if partner[one] in heads) if heads else ()
+        if meeting:
+            striking, struck = sorted(meeting, key=lambda number: number in standing)
+            event, other = rows[striking].pop(0), rows[struck].pop(0)
+            met[striking], met[struck] = met[striking] + 1, met[struck] + 1
+            add(event, struck, other.area)
+    return tuple(events), chosen
+
+
+def _only_other(event: VehicleEvent, numbers: Iterable[int], standing: frozenset[int]) -> int | None:
+    """The one vehicle an unpaired contact can have been with, None if there are several or none."""
+    if event.code not in VEHICLE_EVENTS:
+        return None
+    possible = [number for number in numbers if _may_meet(event, number, event.code, standing)]
+    return possible[0] if len(possible) == 1 else None
+
+
+def _may_meet(event: VehicleEvent, other: int, other_code: int, standing: frozenset[int]) -> bool:
+    if event.vehicle == other or event.code != other_code:
+        return False
+    stood = (event.vehicle in standing) + (other in standing)
+    return stood == (1 if event.code in STRUCK_STANDING else 0)
+
+
+def _pairing(
+    contacts: Mapping[int, Sequence[VehicleEvent]],
+    standing: frozenset[int],
+    vehicles: Mapping[int, VehicleRecord],
+    first: FirstEvent,
+) -> tuple[_Pairing, bool]:
+    """The meetings that are certain, and whether their order is not."""
+    possible = _pairings(contacts, standing)
+    if not possible:
+        return _in_turn(contacts, standing), False
+    if first.contact and len(possible) > 1:
+        score = {pairing: _first_fits(pairing, contacts, vehicles, first.man_coll) for pairing in possible}
+        best = max(score.values())
+        possible = {pairing for pairing in possible if best <= 0 or score[pairing] == best}
+    if len({tuple(sorted((one[0], other[0]) for one, other in pairing)) for pairing in possible}) == 1:
+        return min(possible, key=sorted), len(possible) > 1
+    return frozenset.intersection(*possible), False
+
+
+def _pairings(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> set[_Pairing]:
+    """Every way to pair all contacts; none if one has no counterpart, or if there are too many."""
+    numbers = sorted(contacts)
+    if sum(map(len, contacts.values())) > MOST_CONTACTS:
+        return set()
+
+    @cache
+    def from_here(met: tuple[int, ...]) -> frozenset[_Pairing]:
+        pending = [index for index, number in enumerate(numbers) if met[index] < len(contacts[number])]
+        if not pending:
+            return frozenset({frozenset()})
+        found: set[_Pairing] = set()
+        for i, j in combinations(pending, 2):
+            one, other = (contacts[numbers[index]][met[index]] for index in (i, j))
+            if _may_meet(one, other.vehicle, other.code, standing):
+                after = tuple(count + (index in (i, j)) for index, count in enumerate(met))
+                meeting = ((numbers[i], met[i]), (numbers[j], met[j]))
+                found.update(rest | {meeting} for rest in from_here(after))
+        return frozenset(found)
+
+    return set(from_here((0,) * len(numbers)))
+
+
+def _in_turn(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> _Pairing:
+    """Of two vehicles the first contact of one is the first of the other, and so on, even if one has more of them."""
+    numbers = sorted(number for number in contacts if contacts[number])
+    if len(numbers) != 2:
+        return frozenset()
+    one, other = numbers
+    return frozenset(
+        ((one, index), (other, index))
+        for index, (first, second) in enumerate(zip(contacts[one], contacts[other], strict=False))
+        if _may_meet(first, second.vehicle, second.code, standing)
+    )
+
+
+def _first_fits(
+    pairing: _Pairing,
+    contacts: Mapping[int, Sequence[VehicleEvent]],
+    vehicles: Mapping[int, VehicleRecord],
+    man_coll: int | None,
+) -> int:
+    """How well a pairing's first contact agrees with the crash types (2) and with the manner of collision (1 or -1)."""
+
+    def fits(one: int, other: int) -> int:
+        types = in_one_configuration(vehicles[one].crash_type_code, vehicles[other].crash_type_code)
+        areas = contacts[one][0].area, contacts[other][0].area
+        manner = agrees_with_manner(man_coll, *areas)
+        return 2 * types + (0 if manner is None else 1 if manner else -1)
+
+    return max(fits(one, other) for (one, i), (other, j) in pairing if i == j == 0)

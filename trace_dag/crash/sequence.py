@@ -1,0 +1,211 @@
+"""The sequence of a crash's events: from ``CEvent``, else ``VEvent``, else put together from the vehicles' (``VSOE``).
+
+Belongs here: reading events, and mending what a table leaves blank; what is not reported as such is marked. Does not
+belong here: who met whom (:mod:`trace_dag.crash.meetings`), and what the events imply for the vehicles
+(:mod:`trace_dag.crash.derive`).
+
+The table of 2015 leaves 29 % of its codes blank. What a blank row is follows from the national table of 2016, where
+none is: of a vehicle's first event without harm among the codes that 2015 lacks, 97 % are departures from the roadway
+(19,377 of 19,922); of later ones half are returns to it. So the first one is a departure, to the side that ``ACC_TYPE``
+says, and later ones stay unknown. The first harmful event is ``HARM_EV`` where it can be of one vehicle only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.crash.codes import events as codes
+from trace_dag.crash.codes.crash import MAN_COLL
+from trace_dag.crash.derive import impact_area
+from trace_dag.crash.fields import Fields
+from trace_dag.crash.meetings import STRUCK_STANDING, FirstEvent, VehicleEvent, merged
+from trace_dag.crash.record import EventRecord, VehicleRecord
+
+_RIGHT_DEPARTURES: Final = range(1, 6)
+_LEFT_DEPARTURES: Final = range(6, 11)
+"""``ACC_TYPE`` of single vehicles that left the road."""
+
+
+@dataclass(frozen=True)
+class ReadSequence:
+    """The events in order; names of what was ``implied`` and not read; ``contradictions`` among the rows, in words."""
+
+    events: tuple[EventRecord, ...]
+    implied: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row of ``VSOE``; ``code`` is None where it is blank."""
+
+    vehicle: int
+    code: int | None
+    area_code: int | None
+
+    @property
+    def harmful(self) -> bool:
+        return self.area_code != codes.NOT_HARMFUL and (self.code is None or self.code in codes.HARM_EV.meanings)
+
+
+def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSequence:
+    """The sequence of a ``CrashResultSet`` whose vehicles were read before."""
+    harm_ev = crash.known_code(codes.HARM_EV)
+    own = [
+        Fields(element, crash.where, crash.year)
+        for members in ("Vehicles", "ParkWorks")
+        for element in crash.members(members)
+    ]
+    rows, strays = _own_rows(own, {vehicle.number for vehicle in vehicles})
+    of_crash = list(crash.members("CEvents"))
+    of_vehicles = [row for vehicle in own for row in vehicle.members("VEvents")]
+    if of_crash or of_vehicles:
+        # VEvent repeats the crash's events for every vehicle that took part in them.
+        events, unlisted = _event_rows(of_crash or of_vehicles, crash, vehicles)
+        return ReadSequence(events, () if of_crash else ("events",), (*strays, *unlisted, *_differences(events, rows)))
+    if rows:
+        first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code(MAN_COLL))
+        mended = _mended(rows, vehicles, harm_ev)
+        events, chosen = merged(mended, vehicles, first)
+        return ReadSequence(events, ("events", "order_of_contacts") if chosen else ("events",), strays)
+    events = _first_harmful(crash, vehicles, harm_ev)
+    return ReadSequence(events, ("events",) if events else (), strays)
+
+
+def told_of_by_events_alone(vehicle: Fields) -> bool:
+    """Whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row there."""
+    return not vehicle.names() - {"VEH_NO"}
+
+
+def struck_standing_only(vehicle: Fields) -> bool:
+    """Whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
+    found = {row.code for row in _rows_of(vehicle)}
+    return bool(found) and found <= STRUCK_STANDING
+
+
+def _event_rows(
+    rows: Iterable[etree._Element], crash: Fields, vehicles: Sequence[VehicleRecord]
+) -> tuple[tuple[EventRecord, ...], tuple[str, ...]]:
+    numbers = {vehicle.number for vehicle in vehicles}
+    events: dict[int, EventRecord] = {}
+    unlisted: dict[str, None] = {}
+
+    def listed(fields: Fields, event: int, name: str) -> int | None:
+        number = fields.integer(name)
+        if number is None or number in codes.NO_SECOND_VEHICLE or number in numbers:
+            return number if number in numbers else None
+        unlisted.setdefault(f"event {event}: {name} says vehicle {number}, which the report does not list")
+        return None
+
+    for row in rows:
+        fields = Fields(row, f"{crash.where}: event", crash.year)
+        number, code = fields.integer("EVENTNUM", low=1), fields.code(codes.SOE)
+        if number is None or code is None:
+            continue  # a blank row says nothing
+        events.setdefault(
+            number,
+            EventRecord(
+                number=number,
+                code=code,
+                vehicle_1=listed(fields, number, "VNUMBER1"),
+                area_1=impact_area(fields.code(codes.AOI, "AOI1")),
+                vehicle_2=listed(fields, number, "VNUMBER2"),
+                area_2=impact_area(fields.code(codes.AOI, "AOI2")),
+            ),
+        )
+    return tuple(events[number] for number in sorted(events)), tuple(unlisted)
+
+
+def _own_rows(own: Sequence[Fields], numbers: set[int]) -> tuple[dict[int, list[_Row]], tuple[str, ...]]:
+    """Rows of ``VSOE`` by vehicle in order, and what is said of vehicles that are not there."""
+    rows: dict[int, list[_Row]] = {}
+    strays: dict[str, None] = {}
+    for vehicle in own:
+        for row in _rows_of(vehicle):
+            if row.vehicle in numbers:
+                rows.setdefault(row.vehicle, []).append(row)
+            else:
+                strays.setdefault(f"VSOE has events of vehicle {row.vehicle}, which the report does not list")
+    return rows, tuple(strays)
+
+
+def _rows_of(vehicle: Fields) -> list[_Row]:
+    number = vehicle.integer("VEH_NO") or 0
+    rows: list[tuple[int, _Row]] = []
+    for element in vehicle.members("Vsoes", "VSOEs"):
+        fields = Fields(element, f"{vehicle.where}: vehicle {number}, event", vehicle.year)
+        row = _Row(fields.integer("VEH_NO") or number, fields.code(codes.SOE), fields.code(codes.AOI, "AOI"))
+        rows.append((fields.integer("VEVENTNUM") or len(rows) + 1, row))
+    return [row for _, row in sorted(rows, key=lambda each: each[0])]
+
+
+def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row]]) -> tuple[str, ...]:
+    """Contacts that a vehicle's own sequence has and the crash's has not, or the other way round."""
+    sentences = []
+    for number, own in rows.items():
+        of_own = {row.code for row in own if row.code in codes.VEHICLE_CONTACTS}
+        of_crash = {
+            event.code
+            for event in events
+            if event.code in codes.VEHICLE_CONTACTS and number in (event.vehicle_1, event.vehicle_2)
+        }
+        for here, there, missing in (("VSOE", "CEvent", of_own - of_crash), ("CEvent", "VSOE", of_crash - of_own)):
+            sentences += [
+                f"vehicle {number}: {here} says that it met another vehicle (SOE {code}), but {there} does not"
+                for code in sorted(code for code in missing if code is not None)
+            ]
+    return tuple(sentences)
+
+
+def _mended(
+    rows: Mapping[int, Sequence[_Row]], vehicles: Sequence[VehicleRecord], harm_ev: int | None
+) -> dict[int, list[VehicleEvent]]:
+    """The rows as events, blank codes filled where it is clear what they were, else unknown."""
+    crash_types = {vehicle.number: vehicle.crash_type_code for vehicle in vehicles}
+    blank = _blank_first_events(rows, harm_ev)
+    mended: dict[int, list[VehicleEvent]] = {}
+    for number, own in rows.items():
+        departure = next((row for row in own if row.code is None and not row.harmful), None)
+        mended[number] = []
+        for row in own:
+            code = row.code
+            if code is None and any(row is each for each in blank):
+                code = harm_ev
+            elif code is None and row is departure:
+                code = _departure(crash_types.get(number))
+            code = codes.UNKNOWN_EVENT if code is None else code
+            mended[number].append(VehicleEvent(number, code, impact_area(row.area_code)))
+    return mended
+
+
+def _departure(crash_type: int | None) -> int:
+    if crash_type in _RIGHT_DEPARTURES:
+        return codes.RAN_OFF_RIGHT
+    return codes.RAN_OFF_LEFT if crash_type in _LEFT_DEPARTURES else codes.RAN_OFF
+
+
+def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None) -> list[_Row]:
+    """The blank rows that must be the crash's first harmful event: of one vehicle, or of the two that met in it."""
+    firsts = [first for own in rows.values() if (first := next((row for row in own if row.harmful), None)) is not None]
+    blank = [row for row in firsts if row.code is None]
+    parties = 2 if harm_ev in codes.VEHICLE_CONTACTS else 1
+    missing = parties - sum(row.code == harm_ev for row in firsts)
+    return blank if harm_ev is not None and missing > 0 and len(blank) == missing else []
+
+
+def _first_harmful(crash: Fields, vehicles: Sequence[VehicleRecord], harm_ev: int | None) -> tuple[EventRecord, ...]:
+    """What ``HARM_EV`` says of a report without any events: a contact of vehicles, with the only two it can have been
+    between; without parties where there are more."""
+    if harm_ev not in codes.VEHICLE_CONTACTS:
+        return ()
+    moving = [vehicle.number for vehicle in vehicles if vehicle.in_transport]
+    standing = [vehicle.number for vehicle in vehicles if not vehicle.in_transport]
+    parties = moving if harm_ev not in STRUCK_STANDING else moving + standing
+    stated = crash.integer("VE_FORMS")
+    certain = len(parties) == 2 and bool(moving) and stated in (None, len(moving))
+    event = EventRecord(1, harm_ev, None, None, None, None)
+    return (replace(event, vehicle_1=parties[0], vehicle_2=parties[1]) if certain else event,)
