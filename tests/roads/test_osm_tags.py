@@ -157,6 +157,22 @@ def test_seen_from_its_other_end_twice_is_as_before(forward: int, backward: int,
     assert (twice.section.forward, twice.section.left) == (made.section.forward, made.section.left)
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("Terry&apos;s Way", ("Terry's Way",)),
+        ("J &amp; R Drive", ("J & R Drive",)),
+        ("First Street;A &amp; B Road", ("First Street", "A & B Road")),
+        ("Q & A Lane", ("Q & A Lane",)),
+        ("Terry's Way", ("Terry's Way",)),
+    ],
+)
+def test_names_that_their_source_escaped_twice_are_read_plainly(name: str, expected: tuple[str, ...]) -> None:
+    made = profile(name=name)
+    assert made.names == expected
+    assert made.name == ";".join(expected)
+
+
 def test_turn_words_are_split_by_lane() -> None:
     assert parse_turns("left|none|through;right|") == (("left",), (), ("through", "right"), ())
     assert parse_turns("|" * 40) == ()
