@@ -2,16 +2,17 @@
 
     TRACE_DAG_JUDGES=.venv-judges python benchmarks/roads.py ../shared/data [--random 200] [--every 1]
 
-Converts every site and measures it: time, gates (loading in CARLA's library is one), deviation from the OSM ways,
-ASAM's checker at version 1.7, lanes as SUMO's netconvert reads them back. Some are walked in CARLA's library in steps
-of 1 m, and Osm2Odr and netconvert convert some for comparison. Without the judges' environment or the ``carla`` extra,
-what they would have said is left out.
+Converts every site and measures it: time, gates (loading in CARLA's library is one), deviation from the OSM ways, the
+tightest turn and the shortest element, ASAM's checker at version 1.7, lanes as SUMO's netconvert reads them back. Some
+are walked in CARLA's library in steps of 1 m, and Osm2Odr and netconvert convert some for comparison. Without the
+judges' environment or the ``carla`` extra, what they would have said is left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import math
 import os
 import random
 import re
@@ -40,7 +41,7 @@ from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.roads.convert import convert
 from trace_dag.roads.gates import check_map
 from trace_dag.roads.map_comparison import MapComparison
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.network import Road, RoadNetwork
 from trace_dag.roads.opendrive_reader import read_opendrive
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.osm2odr import convert_with_osm2odr, with_way_tags
@@ -49,6 +50,7 @@ from trace_dag.settings import OsmSettings, RoadSettings
 
 Result = TypeVar("Result")
 Places = dict[str, tuple[OsmExtract, LocalFrame]]
+_LEAST_OF = ("turn_radius", "u_turn_radius", "shortest_element")  # gates
 
 
 def virginia(data: Path) -> Places:
@@ -112,7 +114,8 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
     """Convert the sites, measure the maps, and write them down."""
     times_s, deviations = [], []
     failed: Counter[str] = Counter()
-    lanes_compared = lanes_differing = loaded = 0
+    lanes_compared = lanes_differing = loaded = returning = 0
+    least = dict.fromkeys(_LEAST_OF, math.inf)
     files: dict[Path, RoadNetwork] = {}
     for key, (extract, frame) in places.items():
         start = time.thread_time()
@@ -126,6 +129,8 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
         xodr = write_opendrive(network)
         for gate in check_map(network, extract, StoredMap(xodr, name=key)):
             loaded += gate.name == "carla_map" and gate.passed is True
+            if gate.name in least and gate.value is not None:
+                least[gate.name] = min(least[gate.name], gate.value)
             if gate.passed is False:
                 failed[gate.name] += 1
                 print(f"  {key}: {gate.name} {gate.value} {gate.unit} ({gate.detail[:100]})")
@@ -133,6 +138,7 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
         deviations.append(comparison.way_deviation())
         compared, differing, _ = comparison.lanes_against_tags()
         lanes_compared, lanes_differing = lanes_compared + compared, lanes_differing + differing
+        returning += sum(map(_returns, network.roads))
         path = folder / f"{key}.xodr"
         path.write_bytes(xodr)
         files[path] = network
@@ -146,7 +152,15 @@ def convert_all(places: Places, folder: Path) -> dict[Path, RoadNetwork]:
     )
     print(f"lane counts: {lanes_compared - lanes_differing} of {lanes_compared} tagged roads as tagged")
     print(f"carla.Map: {loaded} of {len(files)} load with lanes to drive on")
+    print("least of all maps: " + ", ".join(f"{name.replace('_', ' ')} {value:.4g} m" for name, value in least.items()))
+    print(f"roads that begin and end at one junction: {returning}")
     return files
+
+
+def _returns(road: Road) -> bool:
+    """Whether a road begins and ends at the same junction, so that a connection's incoming road has two ends there."""
+    before, after = road.predecessor, road.successor
+    return before is not None and before == after and before.element_type == "junction"
 
 
 def walk(files: Sequence[Path]) -> None:

@@ -7,6 +7,7 @@ every other lane gets a connecting road of its own whose reference line is the l
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -23,25 +24,39 @@ from trace_dag.roads.network import (
     RoadLink,
     RoadMark,
 )
-from trace_dag.roads.plan_fit import Plan, PlanPose, connect, cut_plan, join_plans, plan_pose, reverse_plan
+from trace_dag.roads.plan_fit import (
+    Plan,
+    PlanPose,
+    connect,
+    cut_plan,
+    join_plans,
+    plan_pose,
+    reverse_plan,
+    without_slivers,
+)
 from trace_dag.roads.polyline_fit import fit_plan
+from trace_dag.roads.turn_curves import TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
 
 _NO_MARK: Final = RoadMark("none", "standard", "both")
 _STRAIGHT_RADIUS_M: Final = 25.0
 _MOST_CURVED: Final = 0.19  # lane offset over radius
 _STRAIGHT_PATH_RAD: Final = 1.2
 _SHORTEST_M: Final = 0.05  # below it two arms touch and there is nothing to connect
+_HALF_CAR_M: Final = 0.95
+_OVERRUN_M: Final = 0.3  # by which a car that turns round may leave the ground between the ends of the roads
+_STEP_M: Final = 0.5
 
 
 class _Link(NamedTuple):
     """Lanes next to each other that share a connecting road, left to right.
 
-    ``plan`` is the streets' own geometry through the junction where the lanes follow it.
+    ``offsets_m``: where the left border of the leftmost lane lies left of the reference line at its start and end.
     """
 
     movement: Movement
     lanes: tuple[tuple[ArmLane, ArmLane], ...]
-    plan: Plan | None = None
+    plan: Plan
+    offsets_m: tuple[float, float]
     kind: LaneType = LaneType.DRIVING
 
 
@@ -51,13 +66,9 @@ def build_connections(
     """Connecting roads and connections of one junction."""
     roads: list[Road] = []
     connections: list[Connection] = []
-    for link in _links(movements):
-        geometry = _geometry(link)
-        if geometry is None or geometry[0].length_m < _SHORTEST_M:
-            continue
-        plan, offsets = geometry
+    for link in _possible([link for link in _links(movements) if link.plan.length_m >= _SHORTEST_M]):
         road_id = new_road_id()
-        roads.append(_road(link, plan, offsets, road_id, junction_id))
+        roads.append(_road(link, road_id, junction_id))
         connections.append(
             Connection(
                 id=str(len(connections)),
@@ -75,26 +86,94 @@ def _links(movements: Sequence[Movement]) -> list[_Link]:
     for movement in movements:
         plan = _along_streets(movement) if movement.turn == "straight" else None
         if plan is None or _is_sharp(movement, plan):
-            links.extend(_Link(movement, (pair,)) for pair in movement.lanes)
+            links.extend(link for pair in movement.lanes if (link := _lane_link(movement, pair)) is not None)
             continue
         run: list[tuple[ArmLane, ArmLane]] = []
         for pair in movement.lanes:
             if run and not (_adjacent(run[-1][0], pair[0]) and _adjacent(run[-1][1], pair[1])):
-                links.append(_Link(movement, tuple(run), plan))
+                links.append(_street_link(movement, run, plan))
                 run = []
             run.append(pair)
-        links.append(_Link(movement, tuple(run), plan))
+        links.append(_street_link(movement, run, plan))
         origin, target = movement.origin, movement.target
         if origin.centre and target.centre and origin.road_id <= target.road_id:
             middle = (origin.centre, _seen_outbound(target.centre))
-            links.append(_Link(movement, (middle,), plan, LaneType.BIDIRECTIONAL))
+            links.append(_street_link(movement, [middle], plan, LaneType.BIDIRECTIONAL))
     return links
 
 
+def _street_link(
+    movement: Movement, lanes: Sequence[tuple[ArmLane, ArmLane]], plan: Plan, kind: LaneType = LaneType.DRIVING
+) -> _Link:
+    """Lanes that follow the streets' own geometry through the junction."""
+    first_in, first_out = lanes[0]
+    offsets_m = first_in.offset_m + first_in.width_m / 2, first_out.offset_m + first_out.width_m / 2
+    return _Link(movement, tuple(lanes), plan, offsets_m, kind)
+
+
+def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
+    """A lane with a road of its own; None where no sensible curve leads from its one end to the other."""
+    lane_in, lane_out = pair
+    start = _shifted(movement.origin.inbound, lane_in.offset_m)
+    end = _shifted(movement.target.outbound, lane_out.offset_m)
+    plan = connect(start, end)
+    if plan is None:
+        return None
+    if tightest_radius_m(plan) < TIGHTEST_RADIUS_M:
+        plan = max(plan, drivable_turn(start, end) or plan, key=tightest_radius_m)
+    return _Link(movement, (pair,), plan, (lane_in.width_m / 2, lane_out.width_m / 2))
+
+
+def _possible(links: list[_Link]) -> list[_Link]:
+    """The links without the U-turns that leave the junction's ground, unless a lane has no other way on or in.
+
+    Across a median of no width a car turns round only where there is room to swing out first.
+    """
+    swung = [link for link in links if link.movement.turn == "u_turn" and not _fits(link, links)]
+    if not swung:
+        return links
+    ways: Counter[tuple[str, ContactPoint, int]] = Counter(end for link in links for end in _lane_ends(link))
+    impossible = []
+    for link in swung:
+        if all(ways[end] > 1 for end in _lane_ends(link)):
+            ways.subtract(_lane_ends(link))
+            impossible.append(link)
+    return [link for link in links if not any(link is other for other in impossible)]
+
+
+def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:
+    origin, target = link.movement.origin, link.movement.target
+    return [
+        *((origin.road_id, origin.contact, lane.id) for lane, _ in link.lanes),
+        *((target.road_id, target.contact, lane.id) for _, lane in link.lanes),
+    ]
+
+
+def _fits(link: _Link, links: Sequence[_Link]) -> bool:
+    """Whether a car on a link stays between the ends of the junction's roads."""
+    import shapely
+
+    if tightest_radius_m(link.plan) < TIGHTEST_RADIUS_M * 0.999:
+        return False
+    arms = {(a.road_id, a.contact): a for each in links for a in (each.movement.origin, each.movement.target)}
+    corners = [
+        (corner.x_m, corner.y_m)
+        for arm in arms.values()
+        for sign, lanes in ((1, arm.incoming), (-1, arm.outgoing))
+        for lane in lanes
+        for side in (1, -1)
+        for corner in (_shifted(arm.inbound, sign * lane.offset_m + side * lane.width_m / 2),)
+    ]
+    ground = shapely.MultiPoint(corners).convex_hull.buffer(_OVERRUN_M)
+    count = math.ceil(link.plan.length_m / _STEP_M) + 1
+    path = [plan_pose(link.plan, link.plan.length_m * i / (count - 1))[:2] for i in range(count)]
+    return bool(ground.covers(shapely.LineString(path).buffer(_HALF_CAR_M, cap_style="flat")))
+
+
 def _is_sharp(movement: Movement, plan: Plan) -> bool:
-    """Whether going straight on bends so much that lanes side by side would differ in length by a fifth."""
+    """Whether straight on is a bend in which lanes side by side differ in length by a fifth, or too tight for a car."""
     outermost = max(max(abs(a.offset_m), abs(b.offset_m)) for a, b in movement.lanes)
-    return max(abs(element.curvature_1pm) for element in plan.elements) * outermost > _MOST_CURVED
+    return tightest_radius_m(plan) < max(outermost / _MOST_CURVED, TIGHTEST_RADIUS_M + outermost)
 
 
 def _adjacent(left: ArmLane, right: ArmLane) -> bool:
@@ -111,21 +190,6 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
         pose.y_m + left_m * math.cos(pose.heading_rad),
         pose.heading_rad,
     )
-
-
-def _geometry(link: _Link) -> tuple[Plan, tuple[float, float]] | None:
-    """Reference line, and where the left border of the leftmost lane lies left of it at its start and end.
-
-    None where no sensible curve leads from one lane to the other.
-    """
-    movement = link.movement
-    (first_in, first_out) = link.lanes[0]
-    if link.plan is not None:
-        return link.plan, (first_in.offset_m + first_in.width_m / 2, first_out.offset_m + first_out.width_m / 2)
-    start = _shifted(movement.origin.inbound, first_in.offset_m)
-    end = _shifted(movement.target.outbound, first_out.offset_m)
-    plan = connect(start, end)
-    return None if plan is None else (plan, (first_in.width_m / 2, first_out.width_m / 2))
 
 
 def _along_streets(movement: Movement) -> Plan | None:
@@ -163,8 +227,9 @@ def _drop_repeats(points: Sequence[tuple[float, float]]) -> list[tuple[float, fl
     return kept
 
 
-def _road(link: _Link, plan: Plan, offsets: tuple[float, float], road_id: str, junction_id: str) -> Road:
+def _road(link: _Link, road_id: str, junction_id: str) -> Road:
     movement = link.movement
+    plan = without_slivers(link.plan)
     length = plan.length_m
     origin, target = movement.origin, movement.target
     lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=_NO_MARK)]
@@ -184,7 +249,7 @@ def _road(link: _Link, plan: Plan, offsets: tuple[float, float], road_id: str, j
         length_m=length,
         plan=plan.elements,
         lane_sections=(LaneSection(0.0, tuple(lanes)),),
-        lane_offset=(_ease(*offsets, length),),
+        lane_offset=(_ease(*link.offsets_m, length),),
         junction_id=junction_id,
         predecessor=RoadLink("road", origin.road_id, origin.contact),
         successor=RoadLink("road", target.road_id, target.contact),

@@ -19,6 +19,7 @@ from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.connecting_roads import build_connections
+from trace_dag.roads.controllers import with_controllers
 from trace_dag.roads.elevation import elevate
 from trace_dag.roads.junction_areas import JunctionArea, Layout, end_profile, lay_out
 from trace_dag.roads.junctions import Arm, InnerWay, Movement, TurnRestrictions, find_movements, make_arm
@@ -78,9 +79,12 @@ def convert(
         return str(next(ids))
 
     built: dict[int, StreetRoads] = {}
+    returning = layout.returning()
     for index, street in enumerate(streets):
         if index not in layout.inner:
-            built[index] = build_street_roads(street, plans[index], layout.trims[index], new_id)
+            built[index] = build_street_roads(
+                street, plans[index], layout.trims[index], new_id, returns=index in returning
+            )
     restrictions = _restrictions(extract, graph.aliases)
     junctions: list[Junction] = []
     connecting: list[Road] = []
@@ -117,6 +121,7 @@ def convert(
         converter=CONVERTER,
         attribution=extract.attribution,
     )
+    network = with_controllers(network)
     return elevate(network, extract) if settings.elevation else network
 
 

@@ -17,7 +17,9 @@ import numpy as np
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads import map_measures as measures
 from trace_dag.roads.map_comparison import MapComparison
+from trace_dag.roads.plan_fit import SHORTEST_ELEMENT_M
 from trace_dag.roads.report import CrashPlacement, MapGate
+from trace_dag.roads.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
@@ -45,6 +47,9 @@ class MapLimits:
     lanes_against_tags: float = 0.0  # share of tagged roads that differ
     link_gap_m: float = 0.01  # as the official checker
     link_kink_deg: float = 1.0
+    turn_radius_m: float = CORNER_RADIUS_M
+    u_turn_radius_m: float = TIGHTEST_RADIUS_M
+    shortest_element_m: float = SHORTEST_ELEMENT_M
     geodesic_m: float = 1.0
     grade: float = 0.08
     ramp_grade: float = 0.12
@@ -61,6 +66,9 @@ OSM2ODR_LIMITS: Final = MapLimits(
     lanes_against_tags=math.inf,
     link_gap_m=math.inf,
     link_kink_deg=math.inf,
+    turn_radius_m=0.0,
+    u_turn_radius_m=0.0,
+    shortest_element_m=0.0,
     geodesic_m=10.0,
     clearance_m=0.0,
 )
@@ -91,6 +99,7 @@ def check_map(
         *_ways(comparison, limits),
         _lanes(comparison, limits),
         *_links(stored, limits),
+        *_curves(stored, limits),
         *_neighbours(stored),
         _geodesics(comparison, limits),
         *_heights(stored, limits),
@@ -117,6 +126,11 @@ def _sentence(gate: MapGate) -> str:
 def _at_most(name: str, value: float, threshold: float, unit: str, detail: str = "") -> MapGate:
     limit = threshold if math.isfinite(threshold) else None
     return MapGate(name, value, limit, unit, value <= threshold, detail)
+
+
+def _at_least(name: str, value: float, threshold: float, unit: str, detail: str) -> MapGate:
+    # Lines are made to the limit itself: a rounding error is no shortfall.
+    return MapGate(name, value, threshold, unit, value >= threshold * (1 - 1e-3), detail)
 
 
 def _count_gate(name: str, found: list[str], unit: str, threshold: float = 0) -> MapGate:
@@ -184,6 +198,19 @@ def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     stranded = measures.stranded_lanes(stored)
     detail = "; ".join(stranded[:_SHOWN])
     yield MapGate("lanes_leading_nowhere", len(stranded), None, "lanes", None if stranded else True, detail)
+
+
+def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
+    """A car can drive every lane through a junction, and no piece of a line is too short for other readers."""
+    turns = measures.tightest_turns(stored)
+    names = ("turn_radius", "u_turn_radius")
+    for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
+        if turn.road_id is None:
+            yield MapGate(name, None, limit_m, "m", True, "no lane turns")
+        else:
+            yield _at_least(name, turn.radius_m, limit_m, "m", f"road {turn.road_id}")
+    length_m, road_id = measures.shortest_element(stored)
+    yield _at_least("shortest_element", length_m, limits.shortest_element_m, "m", f"road {road_id}")
 
 
 def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:

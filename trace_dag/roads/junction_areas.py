@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 from trace_dag.roads.osm_tags import CrossSection, WayProfile
 from trace_dag.roads.plan_fit import Plan, Point
 from trace_dag.roads.street_graph import Street
+from trace_dag.roads.turn_curves import TIGHTEST_RADIUS_M
 
 _REACH_M: Final = 45.0  # beyond it arms that still overlap (ramps along a motorway) are left overlapping
 _JOIN_M: Final = 30.0  # longest street that may vanish inside a joined crossing
@@ -24,9 +25,11 @@ _DIVIDED_JOIN_M: Final = 35.0  # widest divided road whose two crossings are one
 _LARGEST_CROSSING_M: Final = 45.0  # farthest apart two nodes of one crossing may be
 _GAP_M: Final = 5.0
 _OVERLAP_M: Final = 0.5  # by which carriageways may overlap and still be clear of each other
-_LEAST_STREET_M: Final = 3.0  # what must remain of a street between two junctions
+_LEAST_STREET_M: Final = 1.0  # what must remain of a street between two junctions
+_LEAST_CORNERS_M: Final = 2.6  # room for the corners at both its ends together, or its junctions are one
 _CORNER_M: Final = {True: 3.0, False: 5.0}  # room for the corner: service roads, all others
 _MAJOR_CORNER_M: Final = 6.5
+_EDGE_LANE_M: Final = 1.3  # from the edge of a road to the middle of its outer lane, at least
 _PARALLEL_RAD: Final = 0.12
 _FORK_M: Final = 20.0  # farthest that the fork of a divided road is cut back
 _HAIRPIN_RAD: Final = 0.6
@@ -58,6 +61,15 @@ class Layout:
     junctions: list[JunctionArea]
     trims: list[tuple[float, float]]  # per street: at its start, at its end
     inner: set[int]
+
+    def returning(self) -> set[int]:
+        """Streets that begin and end at the same junction."""
+        return {
+            street
+            for junction in self.junctions
+            for street, ends in Counter(end.street for end in junction.ends).items()
+            if ends == 2
+        }
 
 
 class _Cut(NamedTuple):
@@ -136,7 +148,7 @@ def lay_out(streets: Sequence[Street], plans: Sequence[Plan]) -> Layout:
             if a == b or length > _JOIN_M or street.spans[0].profile.roundabout:
                 continue
             clear = sum(cuts[end].clear_m for end in _both_ends(index))
-            if clear + 1.0 > length and _compact(members[a] + members[b], positions):
+            if clear + _LEAST_CORNERS_M + _LEAST_STREET_M > length and _compact(members[a] + members[b], positions):
                 group[b] = a
                 members[a] = members[a] + members.pop(b)
                 stale.add(a)
@@ -318,7 +330,7 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
                 corner = _CORNER_M["service" in (strip.profile.highway, other.profile.highway)]
                 if max(strip.profile.rank, other.profile.rank) <= 3:
                     corner = _MAJOR_CORNER_M
-                reach += corner
+                reach += max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(angle / 2))
             elif angle >= 2.6:
                 reach = max(reach, _SHIFT_RATIO * strip.shift_to(other))
             wanted = max(wanted, reach)

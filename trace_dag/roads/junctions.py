@@ -20,6 +20,7 @@ from trace_dag.roads.lanes import EndLane
 from trace_dag.roads.network import ContactPoint, LaneType
 from trace_dag.roads.osm_tags import LEFT_TURNS, RIGHT_TURNS, WayProfile
 from trace_dag.roads.plan_fit import Plan, PlanPose, Point
+from trace_dag.roads.turn_curves import TIGHTEST_RADIUS_M
 
 _STRAIGHT_RAD: Final = math.radians(45)
 _DIVERGE_RAD: Final = math.radians(30)
@@ -360,7 +361,20 @@ def _pair(movement: Movement, lanes: Sequence[ArmLane]) -> tuple[tuple[ArmLane, 
         return tuple((lane, targets[min(k + shift, wide - 1)]) for k, lane in enumerate(lanes))
     if movement.turn == "right":
         return tuple((lane, targets[max(wide - count + k, 0)]) for k, lane in enumerate(lanes))
+    if movement.turn == "u_turn":
+        return tuple((lane, _lane_to_turn_into(movement, lane)) for lane in lanes)
     return tuple((lane, targets[min(k, wide - 1)]) for k, lane in enumerate(lanes))
+
+
+def _lane_to_turn_into(movement: Movement, lane: ArmLane) -> ArmLane:
+    """The innermost lane that is a car's turning circle away from the one it comes from, else the outermost."""
+    inbound, outbound = movement.origin.inbound, movement.target.outbound
+    sine, cosine = math.sin(inbound.heading_rad), math.cos(inbound.heading_rad)
+    between_m = (outbound.y_m - inbound.y_m) * cosine - (outbound.x_m - inbound.x_m) * sine
+    for target in movement.target.outgoing:
+        if between_m - lane.offset_m - target.offset_m >= 2 * TIGHTEST_RADIUS_M:
+            return target
+    return movement.target.outgoing[-1]
 
 
 def _feed_idle_lanes(movements: list[Movement]) -> list[Movement]:

@@ -7,7 +7,7 @@ The network is that read back from the file. Measurements against OpenStreetMap 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from trace_dag.units import wrap_angle
 
 if TYPE_CHECKING:
     from trace_dag.roads.network import RoadNetwork
+
+_TURN_STEP_M: Final = 0.25
 
 
 class LinkGap(NamedTuple):
@@ -94,6 +96,40 @@ def stranded_lanes(network: RoadNetwork) -> list[str]:
 
 def _named(ref: LaneRef) -> str:
     return f"lane {ref.lane_id} of road {ref.road_id}, section {ref.section}"
+
+
+class TightestTurn(NamedTuple):
+    """Least radius (m) of a lane's centre in a junction, infinite where all go straight, and the road it is on."""
+
+    radius_m: float
+    road_id: str | None
+
+
+def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
+    """Tightest turn of all lanes through junctions, and the tightest of those that turn round (``u_turn``)."""
+    tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
+    for road in network.roads:
+        if road.junction_id is None:
+            continue
+        for ref in network.drivable_lanes_of(road):
+            geometry = network.geometry(ref)
+            line = geometry.between(geometry.begin_m, geometry.end_m, _TURN_STEP_M)
+            turned = np.abs(np.diff(line[:, 3]))
+            if not turned.any():
+                continue
+            driven_m = np.hypot(*np.diff(line[:, :2], axis=0).T)
+            radius_m = float((driven_m / np.maximum(turned, 1e-9)).min())
+            u_turn = road.turn == "u_turn"
+            if radius_m < tightest[u_turn].radius_m:
+                tightest[u_turn] = TightestTurn(radius_m, road.id)
+    return min(tightest.values()), tightest[True]
+
+
+def shortest_element(network: RoadNetwork) -> tuple[float, str | None]:
+    """Length (m) of the shortest piece of a reference line, and the road it is in."""
+    return min(
+        ((element.length_m, road.id) for road in network.roads for element in road.plan), default=(math.inf, None)
+    )
 
 
 class SteepestGrade(NamedTuple):

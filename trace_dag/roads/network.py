@@ -195,6 +195,16 @@ class Connection:
 
 
 @dataclass(frozen=True)
+class Controller:
+    """Signals that always show the same; ``sequence`` is its turn among the controllers of one junction."""
+
+    id: str
+    signal_ids: tuple[str, ...]
+    name: str = ""
+    sequence: int = 0
+
+
+@dataclass(frozen=True)
 class Junction:
     """A crossing. ``osm_node_ids`` are the OSM nodes it was made of (several where crossings were joined)."""
 
@@ -204,6 +214,7 @@ class Junction:
     osm_node_ids: tuple[int, ...] = ()
     kind: str = ""  # "four_way", "t", "y", "roundabout", ... as seen in the map
     centre_xy_m: tuple[float, float] | None = None
+    controller_ids: tuple[str, ...] = ()  # of its traffic lights, in their sequence
 
 
 class LaneRef(NamedTuple):
@@ -234,6 +245,7 @@ class RoadNetwork:
     junctions: tuple[Junction, ...] = ()
     converter: str = ""  # name and version of what made it
     attribution: str = ""
+    controllers: tuple[Controller, ...] = ()
 
     @cached_property
     def road_by_id(self) -> dict[str, Road]:

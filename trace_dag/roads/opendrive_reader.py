@@ -23,6 +23,7 @@ from trace_dag.roads.cubic_profile import CubicProfile
 from trace_dag.roads.network import (
     Connection,
     ContactPoint,
+    Controller,
     Cubic,
     Junction,
     Lane,
@@ -82,6 +83,7 @@ def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
         frame=reader.frame(header),
         roads=tuple(reader.road(element) for element in root.iterchildren("road")),
         junctions=tuple(reader.junction(element) for element in root.iterchildren("junction")),
+        controllers=tuple(reader.controller(element) for element in root.iterchildren("controller")),
         converter=header.get("vendor", ""),
         attribution=_first(_notes(header), "attribution"),
     )
@@ -365,6 +367,15 @@ class _Reader:
             osm_node_ids=self._note_integers(element, notes, "osmNodes"),
             kind=_first(notes, "kind"),
             centre_xy_m=self._centre(element, notes),
+            controller_ids=tuple(self._text(child, "id") for child in element.iterchildren("controller")),
+        )
+
+    def controller(self, element: etree._Element) -> Controller:
+        return Controller(
+            id=self._text(element, "id"),
+            signal_ids=tuple(self._text(child, "signalId") for child in element.iterchildren("control")),
+            name=element.get("name", ""),
+            sequence=0 if element.get("sequence") is None else self._integer(element, "sequence"),
         )
 
     def _centre(self, element: etree._Element, notes: _Notes) -> tuple[float, float] | None:

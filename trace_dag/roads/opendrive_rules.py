@@ -37,6 +37,7 @@ _CHILDREN: Final[dict[str, _Order]] = {
     "lane": ("link", "border", "width", "roadMark", "material", "speed", "access", "height", "rule", *_TAIL),
     "junction": ("connection", "priority", "controller", "surface", "planView", *_TAIL),
     "connection": ("predecessor", "successor", "laneLink", *_TAIL),
+    "controller": ("control", *_TAIL),
 }
 _REQUIRED: Final[dict[str, _Order]] = {
     "header": ("revMajor", "revMinor"),
@@ -51,6 +52,8 @@ _REQUIRED: Final[dict[str, _Order]] = {
     "signal": ("id", "s", "t", "dynamic", "orientation", "type", "subtype", "zOffset"),
     "junction": ("id",),
     "connection": ("id",),
+    "controller": ("id",),
+    "control": ("signalId",),
     "laneLink": ("from", "to"),
     "userData": ("code",),
 }
@@ -147,7 +150,7 @@ def _schema(root: etree._Element) -> Iterator[str]:
 _NUMBERS: Final[dict[str, _Order]] = {
     tag: tuple(key for key in keys if key not in ("type", "color", "dynamic", "orientation", "subtype", "code"))
     for tag, keys in _REQUIRED.items()
-    if tag not in ("road", "signal", "junction", "connection")
+    if tag not in ("road", "signal", "junction", "connection", "controller", "control")
 } | {"road": ("length",), "signal": ("s", "t", "zOffset")}
 
 
@@ -424,6 +427,21 @@ def _signals(root: etree._Element) -> Iterator[str]:
                 yield f"signal {signal.get('id')} with a value but no unit ({_place(road)})"
 
 
+def _controllers(root: etree._Element) -> Iterator[str]:
+    signals = {signal.get("id") for signal in root.iterfind("road/signals/signal")}
+    controllers = {controller.get("id") for controller in root.iterfind("controller")}
+    for controller in root.iterfind("controller"):
+        if controller.find("control") is None:
+            yield f"controller {controller.get('id')} controls no signal"
+        for control in controller.iterfind("control"):
+            if control.get("signalId") not in signals:
+                yield f"controller {controller.get('id')} of signal {control.get('signalId')}, which does not exist"
+    for junction in root.iterfind("junction"):
+        for controller in junction.iterfind("controller"):
+            if controller.get("id") not in controllers:
+                yield f"junction with controller {controller.get('id')}, which does not exist ({_place(junction)})"
+
+
 _RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
     _header,
     _ids,
@@ -431,5 +449,6 @@ _RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
     _profiles,
     _lanes,
     _signals,
+    _controllers,
 )
 _LINK_RULES: Final[tuple[Callable[[_Ends], Iterator[str]], ...]] = (_road_links, _lane_links, _junctions)

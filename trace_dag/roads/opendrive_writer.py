@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from typing import Final, Literal
 
 from trace_dag.roads.network import (
+    Controller,
     Cubic,
     Junction,
     Lane,
@@ -54,6 +55,7 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
     _write_header(out, network)
     for road in network.roads:
         _write_road(out, road, marks)
+    out.extend(map(_controller, network.controllers))
     for junction in network.junctions:
         _write_junction(out, junction)
     out.append("</OpenDRIVE>\n")
@@ -227,6 +229,14 @@ def _signal(signal: Signal) -> str:
     )
 
 
+def _controller(controller: Controller) -> str:
+    controls = "".join(f'<control signalId="{signal_id}"/>' for signal_id in controller.signal_ids)
+    return (
+        f'<controller id="{controller.id}" name="{_text(controller.name)}" sequence="{controller.sequence}">'
+        f"{controls}</controller>\n"
+    )
+
+
 def _write_junction(out: list[str], junction: Junction) -> None:
     out.append(f'<junction name="{_text(junction.name)}" id="{junction.id}" type="default">\n')
     for connection in junction.connections:
@@ -236,6 +246,8 @@ def _write_junction(out: list[str], junction: Junction) -> None:
             f'connectingRoad="{connection.connecting_road}" contactPoint="{connection.contact_point.value}">'
             f"{links}</connection>\n"
         )
+    for sequence, controller_id in enumerate(junction.controller_ids):
+        out.append(f'<controller id="{controller_id}" sequence="{sequence}"/>\n')
     out.append(_user_data("osmNodes", " ".join(map(str, junction.osm_node_ids))))
     out.append(_user_data("kind", junction.kind))
     if junction.centre_xy_m is not None:

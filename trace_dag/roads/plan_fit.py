@@ -17,6 +17,8 @@ _FLAT_RAD: Final = 5e-4
 _SAME_DIRECTION_RAD: Final = 1e-6
 LARGEST_RADIUS_M: Final = 5000.0  # readers that work in single precision, CARLA for one, lose arcs far flatter
 _MIN_LENGTH_M: Final = 1e-6
+SHORTEST_ELEMENT_M: Final = 0.01
+_AROUND_SLIVER_M: Final = 0.5
 _DETOUR_M: Final = 2.0
 
 
@@ -175,6 +177,31 @@ def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, f
     if abs(math.sin(angle)) < min(chord / (2 * LARGEST_RADIUS_M), _FLAT_RAD) and abs(angle) < 1.0:
         return PlanPose(start.x_m, start.y_m, start.heading_rad + angle), chord, 0.0
     return start, chord * angle / math.sin(angle), 2 * math.sin(angle) / chord
+
+
+def without_slivers(plan: Plan) -> Plan:
+    """The same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
+
+    It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
+    or drops what is shorter than its tolerance would lose the heading that such an element adds.
+    """
+    for _ in plan.elements:  # each turn leaves fewer
+        sliver = next((e for e in plan.elements if e.length_m < SHORTEST_ELEMENT_M), None)
+        if sliver is None or plan.length_m < 2 * SHORTEST_ELEMENT_M:
+            break
+        begin_m = _snapped(plan, sliver.s_m - _AROUND_SLIVER_M)
+        end_m = _snapped(plan, sliver.s_m + sliver.length_m + _AROUND_SLIVER_M)
+        curve = _biarc(plan_pose(plan, begin_m), plan_pose(plan, end_m))
+        pieces = cut_plan(plan, 0.0, begin_m), curve, cut_plan(plan, end_m, plan.length_m)
+        plan = join_plans([piece for piece in pieces if piece.elements])
+    return plan
+
+
+def _snapped(plan: Plan, s_m: float) -> float:
+    """``s_m`` within the plan, moved onto the border of an element that it is almost at."""
+    borders = (0.0, plan.length_m, *(element.s_m for element in plan.elements))
+    nearest = min(borders, key=lambda border: abs(border - s_m))
+    return nearest if abs(nearest - s_m) < 2 * SHORTEST_ELEMENT_M else min(max(s_m, 0.0), plan.length_m)
 
 
 def _plan_of(pieces: Sequence[tuple[PlanPose, float, float]]) -> Plan:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 from trace_dag.roads.lanes import EndLane, SectionLanes, Stretch, build_sections
 from trace_dag.roads.network import Cubic, Road
-from trace_dag.roads.plan_fit import Plan, cut_plan
+from trace_dag.roads.plan_fit import Plan, cut_plan, without_slivers
 from trace_dag.roads.street_graph import Street
 
 _LEAST_STRETCH_M: Final = 10.0  # shorter stretches of a road have the lanes of their neighbour
@@ -30,22 +31,38 @@ class StreetRoads:
 
 
 def build_street_roads(
-    street: Street, plan: Plan, trims: tuple[float, float], new_id: Callable[[], str]
+    street: Street, plan: Plan, trims: tuple[float, float], new_id: Callable[[], str], *, returns: bool = False
 ) -> StreetRoads:
-    """Roads of a street that is cut back by ``trims`` at its two ends."""
+    """Roads of a street that is cut back by ``trims`` at its two ends.
+
+    One that ``returns`` to the junction it begins at is at least two roads: a junction names the road that traffic
+    comes from and not the end of it (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
+    """
     merged = _stretches(street, plan, trims)
+    breaks = {i for i, (a, b) in enumerate(pairwise(merged), 1) if a.profile.road_key != b.profile.road_key}
+    if returns and not breaks:
+        breaks = {_halve_longest(merged)}
     sections = build_sections(merged)
     roads: list[Road] = []
     begins: list[float] = []
     group: list[int] = []
     for i in range(len(sections)):
         group.append(i)
-        if i + 1 == len(sections) or merged[i + 1].profile.road_key != merged[i].profile.road_key:
+        if i + 1 == len(sections) or i + 1 in breaks:
             way_ids = _ways_between(street, plan, merged[group[0]].begin_m, merged[i].end_m)
             roads.append(_road(new_id(), plan, [sections[k] for k in group], way_ids))
             begins.append(merged[group[0]].begin_m)
             group = []
     return StreetRoads(roads, begins, sections[0].start, sections[-1].end)
+
+
+def _halve_longest(stretches: list[Stretch]) -> int:
+    """Cuts the longest stretch in two; returns the index of its second half."""
+    index = max(range(len(stretches)), key=lambda i: _length(stretches[i]))
+    stretch = stretches[index]
+    middle_m = (stretch.begin_m + stretch.end_m) / 2
+    stretches[index : index + 1] = [stretch._replace(end_m=middle_m), stretch._replace(begin_m=middle_m)]
+    return index + 1
 
 
 def _stretches(street: Street, plan: Plan, trims: tuple[float, float]) -> list[Stretch]:
@@ -166,7 +183,7 @@ def _ways_between(street: Street, plan: Plan, begin_m: float, end_m: float) -> t
 
 def _road(road_id: str, plan: Plan, sections: list[SectionLanes], way_ids: tuple[int, ...]) -> Road:
     begin, end = sections[0].stretch.begin_m, sections[-1].stretch.end_m
-    line = cut_plan(plan, begin, end)
+    line = without_slivers(cut_plan(plan, begin, end))
     profile = sections[0].stretch.profile
     offsets: list[Cubic] = []
     for section in sections:
