@@ -17,8 +17,9 @@ from trace_dag.errors import Failure
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.log_io import SIMULATION_STEPS, logs_from_files, logs_to_files
+from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, VehicleLog
 
 
 def two_logs() -> tuple[SimulationLog, SimulationLog]:
@@ -83,9 +84,33 @@ def test_files_that_are_no_log_are_refused() -> None:
 def test_the_log_is_on_its_own_clock_and_ends_at_the_end() -> None:
     log = two_logs()[0]
     time = log.vehicles[0].time_s
-    assert np.diff(time)[:-1] == pytest.approx(0.02)
+    on_the_clock = time[np.abs(time / 0.02 - np.round(time / 0.02)) < 1e-6]
+    assert np.diff(on_the_clock)[:-1] == pytest.approx(0.02)
     assert time[-1] == pytest.approx(log.duration_s)
     assert np.hypot(log.vehicles[0].velocity_x_mps[-1], log.vehicles[0].velocity_y_mps[-1]) < 0.1
+
+
+def test_the_deepest_overlap_of_each_tenth_of_a_second_is_in_the_log() -> None:
+    """The bodies are rigid: they are driven into each other by centimetres, within a few hundredths of a second."""
+    log = two_logs()[0]
+    contact = log.contacts[0]
+    one, two = log.vehicles
+    apart = [separation(outline(log, one, k), outline(log, two, k))[0] for k in range(len(one.time_s))]
+    beside_the_clock = np.abs(one.time_s / 0.02 - np.round(one.time_s / 0.02)) > 1e-6
+    assert beside_the_clock.any()
+    tenths = np.floor(one.time_s[beside_the_clock] / 0.1)
+    assert len(set(tenths)) == len(tenths)  # one state in each
+    for k in np.flatnonzero(beside_the_clock):
+        assert apart[k] == min(a for a, t in zip(apart, one.time_s, strict=True) if t // 0.1 == one.time_s[k] // 0.1)
+        assert apart[k] < 0
+    first = int(np.flatnonzero(beside_the_clock)[0])
+    assert 0 < one.time_s[first] - contact.time_s < contact.duration_s
+
+
+def outline(log: SimulationLog, logged: VehicleLog, k: int) -> Outline:
+    body = log.bodies[logged.number]
+    x, y, heading = (float(values[k]) for values in (logged.x_m, logged.y_m, logged.heading_rad))
+    return Outline(x, y, heading, body.length_m / 2, body.width_m / 2)
 
 
 def test_velocities_are_the_derivative_of_positions_before_the_contact() -> None:

@@ -272,6 +272,7 @@ class _Run:
                 self._open[pair].add(fx, fy, start_s + part_s, part_s)
             self._before = now
             self._update(*self._bodies.state)
+            self._record_overlaps(start_s + part_s)
         self._close_ended((step + 1) * self._step_s)
 
     def _step_leaning(self, step: int, forces: list[float]) -> None:
@@ -284,7 +285,13 @@ class _Run:
         for pair in touching:
             if pair in self._open:
                 self._open[pair].last_s = end_s
+        self._record_overlaps(end_s)
         self._close_ended(end_s)
+
+    def _record_overlaps(self, time_s: float) -> None:
+        for pair in self._open:
+            one, two = (self._vehicles[i].outline() for i in pair)
+            self._recorder.record_overlap(pair, -separation(one, two)[0], time_s)
 
     def _close_ended(self, now_s: float) -> None:
         for pair, episode in list(self._open.items()):

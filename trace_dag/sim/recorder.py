@@ -11,44 +11,52 @@ import numpy as np
 from trace_dag.geometry import Pose
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
-from trace_dag.sim.types import PULSE_S, Contact, VehicleLog
+from trace_dag.sim.types import DEEPEST_EVERY_S, PULSE_S, Contact, VehicleLog
 
+_SAME_TIME_S = 1e-6
 _LONGEST_GAP_S = 0.05  # bodies that touch again sooner are still in the same contact
 
 
+class _Moment(NamedTuple):
+    """A state of all vehicles in which two of them overlap."""
+
+    overlap_m: float
+    time_s: float
+    rows: list[tuple[float, ...]]
+
+
 class StateRecorder:
-    """Collects one row per vehicle and logged step and turns them into logs at the end."""
+    """Collects one row per vehicle and logged moment and turns them into logs at the end."""
 
     def __init__(self, vehicles: list[Vehicle]) -> None:
         self._vehicles = vehicles
-        self._times: list[float] = []
-        self._rows: list[list[tuple[float, ...]]] = [[] for _ in vehicles]
+        self._states: dict[float, list[tuple[float, ...]]] = {}  # by time, a row per vehicle
+        self._deepest: dict[tuple[tuple[int, int], int], _Moment] = {}  # by pair of bodies and tenth of a second
 
     def record(self, time_s: float) -> None:
         """Keep the state of every vehicle now; a time already kept is not kept twice."""
-        if self._times and time_s <= self._times[-1]:
-            return
-        self._times.append(time_s)
-        for vehicle, rows in zip(self._vehicles, self._rows, strict=True):
-            rows.append(
-                (
-                    vehicle.x,
-                    vehicle.y,
-                    vehicle.z,
-                    vehicle.heading,
-                    vehicle.vx,
-                    vehicle.vy,
-                    vehicle.yaw_rate,
-                    vehicle.steer,
-                    *vehicle.pedals,
-                )
-            )
+        self._states.setdefault(time_s, self._now())
+
+    def record_overlap(self, pair: tuple[int, int], overlap_m: float, time_s: float) -> None:
+        """Keep the state now if these two bodies overlap deeper than at any other moment of this tenth of a second."""
+        window = pair, math.floor(time_s / DEEPEST_EVERY_S + 1e-9)
+        known = self._deepest.get(window)
+        if overlap_m > (known.overlap_m if known else 0.0):
+            self._deepest[window] = _Moment(overlap_m, time_s, self._now())
+
+    def _now(self) -> list[tuple[float, ...]]:
+        return [(v.x, v.y, v.z, v.heading, v.vx, v.vy, v.yaw_rate, v.steer, *v.pedals) for v in self._vehicles]
 
     def logs(self) -> tuple[VehicleLog, ...]:
-        """The logs, of the bodies' centres; acceleration is the mean over the step that ends at each time."""
-        time = np.array(self._times)
+        """The logs, of the bodies' centres; acceleration is the mean over the time since the row before."""
+        states = dict(self._states)
+        for moment in self._deepest.values():
+            if min((abs(moment.time_s - time_s) for time_s in states), default=math.inf) > _SAME_TIME_S:
+                states[moment.time_s] = moment.rows
+        time = np.array(sorted(states))
         logs = []
-        for vehicle, rows in zip(self._vehicles, self._rows, strict=True):
+        for k, vehicle in enumerate(self._vehicles):
+            rows = [states[time_s][k] for time_s in time.tolist()]
             x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = np.array(rows).T
             c, s = np.cos(heading), np.sin(heading)
             ahead = vehicle.model.cg_ahead_m

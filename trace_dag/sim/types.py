@@ -19,6 +19,10 @@ from trace_dag.states.types import Trajectory
 PULSE_S = 0.25
 """Time after first touching over which a contact's delta-v is taken: that of event data recorders, 49 CFR 563.7."""
 
+DEEPEST_EVERY_S = 0.1
+"""Of each contact, the log has the state at its deepest overlap within each so much of its clock. Rigid bodies overlap
+by centimetres for some thirty milliseconds: the log's own steps can miss what made the crash."""
+
 
 class Termination(StrEnum):
     """Why a simulation ended."""
