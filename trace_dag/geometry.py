@@ -34,7 +34,7 @@ class LocalFrame:
         """The PROJ string, as written into OpenDRIVE's ``geoReference``."""
         return (
             f"+proj=tmerc +lat_0={self.latitude_deg:.9f} +lon_0={self.longitude_deg:.9f} "
-            "+k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+            "+k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m"
         )
 
     @cached_property
