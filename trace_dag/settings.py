@@ -67,7 +67,8 @@ class StateSettings(_Section):
     """Estimating states (stage ``state_estimate``)."""
 
     estimator: Literal["analytic", "llm"] = Field("analytic", description="What ranks the hypotheses.")
-    lead_time_s: float = Field(5.0, gt=0, description="Time before the impact at which the reconstruction starts.")
+    # Bodies overlap for some 30 ms: 10 ms short of a whole second, whoever plays it in equal steps sees them do so.
+    lead_time_s: float = Field(4.99, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")
     llm_model: str = Field(
         "gemini/gemini-3-flash-preview",
