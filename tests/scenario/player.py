@@ -76,11 +76,18 @@ class Scenario:
 
     def outline(self, entity: str, time_s: float) -> Polygon:
         """The box from above."""
-        (x, y, h), box = self.centres(entity, np.array([time_s]))[0], self.boxes[entity]
-        c, s = math.cos(h), math.sin(h)
+        x, y, _, h, _, _ = self.reference(entity, np.array([time_s]))[0]
+        return self.box_at(entity, x, y, h)
+
+    def box_at(self, entity: str, x: float, y: float, h: float) -> Polygon:
+        """The box from above with the reference point in a place."""
+        box, c, s = self.boxes[entity], math.cos(h), math.sin(h)
         half_l, half_w = box.length_m / 2, box.width_m / 2
         corners = ((half_l, half_w), (-half_l, half_w), (-half_l, -half_w), (half_l, -half_w))
-        return Polygon([(x + a * c - b * s, y + a * s + b * c) for a, b in corners])
+        ahead, left = box.ahead_m, box.left_m
+        return Polygon(
+            [(x + (ahead + a) * c - (left + b) * s, y + (ahead + a) * s + (left + b) * c) for a, b in corners]
+        )
 
     def play(self, step_s: float) -> Collision | None:
         """Plays in fixed steps to the end; the first collision."""

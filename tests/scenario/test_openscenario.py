@@ -64,7 +64,7 @@ def test_the_boxes_are_where_the_log_has_the_bodies(crash: str, flavour: Flavour
     log = request.getfixturevalue(crash)
     scenario = Scenario(OpenScenarios(RECORD, CROSSROADS, log).write(flavour))
     distance_m, angle_rad = bounds(log, scenario)
-    assert distance_m < 0.001
+    assert distance_m < 0.005  # steps are left out where players would keep them in place of the touch
     assert angle_rad < 0.001
     for number, body in log.bodies.items():
         box = scenario.boxes[entity_name(number)]

@@ -40,6 +40,7 @@ AUTHOR = "trace-dag"
 CONTROLLER = "free_vehicle_controller"
 
 _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
+_BEFORE_END_S = 0.0005
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
 _LICENCE = ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/")
 _XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
@@ -243,7 +244,8 @@ def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trig
     from scenariogeneration import xosc
 
     def after(time_s: float) -> xosc.ValueTrigger:
-        condition = xosc.SimulationTimeCondition(round(time_s, 3), xosc.Rule.greaterThan)
+        # A little before the last vertex, or a player goes one frame beyond it; the steps' sum is not quite the time.
+        condition = xosc.SimulationTimeCondition(round(time_s - _BEFORE_END_S, 4), xosc.Rule.greaterThan)
         return xosc.ValueTrigger("stop_time", 0.0, xosc.ConditionEdge.none, condition, triggeringpoint="stop")
 
     if flavour.free is None:

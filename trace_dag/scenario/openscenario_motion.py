@@ -1,9 +1,8 @@
 """The driven motion as OpenSCENARIO wants it: timed poses of an entity's reference point on the road.
 
-The log has the body's centre at every logged step. A player that interpolates between steps would lose the crash
-itself: bodies of steel touch for some twenty milliseconds, those that graze each other for a few. So the first
-touch of every contact is a vertex of its own, as is the moment :data:`INTO_EACH_OTHER_S` later, when the bodies, by
-then hardly slowed, have begun to overlap.
+The log has the body's centre at every logged step and where two bodies overlap deepest. A player that interpolates
+between steps needs the beginning of the crash too: so the first touch of every contact is a vertex of its own. Which of
+the vertices players keep is for :mod:`trace_dag.scenario.openscenario_vertices`.
 """
 
 from __future__ import annotations
@@ -14,10 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.geometry import FloatArray
+from trace_dag.scenario.openscenario_vertices import kept_by_filters
+from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.sim.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
 
 INTO_EACH_OTHER_S = 0.001
+"""Where a log has no state in which the bodies of a contact overlap: so long after the touch they are hardly slowed."""
+
+PLAYER_STEP_S = 0.02
+"""The longest step with which players are to see every contact: bodies overlap a little longer."""
+
 SAME_TIME_S = 1e-5  # moments closer together than this are one
 
 
@@ -40,42 +46,71 @@ class Motion:
 
 def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> Motion:
     """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on."""
-    time, x, y, z, heading = _with_contacts(log, vehicle).T
+    centres, seen_s = _with_contacts(log, vehicle)
+    time, x, y, z, heading = centres.T
     heading = np.unwrap(heading)
     grade, bank = _slopes(x, y, z, heading, surface)
-    return Motion(
-        time_s=time,
-        x_m=x + ahead_m * np.cos(heading),
-        y_m=y + ahead_m * np.sin(heading),
-        z_m=z + ahead_m * grade,
-        heading_rad=heading,
-        pitch_rad=-np.arctan(grade),
-        roll_rad=np.arctan(bank),
+    vertices = np.column_stack(
+        [
+            time,
+            x + ahead_m * np.cos(heading),
+            y + ahead_m * np.sin(heading),
+            z + ahead_m * grade,
+            heading,
+            -np.arctan(grade),
+            np.arctan(bank),
+        ]
     )
+    return Motion(*kept_by_filters(vertices, seen_s).T)
 
 
-def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> FloatArray:
-    """The log's time, x, y, z and heading, shape (n, 5), and those of this vehicle's contacts, in order of time."""
+def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:
+    """The log's time, x, y, z and heading, shape (n, 5), with the first touches of this vehicle's contacts among them,
+    and of each contact the moments players are to keep: when they are to see the bodies overlap, else the touch."""
     logged = np.stack([vehicle.time_s, vehicle.x_m, vehicle.y_m, vehicle.z_m, vehicle.heading_rad], axis=-1)
-    rows = [logged]
+    known = logged[:, 0]
+    rows: list[FloatArray] = [logged]
+    seen_s: list[tuple[float, ...]] = []
     for contact in log.contacts:
         if vehicle.number not in (contact.number_1, contact.number_2):
             continue
         pose = contact.pose_1 if vehicle.number == contact.number_1 else contact.pose_2
         touch = np.array([contact.time_s, pose.x_m, pose.y_m, pose.z_m, pose.heading_rad])
-        known = logged[:, 0]
         if np.abs(known - contact.time_s).min() > SAME_TIME_S:
             rows.append(touch[None])
+        seen = _seen_s(log, contact)
         before = logged[known < contact.time_s - SAME_TIME_S]
-        after_s = contact.time_s + INTO_EACH_OTHER_S
-        if len(before) and not np.any((known > contact.time_s + SAME_TIME_S) & (known < after_s + SAME_TIME_S)):
+        if seen is None and len(before):
+            seen = contact.time_s + INTO_EACH_OTHER_S
             step = touch - before[-1]
             step[4] = math.remainder(step[4], math.tau)
             rows.append((touch + step * INTO_EACH_OTHER_S / step[0])[None])
+        if seen is not None:
+            seen_s.append((seen, contact.time_s))
     together: FloatArray = np.concatenate(rows)
     together = together[np.argsort(together[:, 0], kind="stable")]
     kept: FloatArray = together[np.concatenate([[True], np.diff(together[:, 0]) > SAME_TIME_S])]
-    return kept
+    return kept, seen_s
+
+
+def _seen_s(log: SimulationLog, contact: Contact) -> float | None:
+    """The logged moment soon after a first touch in which players are to see the two bodies overlap: the deepest on a
+    step of theirs, else the deepest; None if they overlap in none."""
+    one, two = (vehicle for vehicle in log.vehicles if vehicle.number in (contact.number_1, contact.number_2))
+    soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)
+    overlaps = {
+        float(one.time_s[k]): -separation(_outline(log, one, k), _outline(log, two, k))[0]
+        for k in np.flatnonzero(soon).tolist()
+    }
+    overlapping = [time_s for time_s, overlap_m in overlaps.items() if overlap_m > 0]
+    on_a_step = [time_s for time_s in overlapping if abs(math.remainder(time_s, PLAYER_STEP_S)) < SAME_TIME_S]
+    return max(on_a_step or overlapping, key=lambda time_s: overlaps[time_s], default=None)
+
+
+def _outline(log: SimulationLog, vehicle: VehicleLog, k: int) -> Outline:
+    body = log.bodies[vehicle.number]
+    x, y, heading = (float(values[k]) for values in (vehicle.x_m, vehicle.y_m, vehicle.heading_rad))
+    return Outline(x, y, heading, body.length_m / 2, body.width_m / 2)
 
 
 def _slopes(

@@ -1,0 +1,88 @@
+"""Which vertices a trajectory states, so that players that leave some of them out show the same crash.
+
+Players merge vertices that lie close together: esmini, started with default options, goes along a polyline and leaves
+out what is within 0.1 m of the last vertex it kept (``--traj_filter``, its ``PolyLineShape::FinalizeVertices``). After
+an impact bodies are slow, and the moment in which they overlap is then left out. So the moments that matter are made
+to be kept: before each stands a vertex a little more than the filter's radius away, which the filter keeps too, and all
+between the two lie within that radius. A vertex added for this lies on the motion and changes nothing for a player that
+keeps all. Some in front of it go: the logged steps less than the radius away, where vehicles still drive and a straight
+line to the next vertex is off by millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray
+
+FILTER_RADIUS_M = 0.1
+_ROUNDED_M = 3e-5  # positions are written to a hundredth of a millimetre
+_BEYOND_M = FILTER_RADIUS_M + _ROUNDED_M
+_SAME_TIME_S = 1e-5
+_WITHIN_M = FILTER_RADIUS_M - _ROUNDED_M
+
+
+def kept_by_filters(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) -> FloatArray:
+    """The vertices, rows of time, x, y and more, such that moments outlast a filter, the earliest first.
+
+    Of each group of moments it is the first that can: one cannot where the vehicle comes back to where it was within
+    the filter's radius, or has not moved so far since the start or the moment before.
+    """
+    kept_s: list[float] = []
+    for group in sorted(moments_s):
+        for moment_s in group:
+            k = int(np.argmin(np.abs(rows[:, 0] - moment_s)))
+            changed = _with_kept(rows, k, max(kept_s, default=-1.0))
+            if changed is not None:
+                rows = changed
+                kept_s.append(moment_s)
+                break
+    distinct: FloatArray = rows[np.diff(rows[:, 0], prepend=-1.0) > _SAME_TIME_S]
+    return distinct
+
+
+def _with_kept(rows: FloatArray, kept: int, after_s: float) -> FloatArray | None:
+    """The vertices with one of them kept by filters; nothing up to ``after_s`` is taken away for it."""
+    away = np.flatnonzero(_distances(rows[:kept], rows[kept]) >= _BEYOND_M)
+    if not len(away):
+        return None
+    last = int(away[-1])
+    before, between, after = rows[: last + 1], rows[last + 1 : kept], rows[kept:]
+    if (_distances(between, before[-1]) > _WITHIN_M).any():
+        added = _at_distance(rows[last], rows[last + 1], rows[kept])
+        if (_distances(between, added) > _WITHIN_M).any():
+            return None
+        before = np.concatenate([before, added[None]])
+    near = len(before) - 1
+    while near > 1 and before[near - 1, 0] > after_s and _distances(before[near - 1][None], before[-1])[0] < _BEYOND_M:
+        near -= 1
+    return np.concatenate([before[:near], before[-1:], between, _left_soon(after)])
+
+
+def _left_soon(rows: FloatArray) -> FloatArray:
+    """With a vertex where the way from the first of them leaves the filter's radius, which keeps that stretch short."""
+    away = np.flatnonzero(_distances(rows, rows[0]) >= _BEYOND_M)
+    if not len(away):
+        return rows
+    out = int(away[0])
+    return np.insert(rows, out, _at_distance(rows[out], rows[out - 1], rows[0]), axis=0)
+
+
+def _distances(rows: FloatArray, place: FloatArray) -> FloatArray:
+    away: FloatArray = np.hypot(rows[:, 1] - place[1], rows[:, 2] - place[2])
+    return away
+
+
+def _at_distance(start: FloatArray, end: FloatArray, place: FloatArray) -> FloatArray:
+    """The last point beyond a filter's radius from ``place`` on the way from ``start``, which is, to ``end``."""
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        if _distances((start + middle * (end - start))[None], place)[0] >= _BEYOND_M:
+            low = middle
+        else:
+            high = middle
+    point: FloatArray = start + low * (end - start)
+    return point
