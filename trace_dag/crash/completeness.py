@@ -15,6 +15,7 @@ from typing import Final
 from trace_dag.crash.classes import VehicleTrajectory, trajectory_of_crash_type
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
 from trace_dag.crash.kind import another_kind, untold_meeting
 from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
@@ -27,7 +28,6 @@ US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)
 """The fifty states, Puerto Rico and the Virgin Islands; the Aleutians beyond 180 degrees have no road FARS covers."""
 
-_SINGLE_VEHICLE_TYPES: Final = range(1, 17)
 _BACKING_TYPES: Final = (92, 93)
 _TELLING_EVENTS: Final = frozenset({*range(10, 19), 20, 21, *range(50, 79)})
 """``P_CRASH2`` values that say how this vehicle moved, or how the other one did relative to it."""
@@ -136,7 +136,7 @@ def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: Vehic
 
 
 def _names_a_path(acc_type: int | None) -> bool:
-    return _names_a_pair(acc_type) or acc_type in _SINGLE_VEHICLE_TYPES
+    return _names_a_pair(acc_type) or acc_type in SINGLE_DRIVER_TYPES
 
 
 def _names_a_pair(acc_type: int | None) -> bool:

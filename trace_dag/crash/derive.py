@@ -59,6 +59,11 @@ _COUNTERPART: Final[Mapping[int, int]] = {
 _CRASH_TYPE_UNKNOWN: Final = 99
 
 
+def counterpart_of_crash_type(acc_type: int | None) -> int | None:
+    """The ``ACC_TYPE`` of the other vehicle of the configuration; of several the first; None if it leaves that open."""
+    return _COUNTERPART.get(acc_type or 0)
+
+
 def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
     """The vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked."""
     pair = _pair(vehicles, events)
@@ -66,7 +71,7 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
         return tuple(vehicles)
     implied: dict[int, VehicleRecord] = {}
     for vehicle, partner in (pair, pair[::-1]):
-        counterpart = _COUNTERPART.get(partner.crash_type_code or 0)
+        counterpart = counterpart_of_crash_type(partner.crash_type_code)
         if vehicle.crash_type_code in (None, _CRASH_TYPE_UNKNOWN) and counterpart is not None:
             implied[vehicle.number] = replace(
                 vehicle, crash_type_code=counterpart, implied=(*vehicle.implied, "crash_type_code")

@@ -283,11 +283,15 @@ def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
     """Whether the street turns at the crash, be it where one road ends and the next, of another name, begins."""
+    return abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
+
+
+def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
+    """By how much the crash's road turns between ``reach_m`` before it and as far behind, radians to the left along
+    the road's reference line."""
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
-    before, after = (
-        _heading_along(network, placement.road_id, s_m + reach) for reach in (-_BEND_REACH_M, _BEND_REACH_M)
-    )
-    return abs(wrap_angle(after - before)) > _BEND_RAD
+    before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))
+    return wrap_angle(after - before)
 
 
 def _heading_along(network: RoadNetwork, road_id: str, s_m: float) -> float:

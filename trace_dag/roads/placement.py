@@ -87,6 +87,16 @@ def rank_of(highway: str) -> float:
     return _RANK_OF_HIGHWAY.get(highway.removesuffix("_link"), float(len(_RANK_OF_HIGHWAY)))
 
 
+def class_steps(record: CrashRecord, road: Road) -> float | None:
+    """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
+
+    None where either says nothing: a driveway or a track has no functional class.
+    """
+    expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
+    mapped = _RANK_OF_HIGHWAY.get(road.highway.removesuffix("_link"))
+    return None if expected is None or mapped is None else abs(mapped - expected)
+
+
 @dataclass(frozen=True)
 class _Candidate:
     road: Road
@@ -185,9 +195,8 @@ class _Placer:
         highway = road.highway.removesuffix("_link")
         if highway in SERVICE_HIGHWAYS:
             return -1.0 if record.junction_relation_code in _AT_DRIVEWAY else -2.5
-        expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
-        if expected is not None and highway in _RANK_OF_HIGHWAY:
-            steps = abs(_RANK_OF_HIGHWAY[highway] - expected)
+        steps = class_steps(record, road)
+        if steps is not None:
             weight += 0.7 if steps < 0.9 else 0.0 if steps < 1.7 else -0.7 if steps < 2.7 else -1.5
         on_ramp = (
             record.junction_relation_code in _ON_RAMP

@@ -32,7 +32,7 @@ _STANDSTILL_MPS = 0.1
 
 
 # --- as reported -------------------------------------------------------------------------------------------------
-_STRAIGHT_MOVEMENTS = frozenset(
+STRAIGHT_MOVEMENTS = frozenset(
     {
         Movement.GOING_STRAIGHT,
         Movement.DECELERATING,
@@ -45,7 +45,7 @@ _STRAIGHT_MOVEMENTS = frozenset(
         Movement.MERGING,
     }
 )
-_TURNS_BY_MOVEMENT = {Movement.TURNING_LEFT: 90.0, Movement.TURNING_RIGHT: -90.0, Movement.U_TURN: 180.0}
+TURNS_BY_MOVEMENT = {Movement.TURNING_LEFT: 90.0, Movement.TURNING_RIGHT: -90.0, Movement.U_TURN: 180.0}
 _LEFT_CRASH_TYPES = frozenset({68, 72, 76, 82})  # ACC_TYPE: turned left across or into the other's path
 _RIGHT_CRASH_TYPES = frozenset({70, 78, 80})
 _STRAIGHT_CRASH_TYPES = frozenset({*range(20, 68), 69, 71, 73, 77, 79, 81, 83, *range(86, 92)})
@@ -64,9 +64,9 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
     Empty where neither says.
     """
     turns = set()
-    if vehicle.movement in _TURNS_BY_MOVEMENT:
-        turns.add(_TURNS_BY_MOVEMENT[vehicle.movement])
-    elif vehicle.movement in _STRAIGHT_MOVEMENTS:
+    if vehicle.movement in TURNS_BY_MOVEMENT:
+        turns.add(TURNS_BY_MOVEMENT[vehicle.movement])
+    elif vehicle.movement in STRAIGHT_MOVEMENTS:
         turns.add(0.0)
     code = vehicle.crash_type_code
     if code in _LEFT_CRASH_TYPES:

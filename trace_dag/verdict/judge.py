@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
@@ -14,7 +15,8 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.metrics import Observation, compare, observe
 from trace_dag.verdict.rules import criteria, judgement
-from trace_dag.verdict.types import Criterion, Verdict
+from trace_dag.verdict.support import facts_of, grade_of, supported
+from trace_dag.verdict.types import Criterion, Grade, Verdict
 
 
 def judge(
@@ -27,7 +29,8 @@ def judge(
 ) -> Verdict:
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
-    With ``report``, how far the contact is from where the crash was placed on the map is shown too.
+    The verdict is graded by what else of the report the map, the course and the report itself bear out
+    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -37,7 +40,10 @@ def judge(
         judge_hypothesis(record, network, hypothesis, log, settings, report=report, index=i, of=len(logs))
         for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
     ]
-    return next((verdict for verdict in judged if verdict.accepted), judged[0])
+    verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
+    observation = observe(network, estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
+    support = supported(facts_of(record, network, report, observation))
+    return replace(verdict, grade=grade_of(verdict.accepted, support), support=support)
 
 
 def judge_hypothesis(
@@ -84,4 +90,5 @@ def judge_observation(
         criteria=found,
         reason=result.reason,
         detail=result.detail,
+        grade=Grade.CONSISTENT if result.accepted else Grade.REJECTED,
     )

@@ -1,8 +1,9 @@
-"""What a verdict is: criteria, each with its value, threshold and whether it holds."""
+"""What a verdict is: criteria, each with its value, threshold and whether it holds, and what else supports it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from trace_dag.errors import Reason
 
@@ -24,10 +25,74 @@ class Criterion:
     vehicle_number: int | None = None
 
 
+class Grade(StrEnum):
+    """What a verdict is worth: accepted and borne out by enough independent facts; accepted, no more; not accepted."""
+
+    CORROBORATED = "corroborated"
+    CONSISTENT = "consistent"
+    REJECTED = "rejected"
+
+
+class Agreement(StrEnum):
+    """How one fact of a report fits what it is compared with."""
+
+    AGREES = "agrees"
+    NEAR = "near"  # not the same, but what reports and maps often have for each other
+    DIFFERS = "differs"
+
+
+class Against(StrEnum):
+    """What a fact is compared with."""
+
+    MAP = "map"
+    COURSE = "course"  # as simulated
+    RECORD = "record"  # other fields of the same report
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One thing a report says that can be compared with the map, the simulated course, or another of its fields.
+
+    ``essential``: where it differs the crash is not corroborated, whatever else agrees. ``weight`` is its
+    log-likelihood ratio (natural logarithm), positive where it speaks for the crash.
+    """
+
+    name: str
+    against: Against
+    agreement: Agreement
+    reported: str
+    found: str
+    essential: bool = False
+    vehicle_number: int | None = None
+    weight: float = 0.0
+
+    @property
+    def refutes(self) -> bool:
+        """Whether it forbids corroboration by itself."""
+        return self.essential and self.agreement is Agreement.DIFFERS
+
+
+@dataclass(frozen=True)
+class Support:
+    """Every fact of a report that could be compared, with its weight, and what they amount to.
+
+    ``total`` is the sum of the weights; ``independent_facts`` counts the different things that agree, one of both
+    vehicles once; ``detail`` says in words why the crash is not corroborated, "" if it is.
+    """
+
+    facts: tuple[Fact, ...]
+    total: float
+    independent_facts: int
+    detail: str = ""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The judgement of one crash: of the first hypothesis (in the estimate's order) that satisfies the rules, or of
-    the first one if none does."""
+    the first one if none does.
+
+    ``support`` is None where no simulation came to a contact, and where one simulation is set beside many reports.
+    """
 
     key: str
     rule_set: str
@@ -37,6 +102,8 @@ class Verdict:
     criteria: tuple[Criterion, ...]
     reason: Reason | None = None  # why it is rejected
     detail: str = ""
+    grade: Grade = Grade.REJECTED
+    support: Support | None = None
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
         """The criterion of that name (and vehicle), if it was measured."""

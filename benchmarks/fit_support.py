@@ -1,0 +1,225 @@
+"""Fit the weights by which a report's facts support a verdict, and say how well they do on crashes left out.
+
+    python benchmarks/fit_support.py ROOT
+
+``ROOT`` holds computed crashes. True reports at their true places are those accepted there whose vehicles touched.
+Controls of the place are the same reports at the places of other crashes of the cohort, and at random points of
+their own maps at least 300 m away on another street, each with a road map, an estimate and a simulation made anew.
+Controls of the course are the simulations beside other crashes' reports. A fact's weight is the logarithm of how many
+times likelier it is to come out so in a true report than in its controls; how often it did in each is the table
+``trace_dag/verdict/support_weights.csv``. Printed are the rates of grades where each crash is judged by weights fitted
+to all the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from trace_dag.crash.codes.events import VEHICLE_EVENTS
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Rejection
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.drivable import PUBLIC_HIGHWAYS
+from trace_dag.osm.types import OsmExtract
+from trace_dag.pipeline import stages
+from trace_dag.pipeline.comparisons import StoredCrash, judged_crashes
+from trace_dag.pipeline.home import Home
+from trace_dag.roads.build import build_road_map
+from trace_dag.roads.street_names import similarity
+from trace_dag.settings import Settings
+from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.run import simulate
+from trace_dag.states.estimate import estimate
+from trace_dag.verdict.controls import renumbered
+from trace_dag.verdict.course_facts import course_facts
+from trace_dag.verdict.judge import judge
+from trace_dag.verdict.metrics import observe
+from trace_dag.verdict.support import Weight, facts_of, grade_of, supported, weights_of
+from trace_dag.verdict.types import Against, Agreement, Fact, Grade
+
+TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.csv"
+PLACES_OF_EACH = 4
+REPORTS_OF_EACH = 20
+LEAST_M, MOST_M = 300.0, 800.0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One report at one place: "true", "foreign site", "random point" or, unjudged, "other report" of the course."""
+
+    kind: str
+    cohort: str
+    keys: frozenset[str]  # whose report, at whose place
+    accepted: bool
+    facts: tuple[Fact, ...]
+
+
+def main() -> None:
+    """Fit, write the table, print the cross-validated rates."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root")
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+    pipeline = Home(arguments.root, stages.FLOW).pipeline()
+    keys = [(cohort, key) for cohort in pipeline.registry.cohorts() for key in pipeline.registry.keys(cohort)]
+    tasks = [(arguments.root, cohort, key) for cohort, key in keys]
+    with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
+        rows = [row for found in pool.imap(_rows_of, tasks) for row in found]
+    write_table(counts(rows))
+    print_rates(rows)
+
+
+def write_table(table: Iterable[Weight]) -> None:
+    """The counts as the package holds them."""
+    names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
+    lines = [
+        "# How often each fact came out so, in true reports at their places and in controls: benchmarks/fit_support.py",
+        "# on FARS reports of Virginia 2023 and of Arizona, California, Ohio and South Dakota 2012 to 2016.",
+        ",".join(names),
+    ]
+    lines += [",".join(str(getattr(row, name)) for name in names) for row in table]
+    TABLE.write_text("\n".join(lines) + "\n")
+
+
+def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:
+    """How often each fact came out each way, crash ``without`` left out."""
+    true: dict[str, Counter[Agreement]] = defaultdict(Counter)
+    chance: dict[str, Counter[Agreement]] = defaultdict(Counter)
+    for row in rows:
+        if without in row.keys:
+            continue
+        for fact in row.facts:
+            if row.kind == "true":
+                true[fact.name][fact.agreement] += 1
+            elif (fact.against is Against.COURSE) == (row.kind == "other report"):
+                chance[fact.name][fact.agreement] += 1
+    return [
+        Weight(
+            name, agreement, true[name][agreement], true[name].total(), chance[name][agreement], chance[name].total()
+        )
+        for name in sorted(true.keys() & chance.keys())
+        for agreement in Agreement
+        if true[name][agreement] or chance[name][agreement]
+    ]
+
+
+def print_rates(rows: list[Judged]) -> None:
+    """Accepted and corroborated by kind and cohort, each crash judged by weights fitted without it."""
+    weights = {key: weights_of(counts(rows, without=key)) for key in {min(row.keys) for row in rows}}
+    rates: dict[tuple[str, str], Counter[Grade]] = defaultdict(Counter)
+    for row in rows:
+        if row.kind != "other report":
+            support = supported(row.facts, weights[min(row.keys)])
+            rates[row.kind, row.cohort][grade_of(row.accepted, support)] += 1
+    for (kind, cohort), grades in sorted(rates.items()):
+        total, corroborated = grades.total(), grades[Grade.CORROBORATED]
+        accepted = corroborated + grades[Grade.CONSISTENT]
+        print(f"{kind:14} {cohort:8} {total:4} judged, {accepted:4} accepted, {corroborated:4} corroborated", end="")
+        print(f" ({corroborated / total:.1%})")
+
+
+# --- one crash ---------------------------------------------------------------------------------------------------
+def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
+    root, cohort, key = task
+    pipeline = Home(root, stages.FLOW).pipeline()
+    found = judged_crashes(pipeline, [key])
+    if not found or not found[0].accepted or found[0].judged.record.first_harmful_event_code not in VEHICLE_EVENTS:
+        return []
+    own, rng = found[0], np.random.default_rng(int(key.replace("-", "")))
+    others = [other for other in pipeline.registry.keys(cohort) if other != key]
+    others = [others[index] for index in rng.permutation(len(others))]
+    rows = [_true(own, cohort)]
+    places = reports = 0
+    for other in others:
+        if places == PLACES_OF_EACH and reports == REPORTS_OF_EACH:
+            break
+        there = next(iter(judged_crashes(pipeline, [other])), None)
+        if there is None or not there.accepted:
+            continue
+        if places < PLACES_OF_EACH:
+            record = there.judged.record
+            extract = stages.extract_of(there.files)
+            rows += _at(own, cohort, "foreign site", other, extract, record.latitude_deg, record.longitude_deg)
+            places += 1
+        if reports < REPORTS_OF_EACH:
+            rows += _beside(own, cohort, there)
+            reports += 1
+    extract = stages.extract_of(own.files)
+    for latitude_deg, longitude_deg in _random_points(own.judged.record, extract, rng):
+        rows += _at(own, cohort, "random point", key, extract, latitude_deg, longitude_deg)
+    return rows
+
+
+def _true(own: StoredCrash, cohort: str) -> Judged:
+    crash = own.judged
+    observation = observe(crash.network, crash.hypothesis, crash.log)
+    facts = facts_of(crash.record, crash.network, stages.map_report_of(own.files), observation)
+    return Judged("true", cohort, frozenset({crash.record.key}), own.accepted, facts)
+
+
+def _at(
+    own: StoredCrash,
+    cohort: str,
+    kind: str,
+    place: str,
+    extract: OsmExtract,
+    latitude_deg: float,
+    longitude_deg: float,
+) -> Iterator[Judged]:
+    """The report at another place, all stages from the road map on."""
+    settings = Settings()
+    record = replace(own.judged.record, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+    try:
+        built = build_road_map(extract, record, settings.roads)
+        network = built.stored.network
+        states = estimate(record, network, built.report, settings.states, llm=None)
+    except Rejection:
+        return
+    logs = simulate(EmbeddedBackend(settings.sim), network, built.stored.xodr, states, settings.sim, record=record)
+    verdict = judge(record, network, built.report, states, logs, settings.verdict)
+    facts = verdict.support.facts if verdict.support else ()
+    yield Judged(kind, cohort, frozenset({record.key, place}), verdict.accepted, facts)
+
+
+def _beside(own: StoredCrash, cohort: str, other: StoredCrash) -> Iterator[Judged]:
+    """The simulation beside another crash's report."""
+    crash, record = own.judged, renumbered(other.judged.record, own.judged.record)
+    observation = observe(crash.network, crash.hypothesis, crash.log)
+    if record is not None and observation is not None:
+        keys = frozenset({crash.record.key, record.key})
+        yield Judged("other report", cohort, keys, False, tuple(course_facts(record, observation)))
+
+
+def _random_points(record: CrashRecord, extract: OsmExtract, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+    """Points on public roads that are not one of the reported streets, as likely anywhere along them."""
+    frame = LocalFrame(record.latitude_deg, record.longitude_deg)
+    reported = (record.trafficway_1, record.trafficway_2)
+    pieces, lengths = [], []
+    for way in extract.ways:
+        names = [way.tags[key] for key in ("name", "ref", "alt_name") if key in way.tags]
+        compared = [value for name in reported if (value := similarity(name, names)) is not None]
+        if way.tags.get("highway") not in PUBLIC_HIGHWAYS or not compared or max(compared) >= 0.4:
+            continue
+        nodes = [extract.nodes[node] for node in way.node_ids]
+        line = frame.to_local(np.array([n.latitude_deg for n in nodes]), np.array([n.longitude_deg for n in nodes]))
+        for start, end in pairwise(line):
+            if LEAST_M < math.hypot(*((start + end) / 2)) < MOST_M:
+                pieces.append((start, end))
+                lengths.append(math.dist(start, end))
+    for _ in range(PLACES_OF_EACH if pieces else 0):
+        start, end = pieces[int(rng.choice(len(pieces), p=np.array(lengths) / sum(lengths)))]
+        latitude_deg, longitude_deg = frame.to_geographic(start + rng.uniform() * (end - start)).tolist()
+        yield latitude_deg, longitude_deg
+
+
+if __name__ == "__main__":
+    main()

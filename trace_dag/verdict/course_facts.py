@@ -1,0 +1,236 @@
+"""What a report says of the course of a crash, beside the simulated one: who struck whom where, and how they came.
+
+The estimator chooses among courses the one that fits the report best, so that a single field which agrees says little:
+what tells is whether one course fits all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from trace_dag.crash.classes import CollisionType, RoadTopology
+from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
+from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
+from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.states.crash_types import CRASH_TYPES, CrashType, Relation, Role, Side, Turn, critical_event
+from trace_dag.units import clock_difference_h, wrap_angle
+from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURNS_BY_MOVEMENT, turn_error_deg
+from trace_dag.verdict.metrics import Observation, ObservedVehicle, clock_error_h, speed_error_rel
+from trace_dag.verdict.types import Against, Agreement, Fact
+
+_SAME_CLOCK_H: Final = 0.5
+_NEAR_CLOCK_H: Final = 2.0
+_TO_THE_CORNER_H: Final = 2.0  # from the middle of a side of the body; a corner belongs to both of its sides
+_DAMAGED_ALL_AROUND: Final = 9  # clock positions damaged from which on they do not tell where the first contact was
+_TURN_DEG: Final = 45.0
+_ACROSS_DEG: Final = (45.0, 135.0)  # between two courses that cross; less is one direction, more the opposite one
+_STANDING_MPS: Final = 2.3  # 5 mph
+_KEPT_REL: Final = 0.1
+_LEFT, _RIGHT, _FRONT, _REAR = 9.0, 3.0, 12.0, 6.0
+_ANY_ANGLE: Final = frozenset(
+    {RoadTopology.L, RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_POINT_OR_MORE}
+)
+_TURNS: Final = {Turn.LEFT: 90.0, Turn.RIGHT: -90.0, Turn.U_TURN: 180.0}
+
+
+def course_facts(record: CrashRecord, observation: Observation) -> Iterator[Fact]:
+    """Every fact about the course that the report says something of."""
+    yield from _first_harm(record)
+    one, two = observation.vehicles
+    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    for seen, other in ((one, two), (two, one)):
+        vehicle = reported.get(seen.number)
+        if vehicle is not None:
+            yield from _crash_type(record, vehicle, seen, other)
+            yield from _critical_event(record, vehicle, seen, other)
+            yield from _movement(record, vehicle, seen)
+            yield from _clock(vehicle, seen)
+            yield from _damage(vehicle, seen)
+            yield from _speed(vehicle, seen)
+    yield from _manner(record, one, two)
+
+
+# --- what happened -----------------------------------------------------------------------------------------------
+def _first_harm(record: CrashRecord) -> Iterator[Fact]:
+    """The first harmful event: what is simulated is the collision of two vehicles, not what came before it."""
+    code = record.first_harmful_event_code
+    if code is None:
+        code = next((event.code for event in record.events if HARM_EV.meaning(event.code)), None)
+    if code is not None:
+        agreement = Agreement.AGREES if code in VEHICLE_EVENTS else Agreement.DIFFERS
+        found = "two vehicles collide"
+        yield Fact("first harmful event", Against.COURSE, agreement, HARM_EV.meaning(code), found, essential=True)
+
+
+def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> Iterator[Fact]:
+    """``MAN_COLL`` beside the parts of the bodies that met first."""
+    parts = _PARTS.get(record.collision_type)
+    if parts is not None:
+        met = parts(one.clock_h, two.clock_h) or parts(two.clock_h, one.clock_h)
+        found = f"{one.clock_h:.1f} and {two.clock_h:.1f} o'clock"
+        yield Fact("manner of collision", Against.COURSE, _agreement(met), record.collision_type.value, found)
+
+
+def _is_on(part_h: float, clock_h: float) -> bool:
+    return clock_difference_h(part_h, clock_h) <= _TO_THE_CORNER_H
+
+
+def _side(clock_h: float) -> bool:
+    return _is_on(_LEFT, clock_h) or _is_on(_RIGHT, clock_h)
+
+
+_PARTS: Final[dict[CollisionType, Callable[[float, float], bool]]] = {
+    CollisionType.FRONT_TO_REAR: lambda a, b: _is_on(_FRONT, a) and _is_on(_REAR, b),
+    CollisionType.FRONT_TO_FRONT: lambda a, b: _is_on(_FRONT, a) and _is_on(_FRONT, b),
+    CollisionType.REAR_TO_REAR: lambda a, b: _is_on(_REAR, a) and _is_on(_REAR, b),
+    CollisionType.REAR_TO_SIDE: lambda a, b: _is_on(_REAR, a) and _side(b),
+    CollisionType.ANGLE: lambda a, b: _side(a) or _side(b),
+    CollisionType.SIDESWIPE_SAME_DIRECTION: lambda a, b: _side(a) or _side(b),
+    CollisionType.SIDESWIPE_OPPOSITE_DIRECTION: lambda a, b: _side(a) or _side(b),
+}
+
+
+# --- how they met ------------------------------------------------------------------------------------------------
+def _crash_type(
+    record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
+) -> Iterator[Fact]:
+    """``ACC_TYPE``: how the two approached each other, which of them turned, and which part was struck.
+
+    Types 1 to 16 are those of a crash with one vehicle's driver alone. 98 and 99, and types that leave the
+    configuration open, say nothing.
+    """
+    code = vehicle.crash_type_code
+    if code is None or "crash_type_code" in vehicle.implied:
+        return
+    kind = CRASH_TYPES.get(code, CrashType())
+    if code in SINGLE_DRIVER_TYPES:
+        agrees = False
+    elif kind.relation is None:
+        return
+    else:
+        agrees = (
+            _is_relation(kind.relation, record, seen, other)
+            and _makes_turn(kind, seen)
+            and _is_struck_so(code, kind, seen)
+            and _comes_from(kind.other_from, kind.relation, seen, other)
+        )
+    found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+.0f} deg, struck at "
+    found += f"{seen.clock_h:.1f} o'clock"
+    reported = f"ACC_TYPE {code}"
+    yield Fact("crash type", Against.COURSE, _agreement(agrees), reported, found, True, vehicle.number)
+
+
+def _relation_deg(seen: ObservedVehicle, other: ObservedVehicle) -> float:
+    return abs(math.degrees(wrap_angle(seen.approach_rad - other.approach_rad)))
+
+
+def _is_relation(relation: Relation, record: CrashRecord, seen: ObservedVehicle, other: ObservedVehicle) -> bool:
+    angle_deg = _relation_deg(seen, other)
+    low, high = _ACROSS_DEG
+    if relation is Relation.CROSSING:
+        return low <= angle_deg <= high or record.road_topology in _ANY_ANGLE
+    if record.road_topology is RoadTopology.L:
+        return True
+    return angle_deg > high if relation is Relation.OPPOSITE_DIRECTION else angle_deg < low
+
+
+def _makes_turn(kind: CrashType, seen: ObservedVehicle) -> bool:
+    allowed = frozenset({_TURNS[kind.turn]} if kind.turn else {0.0})
+    error = turn_error_deg(seen.turn_deg, allowed, seen.offered_turns_deg)
+    return error is None or error <= _TURN_DEG
+
+
+def _is_struck_so(code: int, kind: CrashType, seen: ObservedVehicle) -> bool:
+    if kind.role is Role.STRIKING:
+        return _is_on(_FRONT, seen.clock_h)
+    if kind.role is Role.STRUCK and kind.relation is Relation.SAME_LANE:
+        return _is_on(_REAR, seen.clock_h)
+    if kind.role is Role.STRUCK:
+        return _is_on(_RIGHT if kind.other_from is Side.RIGHT else _LEFT, seen.clock_h)
+    return True
+
+
+def _comes_from(side: Side | None, relation: Relation, seen: ObservedVehicle, other: ObservedVehicle) -> bool:
+    if side is None or relation is not Relation.CROSSING:
+        return True
+    to_the_left = wrap_angle(other.approach_rad - seen.approach_rad) > 0  # who comes from the right goes to the left
+    return to_the_left is (side is Side.RIGHT)
+
+
+def _critical_event(
+    record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle, other: ObservedVehicle
+) -> Iterator[Fact]:
+    """``P_CRASH2``: from where the other vehicle came."""
+    relation = critical_event(vehicle.critical_event_code).relation
+    if relation is not None:
+        agrees = _is_relation(relation, record, seen, other)
+        reported = f"P_CRASH2 {vehicle.critical_event_code}"
+        found = f"{_relation_deg(seen, other):.0f} deg between the courses"
+        yield Fact("critical event", Against.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+
+
+def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+    """``P_CRASH1``: turning, going straight, standing, backing."""
+    movement = vehicle.movement
+    if "movement" in vehicle.implied:
+        return
+    found = f"turned {seen.turn_deg:+.0f} deg, {seen.impact_speed_mps:.1f} m/s at the impact"
+    if movement is Movement.BACKING:
+        agrees = seen.impact_speed_mps < 0
+    elif movement is Movement.STOPPED:
+        agrees = abs(seen.impact_speed_mps) <= _STANDING_MPS
+    elif movement in TURNS_BY_MOVEMENT or movement in STRAIGHT_MOVEMENTS:
+        allowed = {TURNS_BY_MOVEMENT.get(movement, 0.0)}
+        if record.road_topology in (RoadTopology.L, RoadTopology.ROUNDABOUT):
+            allowed |= {0.0}  # a bend of the road may be called a turn there
+        error = turn_error_deg(seen.turn_deg, frozenset(allowed), seen.offered_turns_deg)
+        agrees = error is None or error <= _TURN_DEG
+    else:
+        return
+    reported = movement.name.lower().replace("_", " ")
+    yield Fact("movement", Against.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+
+
+# --- each vehicle ------------------------------------------------------------------------------------------------
+def _clock(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+    error = clock_error_h(seen.clock_h, vehicle.impact)
+    if vehicle.impact is None or error is None:
+        return
+    agreement = Agreement.DIFFERS
+    if error <= _SAME_CLOCK_H:
+        agreement = Agreement.AGREES
+    elif error <= _NEAR_CLOCK_H:
+        agreement = Agreement.NEAR
+    reported, found = f"{vehicle.impact.clock_h:g} o'clock", f"{seen.clock_h:.1f} o'clock"
+    yield Fact("impact", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+
+
+def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+    """``DAMAGE`` (``MDAREAS``): the part that was struck is damaged."""
+    hours = [area for area in vehicle.damaged_areas if 1 <= area <= 12]
+    if not hours or len(hours) >= _DAMAGED_ALL_AROUND:
+        return
+    off_h = min(clock_difference_h(float(hour), seen.clock_h) for hour in hours)
+    agreement = Agreement.DIFFERS
+    if off_h <= 2 * _SAME_CLOCK_H:
+        agreement = Agreement.AGREES
+    elif off_h <= _NEAR_CLOCK_H:
+        agreement = Agreement.NEAR
+    reported = ", ".join(f"{hour}" for hour in hours) + " o'clock damaged"
+    found = f"struck at {seen.clock_h:.1f} o'clock"
+    yield Fact("damage", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+
+
+def _speed(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+    error = speed_error_rel(seen.initial_speed_mps, vehicle)
+    if error is None or vehicle.travel_speed_mps is None:
+        return
+    agreement = _agreement(abs(error) <= _KEPT_REL)
+    reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:.1f} m/s"
+    yield Fact("travel speed", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+
+
+def _agreement(agrees: bool) -> Agreement:
+    return Agreement.AGREES if agrees else Agreement.DIFFERS

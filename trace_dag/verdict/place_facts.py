@@ -1,0 +1,221 @@
+"""What a report says of the place, beside the map: its streets, the road, the intersection, the point itself.
+
+Lanes, division, control, limit and kind of intersection were compared when the map was built
+(:mod:`trace_dag.roads.against_report`); what only the report says is on the map by the report's word and is no fact
+here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.codes.crash import FUNC_SYS, RUR_URB
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.against_report import (
+    AGREES,
+    CONTROL,
+    DIVISION,
+    INTERSECTION,
+    LANES,
+    LIMIT,
+    NOT_COMPARABLE,
+    SiteStreets,
+    bend_rad,
+    streets_at,
+)
+from trace_dag.roads.network import Road, RoadNetwork
+from trace_dag.roads.placement import class_steps, is_at_intersection
+from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
+from trace_dag.roads.reported_road import Trafficway, trafficway_on_map
+from trace_dag.roads.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.units import wrap_angle
+from trace_dag.verdict.metrics import Observation, ObservedVehicle
+from trace_dag.verdict.types import Against, Agreement, Fact
+
+_OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street
+_SAME_CLASS: Final = 1.0  # steps between classes: mapper and agency often differ by one,
+_NEAR_CLASS: Final = 2.2  # hardly by more than two
+_INTERSTATE: Final = 1  # FUNC_SYS
+_LAND_USE: Final = frozenset({1, 2})  # RUR_URB: rural, urban
+_URBAN: Final = 2
+_NEIGHBOURHOOD_M: Final = 300.0
+_RURAL_JUNCTIONS: Final = 4
+_URBAN_JUNCTIONS: Final = 8
+_ON_THE_ROAD_M: Final = 0.5
+_BESIDE_THE_ROAD_M: Final = 4.0  # a lane's width
+_BEND_REACH_M: Final = 40.0
+_STRAIGHT_RAD: Final = math.radians(4)  # over twice the reach: a radius of 1.1 km
+_CURVED_RAD: Final = math.radians(8)
+_ALONG_RAD: Final = math.radians(50)
+_CURVES: Final = {1: 0, 2: -1, 3: 1}  # VALIGN: straight, curve to the right, to the left
+
+_KINDRED: Final = frozenset({RoadTopology.FOUR_WAY, RoadTopology.T, RoadTopology.Y})
+"""Kinds of intersection that maps and reports have for each other: a driveway is an arm to the one and not to the
+other, a skewed T is a Y."""
+_ESSENTIAL_COMPARISONS: Final = frozenset({INTERSECTION})
+_FACT_OF: Final = {
+    LANES: "lanes",
+    INTERSECTION: "intersection",
+    DIVISION: "division",
+    CONTROL: "control",
+    LIMIT: "limit",
+}
+
+
+def place_facts(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: Observation | None
+) -> Iterator[Fact]:
+    """Every fact about the place that both the report and the map say something of."""
+    streets = streets_at(network, record, report.placement)
+    yield from _street_names(record, network, report.placement, streets)
+    yield from _road_class(record, network, report.placement, streets)
+    yield from _land_use(record, network, report.placement)
+    for comparison in report.comparisons:
+        yield from _compared(comparison)
+    yield _moved(report.placement)
+    if observation is not None:
+        yield from _alignment(record, network, report.placement, observation)
+
+
+# --- streets -----------------------------------------------------------------------------------------------------
+def _street_names(
+    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets
+) -> Iterator[Fact]:
+    at_intersection = is_at_intersection(record)
+    named = (("first street", record.trafficway_1, True), ("second street", record.trafficway_2, at_intersection))
+    here = _names_at(network, placement, streets)
+    around = {name for road in network.roads for name in road.names}
+    for fact, reported, essential in named:
+        agreement = _agreement_of_names(reported, here, around)
+        if agreement is not None:
+            found = ", ".join(sorted(here)) or "no name"
+            yield Fact(fact, Against.MAP, agreement, reported, found, essential)
+
+
+def _names_at(network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets) -> set[str]:
+    """Names of every street at the place."""
+    roads: list[Road] = [*streets.own.roads, network.road_by_id[placement.road_id]]
+    roads += streets.cross.roads if streets.cross else ()
+    roads += [network.road_by_id[road_id] for road_id in placement.cross_road_ids]
+    names = {name for road in roads for name in road.names}
+    return names | {name for arm in (streets.crossing.arms if streets.crossing else ()) for name in arm.names}
+
+
+def _agreement_of_names(reported: str, here: set[str], around: set[str]) -> Agreement | None:
+    """Whether a reported street is one of those ``here``; None if it cannot be compared with them.
+
+    A route's number can only be missed on a map that numbers routes, a name only where streets have names.
+    """
+    wanted = parse_street(reported)
+    if not wanted.routes and not wanted.names:
+        return None
+    value = similarity(reported, here)
+    if value is not None and value >= SAME_STREET:
+        return Agreement.AGREES
+    if wanted.ramp:
+        return None  # ramps seldom bear a name
+    if value is not None:
+        return Agreement.DIFFERS if value < _OTHER_STREET else Agreement.NEAR
+    if (similarity(reported, around) or 0.0) >= SAME_STREET:
+        return Agreement.DIFFERS if here else Agreement.NEAR
+    parsed = [parse_street(name) for name in around]
+    if wanted.routes and not wanted.names and here:
+        return Agreement.DIFFERS if any(name.routes for name in parsed) else None
+    return None
+
+
+# --- road --------------------------------------------------------------------------------------------------------
+def _road_class(
+    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets
+) -> Iterator[Fact]:
+    """``FUNC_SYS`` beside OSM's class; and, since classes are a matter of opinion but carriageways are not, whether an
+    interstate has divided ones (FHWA, Highway Functional Classification Concepts)."""
+    road = network.road_by_id[placement.road_id]
+    reported = FUNC_SYS.meaning(record.function_class_code)
+    steps = class_steps(record, road)
+    if steps is not None:
+        agreement = Agreement.DIFFERS
+        if steps < _SAME_CLASS:
+            agreement = Agreement.AGREES
+        elif steps < _NEAR_CLASS:
+            agreement = Agreement.NEAR
+        yield Fact("road class", Against.MAP, agreement, reported, road.highway)
+    if record.function_class_code == _INTERSTATE:
+        ways = {trafficway_on_map(way) for way in streets.own.carriageways}
+        agreement = Agreement.DIFFERS if ways == {Trafficway.UNDIVIDED} else Agreement.AGREES
+        found = ", ".join(sorted(way.value for way in ways))
+        yield Fact("carriageways", Against.MAP, agreement, reported, found, essential=True)
+
+
+def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> Iterator[Fact]:
+    """``RUR_URB`` beside how dense the streets are."""
+    if record.rural_urban_code not in _LAND_USE:
+        return
+    junctions = sum(
+        junction.centre_xy_m is not None
+        and math.dist(junction.centre_xy_m, (placement.x_m, placement.y_m)) <= _NEIGHBOURHOOD_M
+        for junction in network.junctions
+    )
+    urban = record.rural_urban_code == _URBAN
+    agreement = Agreement.NEAR
+    if junctions >= _URBAN_JUNCTIONS:
+        agreement = Agreement.AGREES if urban else Agreement.DIFFERS
+    elif junctions <= _RURAL_JUNCTIONS:
+        agreement = Agreement.DIFFERS if urban else Agreement.AGREES
+    found = f"{junctions} junctions within {_NEIGHBOURHOOD_M:.0f} m"
+    yield Fact("land use", Against.MAP, agreement, RUR_URB.meaning(record.rural_urban_code), found)
+
+
+def _compared(comparison: Comparison) -> Iterator[Fact]:
+    if comparison.agreement == NOT_COMPARABLE:
+        return
+    agreement = Agreement.AGREES if comparison.agreement == AGREES else Agreement.DIFFERS
+    reported, mapped = comparison.reported or "", comparison.mapped or ""
+    if agreement is Agreement.DIFFERS and comparison.attribute == INTERSECTION and {reported, mapped} <= _KINDRED:
+        agreement = Agreement.NEAR
+    essential = comparison.attribute in _ESSENTIAL_COMPARISONS
+    yield Fact(_FACT_OF[comparison.attribute], Against.MAP, agreement, reported, mapped, essential)
+
+
+def _moved(placement: CrashPlacement) -> Fact:
+    agreement = Agreement.DIFFERS
+    if placement.moved_m <= _ON_THE_ROAD_M:
+        agreement = Agreement.AGREES
+    elif placement.moved_m <= _BESIDE_THE_ROAD_M:
+        agreement = Agreement.NEAR
+    return Fact("point", Against.MAP, agreement, "on its road", f"moved by {placement.moved_m:.1f} m")
+
+
+# --- alignment ---------------------------------------------------------------------------------------------------
+def _alignment(
+    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, observation: Observation
+) -> Iterator[Fact]:
+    """``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
+    bend = bend_rad(network, placement, _BEND_REACH_M)
+    line = network.road_geometry(placement.road_id).line
+    heading = line.at(line.project(placement.x_m, placement.y_m)[0])[2]
+    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
+    for seen in observation.vehicles:
+        vehicle = reported.get(seen.number)
+        curve = _CURVES.get(vehicle.alignment_code or 0) if vehicle else None
+        turned = _bend_seen(bend, heading, seen)
+        if curve is None or turned is None:
+            continue
+        mapped = 0 if abs(turned) < _STRAIGHT_RAD else int(math.copysign(1, turned))
+        agreement = Agreement.AGREES if mapped == curve else Agreement.DIFFERS
+        if agreement is Agreement.DIFFERS and curve * mapped == 0 and abs(turned) < _CURVED_RAD:
+            agreement = Agreement.NEAR
+        words = {0: "straight", -1: "curve to the right", 1: "curve to the left"}
+        found = f"{words[mapped]} ({math.degrees(abs(turned)):.0f} deg within {2 * _BEND_REACH_M:.0f} m)"
+        yield Fact("alignment", Against.MAP, agreement, words[curve], found, vehicle_number=seen.number)
+
+
+def _bend_seen(bend: float, heading: float, seen: ObservedVehicle) -> float | None:
+    """The bend as a vehicle on that road saw it, positive to its left; None for one that came another way."""
+    off = abs(wrap_angle(seen.approach_rad - heading))
+    if off < _ALONG_RAD:
+        return bend
+    return -bend if math.pi - off < _ALONG_RAD else None

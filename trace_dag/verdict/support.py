@@ -1,0 +1,164 @@
+"""What an accepted crash is worth: each independent fact of its report for or against it, their sum, and a grade.
+
+The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do. Support
+asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with the
+logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a control:
+the table ``support_weights.csv``, fitted by ``benchmarks/fit_support.py``. As in naive Bayes the facts' weights add up.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from typing import Final
+
+from trace_dag.crash.contradictions import named_contradictions
+from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.verdict.course_facts import course_facts
+from trace_dag.verdict.metrics import Observation
+from trace_dag.verdict.place_facts import place_facts
+from trace_dag.verdict.types import Against, Agreement, Fact, Grade, Support
+
+LEAST_FACTS: Final = 6
+"""Independent facts of map and course that have to agree for a crash to be corroborated."""
+LEAST_SUPPORT: Final = 2.0
+"""Sum of weights from which on a crash is corroborated: e^2, seven times likelier a true report than a control."""
+_TABLE: Final = "support_weights.csv"
+_MOST: Final = 4.0
+"""The largest weight either way (55 times likelier): what so few crashes can show, and no fact decides alone."""
+_PRIOR: Final = 0.5
+"""Added to every count (Jeffreys): what was never seen is not impossible."""
+
+_ESSENTIAL_CONTRADICTIONS: Final = frozenset(
+    {
+        "classes of crash types",
+        "pair of crash types",
+        "single driver",
+        "impact and crash type",
+        "impact and course",
+        "impact and event",
+        "impacts and manner",
+        "impact and damage",
+        "one lane",
+        "junction",
+        "second street",
+        "route",
+        "turn away from junctions",
+        "first event",
+    }
+)
+"""What a report has to agree with itself about: where it was, who met whom and how, which parts were struck."""
+
+
+@dataclass(frozen=True)
+class Weight:
+    """How often a fact came out one way: ``true_share`` of true reports, ``chance_share`` of controls."""
+
+    fact: str
+    agreement: Agreement
+    true_count: int
+    true_of: int
+    chance_count: int
+    chance_of: int
+
+    @property
+    def log_likelihood_ratio(self) -> float:
+        """ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way."""
+        levels = len(Agreement)
+        true = (self.true_count + _PRIOR) / (self.true_of + levels * _PRIOR)
+        chance = (self.chance_count + _PRIOR) / (self.chance_of + levels * _PRIOR)
+        return min(max(math.log(true / chance), -_MOST), _MOST)
+
+
+Weights = Mapping[tuple[str, Agreement], float]
+
+
+def facts_of(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: Observation | None
+) -> tuple[Fact, ...]:
+    """Every fact of the report that can be compared with the map, the simulated course or the report itself.
+
+    Not weighed yet. Without an ``observation`` (no contact) those of the place and of the report alone.
+    """
+    found = [*place_facts(record, network, report, observation), *_contradictions(record)]
+    if observation is not None:
+        found += course_facts(record, observation)
+    return tuple(found)
+
+
+def _contradictions(record: CrashRecord) -> Iterator[Fact]:
+    for about, sentence in named_contradictions(record):
+        essential = about in _ESSENTIAL_CONTRADICTIONS
+        yield Fact(about, Against.RECORD, Agreement.DIFFERS, sentence, "the record contradicts itself", essential)
+
+
+def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
+    """The facts weighed and summed up; ``weights`` are those of the package unless given.
+
+    A fact reported of both vehicles is one thing: its weights are averaged, so that what the two forms repeat does not
+    count twice.
+    """
+    table = fitted_weights() if weights is None else weights
+    given = tuple(facts)
+    times = {fact.name: sum(other.name == fact.name for other in given) for fact in given}
+    weighed = tuple(
+        replace(fact, weight=table.get((fact.name, fact.agreement), 0.0) / times[fact.name]) for fact in given
+    )
+    agreeing = {fact.name for fact in weighed if fact.against is not Against.RECORD}
+    agreeing -= {fact.name for fact in weighed if fact.agreement is not Agreement.AGREES}
+    total = sum(fact.weight for fact in weighed)
+    return Support(weighed, total, len(agreeing), _why_not(weighed, total, len(agreeing)))
+
+
+def _why_not(facts: tuple[Fact, ...], total: float, agreeing: int) -> str:
+    refuting = [_sentence(fact) for fact in facts if fact.refutes]
+    if refuting:
+        return "; ".join(dict.fromkeys(refuting))
+    if agreeing < LEAST_FACTS:
+        return f"{agreeing} independent facts agree, {LEAST_FACTS} needed"
+    if total < LEAST_SUPPORT:
+        return f"support {total:+.1f}, {LEAST_SUPPORT:+.1f} needed"
+    return ""
+
+
+def _sentence(fact: Fact) -> str:
+    if fact.against is Against.RECORD:
+        return fact.reported
+    whose = f" of vehicle {fact.vehicle_number}" if fact.vehicle_number is not None else ""
+    where = "the map" if fact.against is Against.MAP else "the simulated course"
+    return f"{fact.name}{whose}: reported {fact.reported}, {where} has {fact.found}"
+
+
+def grade_of(accepted: bool, support: Support | None) -> Grade:
+    """What a verdict is worth."""
+    if not accepted:
+        return Grade.REJECTED
+    return Grade.CORROBORATED if support is not None and not support.detail else Grade.CONSISTENT
+
+
+@cache
+def fitted_weights() -> Weights:
+    """The weights of the package's table."""
+    return weights_of(read_weights(_table()))
+
+
+def weights_of(counts: Iterable[Weight]) -> Weights:
+    """What each fact counts for, by the way it came out."""
+    return {(row.fact, row.agreement): row.log_likelihood_ratio for row in counts}
+
+
+def _table() -> str:
+    return resources.files("trace_dag.verdict").joinpath(_TABLE).read_text()
+
+
+def read_weights(text: str) -> Iterator[Weight]:
+    """The rows of a table of weights: CSV with a header, comments after ``#``."""
+    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+        counts = (int(row[name]) for name in ("true_count", "true_of", "chance_count", "chance_of"))
+        yield Weight(row["fact"], Agreement(row["agreement"]), *counts)
