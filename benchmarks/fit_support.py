@@ -7,7 +7,7 @@ Controls of the place are the same reports at the places of other crashes of the
 their own maps at least 300 m away on another street, each with a road map, an estimate and a simulation made anew.
 Controls of the course are the simulations beside other crashes' reports. A fact's weight is the logarithm of how many
 times likelier it is to come out so in a true report than in its controls; how often it did in each is the table
-``trace_dag/verdict/support_weights.csv``. Printed are the rates of grades where each crash is judged by weights fitted
+``trace_dag/verdict/support_weights.py``. Printed are the rates of grades where each crash is judged by weights fitted
 to all the others.
 """
 
@@ -30,9 +30,10 @@ from trace_dag.errors import Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.drivable import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
-from trace_dag.pipeline import stages
+from trace_dag.pipeline.artefacts import EXTRACT, MAP_REPORT
 from trace_dag.pipeline.comparisons import StoredCrash, judged_crashes
 from trace_dag.pipeline.home import Home
+from trace_dag.pipeline.stages import FLOW
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.street_names import similarity
 from trace_dag.settings import Settings
@@ -46,7 +47,7 @@ from trace_dag.verdict.metrics import observe
 from trace_dag.verdict.support import Weight, facts_of, grade_of, supported, weights_of
 from trace_dag.verdict.types import Against, Agreement, Fact, Grade
 
-TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.csv"
+TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
 PLACES_OF_EACH = 4
 REPORTS_OF_EACH = 20
 LEAST_M, MOST_M = 300.0, 800.0
@@ -69,7 +70,7 @@ def main() -> None:
     parser.add_argument("root")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    pipeline = Home(arguments.root, stages.FLOW).pipeline()
+    pipeline = Home(arguments.root, FLOW).pipeline()
     keys = [(cohort, key) for cohort in pipeline.registry.cohorts() for key in pipeline.registry.keys(cohort)]
     tasks = [(arguments.root, cohort, key) for cohort, key in keys]
     with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
@@ -79,15 +80,11 @@ def main() -> None:
 
 
 def write_table(table: Iterable[Weight]) -> None:
-    """The counts as the package holds them."""
+    """The counts as the package holds them, in place of those there."""
     names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
-    lines = [
-        "# How often each fact came out so, in true reports at their places and in controls: benchmarks/fit_support.py",
-        "# on FARS reports of Virginia 2023 and of Arizona, California, Ohio and South Dakota 2012 to 2016.",
-        ",".join(names),
-    ]
-    lines += [",".join(str(getattr(row, name)) for name in names) for row in table]
-    TABLE.write_text("\n".join(lines) + "\n")
+    lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in table)]
+    head = TABLE.read_text().partition('"""\\\n')[0]
+    TABLE.write_text(head + '"""\\\n' + "\n".join(lines) + '\n"""\n')
 
 
 def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:
@@ -130,7 +127,7 @@ def print_rates(rows: list[Judged]) -> None:
 # --- one crash ---------------------------------------------------------------------------------------------------
 def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
     root, cohort, key = task
-    pipeline = Home(root, stages.FLOW).pipeline()
+    pipeline = Home(root, FLOW).pipeline()
     found = judged_crashes(pipeline, [key])
     if not found or not found[0].accepted or found[0].judged.record.first_harmful_event_code not in VEHICLE_EVENTS:
         return []
@@ -147,13 +144,13 @@ def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
             continue
         if places < PLACES_OF_EACH:
             record = there.judged.record
-            extract = stages.extract_of(there.files)
+            extract = there.files.load(EXTRACT)
             rows += _at(own, cohort, "foreign site", other, extract, record.latitude_deg, record.longitude_deg)
             places += 1
         if reports < REPORTS_OF_EACH:
             rows += _beside(own, cohort, there)
             reports += 1
-    extract = stages.extract_of(own.files)
+    extract = own.files.load(EXTRACT)
     for latitude_deg, longitude_deg in _random_points(own.judged.record, extract, rng):
         rows += _at(own, cohort, "random point", key, extract, latitude_deg, longitude_deg)
     return rows
@@ -162,7 +159,7 @@ def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
 def _true(own: StoredCrash, cohort: str) -> Judged:
     crash = own.judged
     observation = observe(crash.network, crash.hypothesis, crash.log)
-    facts = facts_of(crash.record, crash.network, stages.map_report_of(own.files), observation)
+    facts = facts_of(crash.record, crash.network, own.files.load(MAP_REPORT), observation)
     return Judged("true", cohort, frozenset({crash.record.key}), own.accepted, facts)
 
 

@@ -302,6 +302,37 @@ def test_bodies_follow_the_vin(settings: CrashSettings) -> None:
         ({"TYP_INT": 1, "RELJCT2": 2}, [{}, {"VEH_NO": 2}], "TYP_INT says not an intersection"),
         ({"MAN_COLL": 0}, [{}, {"VEH_NO": 2}], "does not agree with HARM_EV 12"),
         ({"VE_FORMS": 3}, [{}, {"VEH_NO": 2}], "VE_FORMS says 3"),
+        ({}, [{"ACC_TYPE": 86}, {"VEH_NO": 2, "ACC_TYPE": 89}], "ACC_TYPE 86 and 89 are no pair"),
+        ({}, [{"ACC_TYPE": 1}, {"VEH_NO": 2, "ACC_TYPE": 6}], "is that of a single vehicle"),
+        (
+            {"TYP_INT": 1, "RELJCT2": 1, "TWAY_ID": "A ST", "TWAY_ID2": "B ST"},
+            [{}, {"VEH_NO": 2}],
+            "TWAY_ID2 names one",
+        ),
+        (
+            {"TYP_INT": 2, "RELJCT2": 2, "TWAY_ID": "A ST", "TWAY_ID2": ""},
+            [{}, {"VEH_NO": 2}],
+            "names no second street",
+        ),
+        ({"FUNC_SYS": 1, "TWAY_ID": "A ST"}, [{}, {"VEH_NO": 2}], "FUNC_SYS says an interstate, but TWAY_ID is A ST"),
+        ({"FUNC_SYS": 3, "TWAY_ID": "I-95"}, [{}, {"VEH_NO": 2}], "TWAY_ID is I-95, but FUNC_SYS"),
+        ({"ROUTE": 6, "FUNC_SYS": 3, "TWAY_ID": "US-1"}, [{}, {"VEH_NO": 2}], "TWAY_ID is US-1, but ROUTE says"),
+        ({}, [{"VTRAFWAY": 1, "VNUM_LAN": 1}, {"VEH_NO": 2}], "one lane for both ways"),
+        (
+            {"TYP_INT": 1, "RELJCT2": 1, "TWAY_ID2": ""},
+            [{"ACC_TYPE": 68}, {"VEH_NO": 2, "ACC_TYPE": 69}],
+            "needs a junction or driveway",
+        ),
+        (
+            {},
+            [{"ACC_TYPE": 69, "IMPACT1": 4}, {"VEH_NO": 2, "ACC_TYPE": 68, "IMPACT1": 2}],
+            "has the other on its left or ahead",
+        ),
+        (
+            {},
+            [{"ACC_TYPE": 83, "IMPACT1": 4}, {"VEH_NO": 2, "ACC_TYPE": 82, "IMPACT1": 9}],
+            "both vehicles struck on a side",
+        ),
     ],
 )
 def test_contradictions_are_listed(

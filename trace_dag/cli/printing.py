@@ -26,7 +26,10 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
         [(step.step, step.crashes, step.published) for step in funnel(crashes.values())],
     )
     click.echo()
-    click.echo(", ".join(f"{states[state]} {state}" for state in FinalState) + f"; {len(crashes)} in all")
+    said = {state: f"{states[state]} {state}" for state in FinalState}
+    if states[FinalState.VERIFIED]:
+        said[FinalState.VERIFIED] += f" ({sum(crash.corroborated for crash in crashes.values())} of them corroborated)"
+    click.echo(", ".join(said.values()) + f"; {len(crashes)} in all")
     reasons = Counter(
         (crash.stage_reached, crash.reason) for crash in crashes.values() if crash.final_state is FinalState.REJECTED
     )

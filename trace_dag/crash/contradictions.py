@@ -27,7 +27,7 @@ from trace_dag.crash.derive import (
     implied_movement,
     is_near,
 )
-from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord, first_contact
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, Movement, VehicleRecord, first_contact
 from trace_dag.crash.summary import event_in_words
 from trace_dag.units import mps_to_mph
 
@@ -101,9 +101,10 @@ def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
         expected = implied_impact_of_crash_type(vehicle.crash_type_code)
         reported = impact_area(vehicle.initial_impact_code) or vehicle.impact
         if expected and reported and not is_near(reported, expected.clock_h, CORNER_H):
+            said = "IMPACT1" if impact_area(vehicle.initial_impact_code) else "the event"
             yield (
-                f"vehicle {vehicle.number}: struck at {reported.clock_h:g} o'clock, but ACC_TYPE "
-                f"{vehicle.crash_type_code} ({ACC_TYPE.meaning(vehicle.crash_type_code)}) means {expected.code}"
+                f"vehicle {vehicle.number}: {said} says {reported.code}, but ACC_TYPE {vehicle.crash_type_code} "
+                f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) means {expected.code}"
             )
 
 

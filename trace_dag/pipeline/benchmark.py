@@ -94,7 +94,8 @@ def build_benchmark(
     table = query.rows(warehouse, "crashes")
     verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
     for row in table:
-        row["contact_distance_m"] = verdicts.get(row["key"], {}).get("contact_distance_m")
+        verdict = verdicts.get(row["key"], {})
+        row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
     crashes = _crashes(pipeline, warehouse, table)
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
     made_before = _digests(storage)

@@ -11,6 +11,9 @@ from trace_dag.garbage import no_garbage_collection
 from trace_dag.pipeline.records import Records
 from trace_dag.provenance import Outcome, OutcomeRecord
 
+CORROBORATED = "corroborated"
+"""The grade of such a verdict, as the verdict stage names it among its figures."""
+
 
 class FinalState(StrEnum):
     """Every registered crash is in exactly one of these."""
@@ -23,13 +26,17 @@ class FinalState(StrEnum):
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it."""
+    """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
+
+    ``corroborated``: verified, and borne out by more than the criteria.
+    """
 
     key: str
     final_state: FinalState
     stage_reached: Stage | None = None
     reason: Reason | None = None
     detail: str = ""
+    corroborated: bool = False
 
 
 def valid_records(records: Records) -> Records:
@@ -71,7 +78,7 @@ def standing_of_valid(key: str, valid: Records) -> Standing:
     if last.outcome is Outcome.FAILED:
         return Standing(key, FinalState.FAILED, last.stage, None, last.detail)
     state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
-    return Standing(key, state, last.stage)
+    return Standing(key, state, last.stage, corroborated=last.figures.get("grade") == CORROBORATED)
 
 
 @no_garbage_collection()

@@ -65,6 +65,9 @@ RELEASE_INDEX = TableSchema(
         Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),
         Column("backend", _T.TEXT, "Simulator and its version"),
         Column("rule_set", _T.TEXT, "Rules it was verified by"),
+        Column("grade", _T.TEXT, "What the verdict is worth: corroborated or consistent"),
+        Column("support", _T.REAL, "Sum of the weights of all facts of the report, natural logarithm"),
+        Column("independent_facts", _T.INTEGER, "Different facts of the report that agree with map or course"),
         Column("contact_distance_m", _T.REAL, "First contact from the reported point", unit="m"),
         Column("clock_error_max_h", _T.REAL, "Impact against the reported clock position, the worse vehicle", unit="h"),
         Column(

@@ -149,6 +149,7 @@ def _holds(passed: bool | None, threshold: float | None) -> str:
 _FINAL_STATES = ("verified", "rejected", "failed", "pending")
 _FILTERS = {
     "final_state": "Outcome",
+    "grade": "Grade",
     "collision_type": "Collision type",
     "road_topology": "Road topology",
     "vehicle_trajectory": "Vehicle trajectory",
@@ -159,6 +160,7 @@ _FILTERS = {
 _TABLE_COLUMNS = (
     {"name": "key", "label": "Crash", "class": "", "sorted": True},
     {"name": "final_state", "label": "Outcome", "class": "", "sorted": False},
+    {"name": "grade", "label": "Grade", "class": "", "sorted": False},
     {"name": "reason", "label": "Reason", "class": "", "sorted": False},
     {"name": "place", "label": "Place", "class": "wide", "sorted": False},
     {"name": "collision_type", "label": "Collision", "class": "", "sorted": False},

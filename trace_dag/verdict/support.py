@@ -2,8 +2,8 @@
 
 The three criteria ask whether the simulated contact fits the report; the estimator chooses hypotheses that do. Support
 asks what else the report says, of the place and of the course, and whether that is so. Each fact counts with the
-logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a control:
-the table ``support_weights.csv``, fitted by ``benchmarks/fit_support.py``. As in naive Bayes the facts' weights add up.
+logarithm of how many times likelier it is to agree (or differ) in a true report at its true place than in a control,
+by the counts in :mod:`trace_dag.verdict.support_weights`. As in naive Bayes the facts' weights add up.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from typing import Final
 
 from trace_dag.crash.contradictions import named_contradictions
@@ -23,13 +22,14 @@ from trace_dag.roads.report import MapReport
 from trace_dag.verdict.course_facts import course_facts
 from trace_dag.verdict.metrics import Observation
 from trace_dag.verdict.place_facts import place_facts
+from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Against, Agreement, Fact, Grade, Support
 
 LEAST_FACTS: Final = 6
 """Independent facts of map and course that have to agree for a crash to be corroborated."""
-LEAST_SUPPORT: Final = 2.0
-"""Sum of weights from which on a crash is corroborated: e^2, seven times likelier a true report than a control."""
-_TABLE: Final = "support_weights.csv"
+LEAST_SUPPORT: Final = 4.6
+"""Sum of weights from which on a crash is corroborated: ln 100, a hundred times likelier in a true report than in a
+control."""
 _MOST: Final = 4.0
 """The largest weight either way (55 times likelier): what so few crashes can show, and no fact decides alone."""
 _PRIOR: Final = 0.5
@@ -51,6 +51,7 @@ _ESSENTIAL_CONTRADICTIONS: Final = frozenset(
         "route",
         "turn away from junctions",
         "first event",
+        "first event and sequence",
     }
 )
 """What a report has to agree with itself about: where it was, who met whom and how, which parts were struck."""
@@ -145,7 +146,7 @@ def grade_of(accepted: bool, support: Support | None) -> Grade:
 @cache
 def fitted_weights() -> Weights:
     """The weights of the package's table."""
-    return weights_of(read_weights(_table()))
+    return weights_of(read_weights(COUNTS))
 
 
 def weights_of(counts: Iterable[Weight]) -> Weights:
@@ -153,12 +154,8 @@ def weights_of(counts: Iterable[Weight]) -> Weights:
     return {(row.fact, row.agreement): row.log_likelihood_ratio for row in counts}
 
 
-def _table() -> str:
-    return resources.files("trace_dag.verdict").joinpath(_TABLE).read_text()
-
-
 def read_weights(text: str) -> Iterator[Weight]:
-    """The rows of a table of weights: CSV with a header, comments after ``#``."""
-    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+    """The rows of a table of weights: CSV with a header."""
+    for row in csv.DictReader(text.splitlines()):
         counts = (int(row[name]) for name in ("true_count", "true_of", "chance_count", "chance_of"))
         yield Weight(row["fact"], Agreement(row["agreement"]), *counts)

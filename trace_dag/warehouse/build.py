@@ -53,6 +53,7 @@ TABLES = (
     "contacts",
     "verdict_criteria",
     "verdicts",
+    "support",
     "verdict_changes",
     "failures",
     "funnel",

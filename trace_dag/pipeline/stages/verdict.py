@@ -28,7 +28,13 @@ def verdict(
 ) -> StageProduct:
     """Every criterion with its value and threshold, and whether they hold together."""
     found = judge(record, road_map, map_report, estimate, logs, settings)
-    figures: dict[str, Figure] = {"rule_set": found.rule_set, "hypothesis": found.hypothesis}
+    figures: dict[str, Figure] = {"rule_set": found.rule_set, "hypothesis": found.hypothesis, "grade": found.grade}
+    if found.support is not None:
+        figures |= {
+            "support": round(found.support.total, 2),
+            "independent_facts": found.support.independent_facts,
+            "not_corroborated_because": found.support.detail or None,
+        }
     for criterion in found.criteria:
         if criterion.threshold is None:  # reported only; the artefact and the warehouse have it
             continue

@@ -36,6 +36,7 @@
     state.className = `state ${crash.final_state}`;
     state.textContent = crash.final_state;
     cell(row, state);
+    cell(row, words(crash.grade));
     cell(row, words(crash.reason));
     cell(row, crash.place || crash.state_name || "–", "wide");
     cell(row, words(crash.collision_type));

@@ -3,6 +3,10 @@ CREATE TABLE verdict_criteria AS
 SELECT
     key,
     accepted,
+    grade,
+    support.total AS support,
+    support.independent_facts AS independent_facts,
+    support.detail AS support_detail,
     hypothesis,
     rule_set,
     measured.name AS criterion,
@@ -13,12 +17,16 @@ SELECT
     measured.passed,
     measured.reason,
     measured.detail
-FROM (SELECT key, accepted, hypothesis, rule_set, unnest(criteria) AS measured FROM verdict)
+FROM (SELECT key, accepted, grade, support, hypothesis, rule_set, unnest(criteria) AS measured FROM verdict)
 ORDER BY ALL;
 
 COMMENT ON TABLE verdict_criteria IS 'Every criterion of every verdict, one row each';
 COMMENT ON COLUMN verdict_criteria.key IS 'Key of the crash';
 COMMENT ON COLUMN verdict_criteria.accepted IS 'Whether the crash is accepted';
+COMMENT ON COLUMN verdict_criteria.grade IS 'What the verdict is worth: corroborated, consistent or rejected';
+COMMENT ON COLUMN verdict_criteria.support IS 'Sum of the weights of all facts of the report, natural logarithm';
+COMMENT ON COLUMN verdict_criteria.independent_facts IS 'Different facts that agree with the map or the course';
+COMMENT ON COLUMN verdict_criteria.support_detail IS 'Why the crash is not corroborated';
 COMMENT ON COLUMN verdict_criteria.hypothesis IS 'Index of the hypothesis that was judged';
 COMMENT ON COLUMN verdict_criteria.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN verdict_criteria.criterion IS 'Name of the criterion';

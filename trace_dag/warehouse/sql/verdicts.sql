@@ -3,6 +3,10 @@ CREATE VIEW verdicts AS
 SELECT
     key,
     any_value(accepted) AS accepted,
+    any_value(grade) AS grade,
+    any_value(support) AS support,
+    any_value(independent_facts) AS independent_facts,
+    any_value(support_detail) AS support_detail,
     any_value(value) FILTER (criterion = 'contact_distance') AS contact_distance_m,
     max(value) FILTER (criterion = 'clock_error') AS clock_error_max_h,
     bool_and(passed) FILTER (reason = 'wrong_direction') AS direction_ok,
@@ -21,6 +25,10 @@ ORDER BY key;
 COMMENT ON VIEW verdicts IS 'Every verdict in one row';
 COMMENT ON COLUMN verdicts.key IS 'Key of the crash';
 COMMENT ON COLUMN verdicts.accepted IS 'Whether the simulated crash is the reported one';
+COMMENT ON COLUMN verdicts.grade IS 'What it is worth: corroborated (enough facts and support, nothing essential against), consistent (accepted, no more) or rejected';
+COMMENT ON COLUMN verdicts.support IS 'Sum of the weights of all facts of the report, natural logarithm; its rows are in table support';
+COMMENT ON COLUMN verdicts.independent_facts IS 'Different facts of the report that agree with the map or the simulated course';
+COMMENT ON COLUMN verdicts.support_detail IS 'Why the crash is not corroborated; empty if it is';
 COMMENT ON COLUMN verdicts.contact_distance_m IS 'First contact from the reported point, m';
 COMMENT ON COLUMN verdicts.clock_error_max_h IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
