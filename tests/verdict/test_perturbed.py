@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Iterator
 
@@ -12,8 +13,13 @@ from cases import SAMPLE, SETTINGS
 
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import Movement
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.catalog import MapCatalog
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay, Site
+from trace_dag.pipeline.perturbed import has_same_map
+from trace_dag.roads.build import build_road_map
 from trace_dag.verdict.perturbed.kinds import KINDS, NOTHING, Needs, perturb
-from trace_dag.verdict.perturbed.places import is_same_street
+from trace_dag.verdict.perturbed.places import is_same_street, random_point
 from trace_dag.verdict.perturbed.scene import Point, Scene
 from trace_dag.verdict.perturbed.vehicles import turned
 
@@ -196,3 +202,55 @@ def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> 
     record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
     assert record.vehicles[0].movement is Movement.TURNING_RIGHT
     assert list(differences(report, changed.xml)) == ["P_CRASH1 11 10", "P_CRASH2 15 16"]
+
+
+def test_random_points_lie_far_away_on_the_street_asked_for() -> None:
+    # A street through the crash 2.2 km to either side, and one that crosses it 500 m further east.
+    frame = LocalFrame(37.5, -77.5)
+
+    def node(number: int, x_m: float, y_m: float) -> OsmNode:
+        return OsmNode(number, *frame.to_geographic(np.array([x_m, y_m])).tolist())
+
+    nodes = {
+        each.id: each
+        for each in (node(1, -2200, 0), node(2, 500, 0), node(3, 2200, 0), node(4, 500, -900), node(5, 500, 900))
+    }
+    ways = (
+        OsmWay(1, (1, 2, 3), {"highway": "secondary", "name": "Oak Street"}),
+        OsmWay(2, (4, 2, 5), {"highway": "residential", "name": "Elm Street"}),
+        OsmWay(3, (4, 5), {"highway": "footway", "name": "Elm Path"}),
+    )
+    around = OsmExtract(BoundingBox(37.4, -77.6, 37.6, -77.4), nodes, ways)
+    for same, street in ((True, "Oak Street"), (False, "Elm Street")):
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            point = random_point(around, frame, ("OAK ST",), rng, on_same_street=same, most_m=1000.0)
+            assert point is not None
+            x_m, y_m = frame.to_local(point.latitude_deg, point.longitude_deg).tolist()
+            assert 300.0 <= math.hypot(x_m, y_m) == pytest.approx(point.distance_m, abs=0.01)
+            assert max(abs(x_m), abs(y_m)) <= 1000.0
+            assert (abs(y_m) if same else abs(x_m - 500.0)) < 0.2
+            assert point.names == (street,)
+    only_own = OsmExtract(around.box, nodes, ways[:1])
+    nowhere = random_point(only_own, frame, ("OAK ST",), np.random.default_rng(1), on_same_street=False, most_m=1000.0)
+    assert nowhere is None
+
+
+def test_a_map_that_is_kept_is_the_one_that_would_be_made() -> None:
+    """Of every change after which the map is not made again it would be the same file."""
+    name = "crash_319003.xml"
+    report = (SAMPLE / "reports" / name).read_bytes()
+    here, kept = scene(report), {}
+    for kind in KINDS.values():
+        changed = perturb(kind, report, here) if kind.needs is Needs.NOTHING else None
+        record = read_report(changed.xml, name=name, settings=SETTINGS.crash) if changed else None
+        if record is not None and has_same_map(here.record, record):
+            kept[kind.name] = record
+    assert {"clocks_6h", "type_single", "speeds_150", "vehicles_random"} <= kept.keys()
+    assert not {"moved_10m_n", "name_made_up", "lanes_6", "intersection_none"} & kept.keys()
+    site = Site(here.record.key, here.record.latitude_deg, here.record.longitude_deg)
+    extract = MapCatalog.open([SAMPLE / "osm"]).extract([site], SETTINGS.osm)[site.key]
+    assert isinstance(extract, OsmExtract)
+    wanted = build_road_map(extract, here.record, SETTINGS.roads)
+    built = build_road_map(extract, kept["vehicles_random"], SETTINGS.roads)
+    assert (built.stored.xodr, built.report) == (wanted.stored.xodr, wanted.report)

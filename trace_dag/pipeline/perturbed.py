@@ -374,7 +374,7 @@ class _Perturbation:
         if stage not in (Stage.OSM_EXTRACT, Stage.ROAD_MAP) or self._change.other is not None:
             return None
         before, now = self._judged.record, self._record(records, storage)
-        same = _is_same_place if stage is Stage.OSM_EXTRACT else _has_same_map
+        same = _is_same_place if stage is Stage.OSM_EXTRACT else has_same_map
         return self._copied(stage, storage) if same(before, now) else None
 
     def _copied(self, stage: Stage, storage: Storage) -> OutcomeRecord | None:
@@ -412,7 +412,7 @@ def _is_same_place(before: CrashRecord, now: CrashRecord) -> bool:
     return (before.latitude_deg, before.longitude_deg) == (now.latitude_deg, now.longitude_deg)
 
 
-def _has_same_map(before: CrashRecord, now: CrashRecord) -> bool:
+def has_same_map(before: CrashRecord, now: CrashRecord) -> bool:
     """Whether two records differ only in what no road map depends on: what the vehicles were and did."""
     return _for_maps(before) == _for_maps(now)
 
