@@ -18,6 +18,7 @@ from cases import SAMPLE, SETTINGS, Case, cases, sample_case, sample_cases
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from trace_dag.crash.crash_types import CRASH_TYPES
 from trace_dag.crash.record import ImpactArea, Movement, VehicleClass
 from trace_dag.errors import Failure, Reason, Rejection
 from trace_dag.geometry import rectangle_corners
@@ -25,7 +26,6 @@ from trace_dag.pipeline.truth import SampleTruth, load_truth
 from trace_dag.roads.network import RoadNetwork
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
-from trace_dag.states.crash_types import CRASH_TYPES
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
 from trace_dag.states.types import Hypothesis, SpeedSource, StateEstimate

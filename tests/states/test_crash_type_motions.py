@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from cases import SETTINGS, Case, sample_case
 
+from trace_dag.crash.crash_types import CRASH_TYPES, Relation, Turn
 from trace_dag.crash.record import Movement
-from trace_dag.states.crash_types import CRASH_TYPES, Relation, Turn
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState
 

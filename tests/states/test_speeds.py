@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Turn
 from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
-from trace_dag.states.crash_types import CRASH_TYPES, CrashType, Turn
 from trace_dag.states.speeds import SpeedProfile, speed_profile, travel_speed
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import mph_to_mps

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from cases import Case, sample_case
 
+from trace_dag.crash.crash_types import Turn
 from trace_dag.states.analytic import build_scene
-from trace_dag.states.crash_types import Turn
 from trace_dag.states.rings import ring_through
 from trace_dag.states.scene import Scene
 from trace_dag.states.streams import Stream

@@ -19,7 +19,14 @@ from trace_dag.roads.network import RoadNetwork
 from trace_dag.roads.opendrive_writer import write_opendrive
 from trace_dag.roads.osm2odr import convert_with_osm2odr
 from trace_dag.roads.placement import place_crash
-from trace_dag.roads.report import STRUCTURES_WITHIN_M, Comparison, CrashPlacement, MapReport, Structure
+from trace_dag.roads.report import (
+    STRUCTURES_WITHIN_M,
+    Comparison,
+    CrashPlacement,
+    InferredRoad,
+    MapReport,
+    Structure,
+)
 from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import RoadSettings
 
@@ -65,6 +72,9 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         roads=sum(road.junction_id is None for road in network.roads),
         junctions=len(network.junctions),
         attribution=extract.attribution,
+        inferred_roads=tuple(
+            InferredRoad(road.id, road.inferred) for road in network.roads if road.inferred and road.junction_id is None
+        ),
     )
     return RoadMap(network, stored, report)
 

@@ -261,6 +261,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
         bridge=origin.profile.bridge and target.profile.bridge,
         tunnel=origin.profile.tunnel and target.profile.tunnel,
         turn=movement.turn,
+        inferred=origin.profile.inferred or target.profile.inferred,
     )
 
 

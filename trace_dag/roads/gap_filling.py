@@ -1,7 +1,8 @@
-"""What the report adds to the map where OSM is silent: lane counts, speed limits, signals, stop and yield signs.
+"""What the report adds to the map where OSM is silent: lane counts, limits, signals, stop and yield signs, driveways.
 
 OSM's own tags are never changed. Lanes and limits travel as hints to the converter, which uses them for untagged ways
-only; a signal or sign becomes a tagged node in a copy of the extract, as a mapper would have put it there.
+only; a signal or sign becomes a tagged node in a copy of the extract, and a driveway a way, as a mapper would have put
+it there.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.against_report import CONTROL, LANES, LIMIT, SiteStreets, Street, streets_at
 from trace_dag.roads.convert import WayHints
 from trace_dag.roads.crossings import is_one_way
+from trace_dag.roads.driveways import add_driveways
 from trace_dag.roads.network import Road, RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.roads.reported_road import Control, Trafficway, control_of, trafficway_of
 
+DRIVEWAY: Final = "driveway"
 _SIGN_BEFORE_M: Final = 10.0  # where a stop line is, from the middle of the crossing
 _SIGN_TAGS: Final = {Control.STOP: "stop", Control.YIELD: "give_way"}
 _DIRECTIONS: Final = {True: "forward", False: "backward"}
@@ -31,7 +34,7 @@ _Number = TypeVar("_Number", int, float)
 
 @dataclass(frozen=True)
 class GapFilling:
-    """The extract with the report's signals and signs, hints by OSM way id, and which attributes were filled."""
+    """The extract with the report's signals, signs and driveways, hints by OSM way id, and what was filled."""
 
     extract: OsmExtract
     hints: dict[int, WayHints]
@@ -59,7 +62,10 @@ def fill_gaps(network: RoadNetwork, extract: OsmExtract, record: CrashRecord, pl
     with_controls = _add_controls(network, extract, streets)
     if with_controls is not extract:
         filled.add(CONTROL)
-    return GapFilling(with_controls, hints, frozenset(filled))
+    with_driveways = add_driveways(network, with_controls, record, placement)
+    if with_driveways is not with_controls:
+        filled.add(DRIVEWAY)
+    return GapFilling(with_driveways, hints, frozenset(filled))
 
 
 def _distinct(streets: SiteStreets) -> Iterable[Street]:

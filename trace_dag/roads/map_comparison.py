@@ -19,6 +19,7 @@ import shapely
 from trace_dag.geometry import arc_lengths
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.network import LaneRef
+from trace_dag.roads.osm_tags import INFERRED_TAG
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -172,7 +173,7 @@ class MapComparison:
         areas = self.junction_areas
         for way in self.ways:
             line = self.way_line(way)
-            if len(line) < 2:
+            if len(line) < 2 or INFERRED_TAG in way.tags:  # what is ours has nothing to be compared with
                 continue
             points = _resampled(line)
             outside = points[~shapely.contains_xy(areas, points[:, 0], points[:, 1])]

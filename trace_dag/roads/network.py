@@ -181,6 +181,7 @@ class Road:
     tunnel: bool = False
     lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
     turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
+    inferred: str = ""  # why it is there, if it is not OpenStreetMap's but drawn because the crash report asks for it
 
 
 @dataclass(frozen=True)

@@ -197,6 +197,7 @@ class _Reader:
             tunnel=_first(notes, "tunnel") == "true",
             lanes_from_tags=_first(notes, "lanesFromTags") == "true",
             turn=_first(notes, "turn") or None,
+            inferred=_first(notes, "inferred"),
         )
 
     def _plan(self, geometry: etree._Element) -> Iterable[PlanElement]:

@@ -126,6 +126,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
         if flag:
             out.append(_user_data(code, "true"))
     out.append(_user_data("turn", road.turn))
+    out.append(_user_data("inferred", road.inferred))
     out.append("</road>\n")
 
 

@@ -48,6 +48,8 @@ _NAME_KEYS: Final = (
 _SPEED: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(mph|km/h|kmh|kph)?\s*$", re.IGNORECASE)
 _METRES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(m|ft)?\s*$", re.IGNORECASE)
 _FEET_INCHES: Final = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*'\s*(?:(\d+(?:\.\d+)?)\s*\")?\s*$")
+INFERRED_TAG: Final = "trace_dag:inferred"
+"""On ways that are ours, not OpenStreetMap's: why they were drawn."""
 _LEADING_INTEGER: Final = re.compile(r"^\s*(-?\d+)\b")
 
 
@@ -104,6 +106,7 @@ class WayProfile:
     roundabout: bool = False
     incline: float | None = None  # rise per metre in the direction of the profile
     against_way: bool = False  # seen against the direction of the OSM way
+    inferred: str = ""  # why the way was drawn, if it is not OpenStreetMap's
 
     def reversed(self) -> WayProfile:
         """The same way seen from its other end."""
@@ -119,7 +122,8 @@ class WayProfile:
     @property
     def road_key(self) -> tuple[object, ...]:
         """What must not change within one road object."""
-        return (self.highway, self.names, self.oneway, self.layer, self.bridge, self.tunnel, self.roundabout)
+        structure = self.layer, self.bridge, self.tunnel, self.roundabout
+        return (self.highway, self.names, self.oneway, *structure, self.inferred)
 
     @property
     def rank(self) -> int:
@@ -169,6 +173,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
         roundabout=tags.get("junction") in ("roundabout", "circular"),
         incline=-incline if reverse and incline is not None else incline,
         against_way=reverse,
+        inferred=tags.get(INFERRED_TAG, ""),
     )
 
 

@@ -33,6 +33,7 @@ _DISTANCE_SCALE_M: Final = 6.0
 _CROSSING_SCALE_M: Final = 15.0
 _INSIDE_LANE_M: Final = 1.0  # a moved point comes to lie this far inside the lane's border
 _TURNING_LANE_M: Final = 1.5  # a turn's surface belongs to its street a little less than a straight one
+_NOT_ITS_STREET: Final = -10.0  # a driveway that was drawn for the crash on the street
 _SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
 
 # FUNC_SYS: interstate, other freeway, principal arterial, minor arterial, major and minor collector, local.
@@ -167,7 +168,7 @@ class _Placer:
             crossing_name = similarity(record.trafficway_2, road.names)
             if crossing_name is not None and crossing_name >= SAME_STREET:
                 weights["name of the other street"] = -2.0
-        weights["class"] = self._class_weight(road)
+        weights["class"] = _NOT_ITS_STREET if road.inferred else self._class_weight(road)
         if distance_m <= self._settings.max_move_m:
             weights |= self._street_weights(road)
         evidence = tuple(name for name, weight in weights.items() if weight > 0)

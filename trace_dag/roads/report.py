@@ -67,6 +67,14 @@ class Structure:
 
 
 @dataclass(frozen=True)
+class InferredRoad:
+    """A road that is not OpenStreetMap's: drawn because the crash report asks for it."""
+
+    road_id: str
+    why: str
+
+
+@dataclass(frozen=True)
 class MapReport:
     """Everything recorded beside a road map."""
 
@@ -78,3 +86,4 @@ class MapReport:
     roads: int = 0
     junctions: int = 0
     attribution: str = ""
+    inferred_roads: tuple[InferredRoad, ...] = ()

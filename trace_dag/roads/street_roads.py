@@ -12,6 +12,7 @@ from trace_dag.roads.network import Cubic, Road
 from trace_dag.roads.plan_fit import Plan, cut_plan, without_slivers
 from trace_dag.roads.street_graph import Street
 
+INFERRED_NAME: Final = "Driveway inferred from the crash report"
 _LEAST_STRETCH_M: Final = 10.0  # shorter stretches of a road have the lanes of their neighbour
 _LEAST_ROAD_M: Final = 3.0  # what is left of a way after the cuts, if shorter, belongs to its neighbour
 _LEAST_PAINTED_M: Final = 5.0  # the same where turns are painted on the lanes
@@ -199,15 +200,16 @@ def _road(road_id: str, plan: Plan, sections: list[SectionLanes], way_ids: tuple
         plan=line.elements,
         lane_sections=tuple(section.section(section.stretch.begin_m - begin) for section in sections),
         lane_offset=tuple(offsets),
-        name=profile.name,
+        name=INFERRED_NAME if profile.inferred else profile.name,
         highway=profile.highway,
         names=profile.names,
-        osm_way_ids=way_ids,
+        osm_way_ids=() if profile.inferred else way_ids,
         speed_mps=profile.speed_forward_mps,
         layer=profile.layer,
         bridge=profile.bridge,
         tunnel=profile.tunnel,
         lanes_from_tags=all(section.stretch.profile.lanes_from_tags for section in sections),
+        inferred=profile.inferred,
     )
 
 

@@ -36,8 +36,7 @@ def hypothesis(solution: Solution, network: RoadNetwork, *, lead_time_s: float) 
         )
     )
     mapped = {
-        party.vehicle.number: bool(placed.option.stream.off_map)
-        or placed.station_m + _travelled(profile, lead_time_s) < placed.option.stream.mapped_from_m
+        party.vehicle.number: placed.station_m + _travelled(profile, lead_time_s) < placed.option.stream.mapped_from_m
         for party, placed, _, profile in parts
     }
     x_m, y_m = solution.contact_xy_m

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import VehicleRecord
 from trace_dag.states.contact import separation_m
-from trace_dag.states.crash_types import Turn
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import starts
 from trace_dag.states.types import EstimateCheck, Manoeuvre, ParticipantState

@@ -10,20 +10,20 @@ import math
 from dataclasses import dataclass
 
 from trace_dag.crash.classes import CollisionType
-from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord
-from trace_dag.states.crash_types import (
-    CRASH_TYPES,
+from trace_dag.crash.crash_types import (
     CrashType,
     CriticalEvent,
     Relation,
     Role,
     Side,
     Turn,
+    crash_type_of,
     critical_event,
     opposite_side,
+    turn_of,
 )
+from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord
 
-_MOVEMENT_TURN = {Movement.TURNING_LEFT: Turn.LEFT, Movement.TURNING_RIGHT: Turn.RIGHT, Movement.U_TURN: Turn.U_TURN}
 _LEFT_ITS_LANE = frozenset({64, 65, 68})  # SOE: ran off left, cross median, cross centre line
 CROSS_MEDIAN = 65
 
@@ -94,19 +94,17 @@ class Encounter:
 
 def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
     """Everything the record says about one vehicle's part."""
-    crash_type = CRASH_TYPES.get(vehicle.crash_type_code or 99, CrashType())
     own_events: list[EventRecord] = []
     for event in record.events:
         if vehicle.number in (event.vehicle_1, event.vehicle_2):
             if event.is_contact:
                 break
             own_events.append(event)
-    turn = _MOVEMENT_TURN.get(vehicle.movement, crash_type.turn)
     return Party(
         vehicle,
-        crash_type,
+        crash_type_of(vehicle),
         critical_event(vehicle.critical_event_code),
-        turn,
+        turn_of(vehicle),
         frozenset(event.code for event in own_events),
     )
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.crash.classes import CollisionType
+from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import Road, RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.roads.street_names import SAME_STREET, similarity
-from trace_dag.states.crash_types import Turn
 from trace_dag.states.speeds import STOP_CONTROLS, class_speed_mps
 from trace_dag.states.streams import Stream
 from trace_dag.units import mps_to_mph
@@ -31,6 +31,7 @@ LIMIT_SIGMA_MPH = 10.0
 TRAVEL_SIGMA_MPH = 20.0
 CURVE_RAD = math.radians(6)
 TURN_LANE_WAY = 5  # VTRAFWAY: two-way, not divided, with a continuous left-turn lane
+DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
 DRIVEWAY_MPH = 15.0
 FASTER_MPS = 5.0
 _UNTAGGED_WIDTH = 1.5  # how much wider the limits of a class of road lie than those of one road
@@ -40,7 +41,7 @@ Terms = dict[str, float]
 
 def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, stream: Stream) -> Terms:
     """Whether the stream's approach is one of the streets the record names."""
-    if stream.road is None:
+    if stream.road is None or stream.road.inferred:
         return {}
     if is_main(network, placement, stream.road):
         return {}
@@ -79,7 +80,10 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
     """Speed limit, lanes, division and alignment of the approach against what the vehicle's form says."""
     terms: Terms = {}
     road = stream.road
-    if road is not None:
+    if road is not None and road.inferred:
+        if vehicle.trafficway_code != DRIVEWAY_WAY:
+            terms["not on the map"] = -2.0 if vehicle.trafficway_code is None else -3.0
+    elif road is not None:
         if vehicle.speed_limit_mps:
             usual_mps, sigma_mph = _usual_speed(road, LIMIT_SIGMA_MPH)
             apart = mps_to_mph(vehicle.speed_limit_mps - usual_mps) / sigma_mph
@@ -94,8 +98,6 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
             terms["lanes"] = -0.3 * min(abs(counted - vehicle.lanes), 3) * (1.0 if road.lanes_from_tags else 0.5)
         if vehicle.trafficway_code == 0:
             terms["driveway reported"] = 0.0 if road.highway == "service" else -1.0
-    elif vehicle.trafficway_code not in (0, None):
-        terms["no road there"] = -1.0
     curve = {1: 0, 2: -1, 3: 1}.get(vehicle.alignment_code or 0)  # VALIGN: straight, curve right, curve left
     if curve is not None:
         seen = 0 if abs(stream.curve_rad) < CURVE_RAD else int(math.copysign(1, stream.curve_rad))
@@ -104,10 +106,8 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
         # Whoever drives the wrong way keeps to the right of what he takes for a two-way road: beside the median.
         terms["wrong way"] = -2.0 - 0.4 * stream.lane_from_left
     terms["around the roundabout"] = -1.5 * stream.share_of_ring  # most leave before they have gone far around
-    if stream.extended and not stream.off_map:
+    if stream.extended and not (road is not None and road.inferred):
         terms["straight on where the road ends"] = -1.0
-    if stream.off_map and vehicle.trafficway_code != 0:
-        terms["off the map"] = -2.0
     return {name: value for name, value in terms.items() if value}
 
 
@@ -158,7 +158,7 @@ def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
 
 def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
     """Nobody comes out of a driveway as fast as along a road, whether that speed is reported or inferred."""
-    if not stream.off_map or stream.lanes:
+    if stream.road is None or not stream.road.inferred:
         return {}
     faster_mph = max(mps_to_mph(speed_mps) - DRIVEWAY_MPH, 0.0)
     return {"fast for a driveway": -min(0.5 * (faster_mph / LIMIT_SIGMA_MPH) ** 2, 3.0)} if faster_mph else {}

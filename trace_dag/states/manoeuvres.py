@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import Movement, VehicleRecord
 from trace_dag.geometry import Pose
-from trace_dag.states.crash_types import Turn
 from trace_dag.states.paths import LateralShift, Path, TurnShape, shifted, turn_start_to_meet, turned
 from trace_dag.states.speeds import (
     COMFORTABLE_LATERAL_MPS2,
@@ -94,7 +94,7 @@ def keep_lane(
         manoeuvre = _TURN_MANOEUVRE[turn]
     elif stream.wrong_way:
         manoeuvre = Manoeuvre.WRONG_WAY
-    elif stream.off_map and not stream.lanes:
+    elif stream.road is not None and stream.road.inferred:
         manoeuvre = Manoeuvre.ENTER_FROM_DRIVEWAY
     elif speed_mps == 0.0 and vehicle.movement not in (Movement.STARTING, Movement.ACCELERATING):
         manoeuvre = Manoeuvre.STOPPED
@@ -209,8 +209,7 @@ def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Tu
     costs = {}
     if start is None:
         start = stream.station_m - shape.displacement_m()[0]
-        if stream.lanes:  # a driveway has none
-            costs["no lanes for the turn"] = -1.0
+        costs["no lanes for the turn"] = -1.0
     options = []
     for earlier in (0.0,) if slides else (0.0, 4.0, -4.0, 8.0):
         extra = {"turn begins early or late": -0.5 * (earlier / 4.0) ** 2} if earlier else {}

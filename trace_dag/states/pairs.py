@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from trace_dag.states.crash_types import Side, Turn
+from trace_dag.crash.crash_types import Side, Turn
 from trace_dag.states.encounters import Party
 from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane, make_turn
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, travel_speed

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from trace_dag.states.crash_types import Side
+from trace_dag.crash.crash_types import Side
 from trace_dag.states.encounters import CROSS_MEDIAN, Encounter, Party
 from trace_dag.states.manoeuvres import Option, follows_turn, keep_lane, make_turn, move_sideways
 from trace_dag.states.pairs import (

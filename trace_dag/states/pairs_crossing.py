@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from trace_dag.states.crash_types import Side, Turn
+from trace_dag.crash.crash_types import Side, Turn
 from trace_dag.states.encounters import Encounter
 from trace_dag.states.manoeuvres import back_up
 from trace_dag.states.pairs import (
@@ -23,41 +23,13 @@ from trace_dag.units import wrap_angle
 
 CROSSING_RAD = (math.radians(15), math.radians(165))
 CROSSING_SIGMA_RAD = math.radians(40)
-DRIVEWAY_RELATIONS = frozenset({4, 8})  # RELJCT2: driveway access, driveway access related
-AROUND_DRIVEWAY_M = (0.0, 4.0, -4.0)
-NO_DRIVEWAYS = frozenset({"motorway", "motorway_link", "trunk_link"})
 
 
 def crossing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
     """From the side: straight across or turning into the other's path."""
-    found = list(_crossing_on(scene, encounter, scene.streams, scene.streams, {}))
-    driveway = encounter.mover.critical.driveway or encounter.other.critical.driveway
-    if found and not driveway:
-        yield from found
-        return
-    yield from found
-    for main in scene.on_road(scene.through)[:4]:
-        if main.road is not None and main.road.highway in NO_DRIVEWAYS:
-            continue
-        mover_turns = encounter.mover.turn is not None
-        # One that turns out of a driveway is not struck straight ahead of it.
-        along_m = AROUND_DRIVEWAY_M if mover_turns else (0.0,)
-        yield from _crossing_on(scene, encounter, scene.finder.driveways(main, along_m), (main,), {})
-        # Where one turns into the other's path, the turning one comes from the side.
-        terms = {"straight on out of a driveway": -2.0} if mover_turns else {}
-        yield from _crossing_on(scene, encounter, (main,), scene.finder.driveways(main), terms)
-
-
-def _crossing_on(
-    scene: Scene,
-    encounter: Encounter,
-    for_mover: tuple[Stream, ...],
-    for_other: tuple[Stream, ...],
-    given: dict[str, float],
-) -> Iterator[Pair]:
     mover, other = encounter.mover, encounter.other
-    others = _usable(for_other, other.turn)
-    for stream in _usable(for_mover, mover.turn):
+    others = _usable(scene.streams, other.turn)
+    for stream in _usable(scene.streams, mover.turn):
         for target in others:
             angle = wrap_angle(stream.heading_rad - target.heading_rad)
             if not CROSSING_RAD[0] <= abs(angle) <= CROSSING_RAD[1]:
@@ -67,7 +39,7 @@ def _crossing_on(
             if encounter.mover_from not in (side, None):
                 continue
             askew = (abs(angle) - math.pi / 2) / CROSSING_SIGMA_RAD
-            terms = {**given, "angle of the crossing": -0.5 * askew**2}
+            terms = {"angle of the crossing": -0.5 * askew**2}
             mover_speed, other_speed = speed_of(mover, stream, crossing=True), speed_of(other, target, crossing=True)
             for option in ways(mover, stream, mover_speed):
                 for steady in ways(other, target, other_speed):
@@ -104,7 +76,6 @@ def backing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
 
 def _backward(scene: Scene, roads: list[Stream]) -> list[tuple[Stream, dict[str, float]]]:
     """The lines one can back along, with what speaks for or against each."""
-    driveway = scene.record.junction_relation_code in DRIVEWAY_RELATIONS
     found: list[tuple[Stream, dict[str, float]]] = []
     for stream in roads:
         if stream.extended:  # a side road that ends here: out of it, the body facing into it
@@ -113,9 +84,4 @@ def _backward(scene: Scene, roads: list[Stream]) -> list[tuple[Stream, dict[str,
             back = replace(scene.finder.against(stream), wrong_way=False)
             out_of_driveway = back.road is not None and back.road.highway == "service"
             found.append((back, {} if out_of_driveway else {"backing along a through road": -0.7}))
-    terms = {"backing out of a driveway": 0.0 if driveway else -1.0}
-    for stream in roads[:2]:
-        if stream.road is not None and stream.road.highway in NO_DRIVEWAYS:
-            continue
-        found += [(drive, terms) for drive in scene.finder.driveways(stream)]
     return found

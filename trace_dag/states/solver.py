@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from trace_dag.crash.crash_types import Relation
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.states.candidates import Candidate
 from trace_dag.states.contact import Contacts, Mover, first_contacts
-from trace_dag.states.crash_types import Relation
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import Path

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.crash_types import CrashType, Turn
 from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.network import Road
-from trace_dag.states.crash_types import CrashType, Turn
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import GRAVITY_MPS2, mph_to_mps
 

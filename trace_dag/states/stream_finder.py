@@ -1,24 +1,22 @@
 """Finding the streams past the crash in the road network.
 
 They are the candidates every hypothesis chooses from: through traffic of each lane, the approaches of a junction with
-where one can turn, the ways into and around a roundabout, the shared lane in the middle in both directions, and, where
-the map has no road for a vehicle that must have come from the side, a driveway made for it. Frame: the local frame.
+where one can turn, the ways into and around a roundabout, and the shared lane in the middle in both directions. Frame:
+the local frame.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 
+from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import FloatArray, Pose, arc_lengths
 from trace_dag.roads.network import LaneRef, LaneType, Road, RoadNetwork
-from trace_dag.states.crash_types import Side, Turn
-from trace_dag.states.paths import STEP_M, extended, straight, through_points
+from trace_dag.states.paths import STEP_M, extended, through_points
 from trace_dag.states.rings import ring_through
 from trace_dag.states.streams import Stream
 from trace_dag.units import wrap_angle
@@ -71,33 +69,6 @@ class StreamFinder:
                 if stream.turn is None and not stream.extended and not stream.centre_lane:
                     covered.update(ref for ref in stream.lanes if self._road(ref).junction_id is None)
         return tuple(sorted(found.values(), key=lambda stream: (round(abs(stream.offset_m), 3), stream.name)))
-
-    def driveways(self, main: Stream, along_m: Sequence[float] = (0.0,)) -> tuple[Stream, ...]:
-        """Streams at right angles to ``main``, from its right and its left, where the map has no road.
-
-        They pass the crash, or, for each of ``along_m``, a point so far along ``main`` from it.
-        """
-        across = main.path.pose(main.station_m).heading_rad
-        result = []
-        for off_m, (side, turn) in product(along_m, ((Side.RIGHT, math.pi / 2), (Side.LEFT, -math.pi / 2))):
-            x_m, y_m = self.x_m + off_m * math.cos(across), self.y_m + off_m * math.sin(across)
-            path = straight(
-                Pose(x_m, y_m, wrap_angle(across + turn), self.z_m), back_m=self.back_m, ahead_m=EXTENSION_M
-            )
-            where = f" {abs(off_m):g} m {'on' if off_m > 0 else 'back'}" if off_m else ""
-            result.append(
-                Stream(
-                    name=f"driveway{where} from the {side} of {main.name}",
-                    lanes=(),
-                    path=path,
-                    station_m=self.back_m,
-                    offset_m=0.0,
-                    road=None,
-                    off_map=True,
-                    extended=True,
-                )
-            )
-        return tuple(result)
 
     def against(self, stream: Stream) -> Stream:
         """The same line driven the wrong way, with enough road behind: from the road beyond the crash."""

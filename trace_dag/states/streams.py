@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import Pose
 from trace_dag.roads.network import LaneRef, Road
-from trace_dag.states.crash_types import Turn
 from trace_dag.states.paths import Path, through_points
 from trace_dag.units import GRAVITY_MPS2
 
@@ -28,7 +28,7 @@ class Stream:
     ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the
     crash lies there. ``turn`` is the turn the lanes themselves make; then ``path`` runs straight on from
     ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
-    lane's traffic. ``off_map``: no lane there (a driveway, or straight on where the road ends).
+    lane's traffic. ``extended``: carried on straight where the road ends.
     ``share_of_ring``: how far around a roundabout it has come at the crash.
     ``centre_lane``: the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight.
     ``beyond`` is the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane
@@ -46,7 +46,6 @@ class Stream:
     turn_from_m: float = 0.0
     exit_pose: Pose | None = None
     wrong_way: bool = False
-    off_map: bool = False
     centre_lane: bool = False
     centre_lane_beside: bool = False
     share_of_ring: float = 0.0

@@ -25,7 +25,7 @@ class Approach:
     @property
     def length_m(self) -> float:
         """How far upstream of the crash the map follows it (or its straight continuation, off the map)."""
-        begin = 0.0 if self.stream.off_map else self.stream.mapped_from_m
+        begin = self.stream.mapped_from_m
         return self.stream.station_m - begin
 
     def heading_deg(self, before_m: float) -> float:
@@ -50,7 +50,7 @@ class Approach:
         return {
             "id": self.id,
             "open_to_vehicles": list(self.vehicles),
-            "street": list(road.names) if road is not None else ["driveway or roadside, not on the map"],
+            "street": list(road.names) if road is not None else ["not on the map"],
             "road": road.id if road is not None else None,
             "lane": here.lane_id if here is not None else None,
             "lane_counted_from_left": stream.lane_from_left + 1,

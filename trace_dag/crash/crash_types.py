@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.record import Movement, VehicleRecord
 
 
 class Relation(StrEnum):
@@ -113,6 +116,23 @@ def _table() -> dict[int, CrashType]:
 
 
 CRASH_TYPES: dict[int, CrashType] = _table()
+
+
+_MOVEMENT_TURN: Final = {
+    Movement.TURNING_LEFT: Turn.LEFT,
+    Movement.TURNING_RIGHT: Turn.RIGHT,
+    Movement.U_TURN: Turn.U_TURN,
+}
+
+
+def crash_type_of(vehicle: VehicleRecord) -> CrashType:
+    """The row of the table for a vehicle; one that says nothing where its type is unknown."""
+    return CRASH_TYPES.get(vehicle.crash_type_code or 99, CrashType())
+
+
+def turn_of(vehicle: VehicleRecord) -> Turn | None:
+    """The turn a vehicle made: by its movement, else by its crash type."""
+    return _MOVEMENT_TURN.get(vehicle.movement, crash_type_of(vehicle).turn)
 
 
 @dataclass(frozen=True)

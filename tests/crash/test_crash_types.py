@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trace_dag.states.crash_types import (
+from trace_dag.crash.crash_types import (
     CRASH_TYPES,
     Relation,
     Role,
