@@ -37,7 +37,7 @@ _DRIVEWAY_TRAFFICWAY: Final = 0  # VTRAFWAY: a driveway access or other non-traf
 _WIDTH_M: Final = 6.1
 """20 ft: the most that York County's code (VA, 20.5-98) lets a residential driveway be wide (9 to 20 ft), the least
 that Kent's (OH, 1167.05) asks of any other; room for a lane of 3 m each way."""
-_LENGTH_M: Final = 40.0
+_LENGTH_M: Final = 50.0  # from the middle of the street: 40 m or more beside it
 _LONGEST_M: Final = 100.0
 _DRIVEN_S: Final = 5.5  # a vehicle that was fast needs room for the seconds before the crash
 _LEAST_LENGTH_M: Final = 15.0
