@@ -8,7 +8,15 @@ from dataclasses import replace
 
 from trace_dag.crash.crash_types import Side
 from trace_dag.states.encounters import CROSS_MEDIAN, Encounter, Party
-from trace_dag.states.manoeuvres import Option, follows_turn, keep_lane, make_turn, move_sideways
+from trace_dag.states.manoeuvres import (
+    Option,
+    follows_turn,
+    keep_lane,
+    lateral_shift,
+    make_turn,
+    move_sideways,
+    steepest_slope,
+)
 from trace_dag.states.pairs import (
     OPPOSITE_HEADING_RAD,
     SAME_HEADING_RAD,
@@ -21,15 +29,18 @@ from trace_dag.states.pairs import (
     turning_streams,
     ways,
 )
+from trace_dag.states.paths import shifted
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 from trace_dag.states.streams import Stream
 from trace_dag.states.types import Manoeuvre, SpeedSource
+from trace_dag.units import GRAVITY_MPS2
 
 MEDIAN_M = 12.0  # lanes farther apart than this have a median between them
 FARTHEST_CARRIAGEWAY_M = 60.0
 LEAST_GAP_M = 1.0
 PASSING_OFFSET_M = 3.3  # beside the lane where no other lane is
+_BESIDE_S, _PASSING_LATERAL_G, _LEAST_PASSING_MPS = 2.0, 0.15, 7.0  # how one moves out to pass
 LEAST_CLOSING_MPS = 1.0
 SLOWING_MPS2 = 2.0
 CLOSING_MPS = 6.0  # least difference of speeds where one of two unreported ones must have been faster
@@ -82,9 +93,21 @@ def same_direction(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
             sources = [(stream, 0.0, left_of(stream, target, side)) for stream in beside]
             if not sources:
                 away = PASSING_OFFSET_M if side is Side.LEFT else -PASSING_OFFSET_M
-                sources = [(target, away, PASSING_OFFSET_M)]
+                moving_out = _moving_out(target, away, speed_of(mover, target).speed_mps)
+                sources = [(target, away, PASSING_OFFSET_M), (moving_out, 0.0, PASSING_OFFSET_M)]
             for stream, from_offset, gap in sources:
                 yield from _coming_over(mover, other, stream, target, side, from_offset, gap)
+
+
+def _moving_out(stream: Stream, away_m: float, speed_mps: float) -> Stream:
+    """The stream of one that left its lane a little before to pass: in it at first, beside it at the crash."""
+    speed_mps = max(speed_mps, _LEAST_PASSING_MPS)
+    lateral_mps2 = _PASSING_LATERAL_G * GRAVITY_MPS2
+    shift = lateral_shift(away_m, speed_mps, steepest_slope(away_m, speed_mps, lateral_mps2), lateral_mps2)
+    path = shifted(stream.path, shift, anchor_s_m=stream.station_m - _BESIDE_S * speed_mps)
+    here = stream.path.pose(stream.station_m)
+    station_m, _ = path.project(here.x_m, here.y_m, near_s_m=stream.station_m)
+    return replace(stream, name=f"{stream.name} moving out", path=path, station_m=station_m, moves_out=True)
 
 
 def _coming_over(
@@ -92,7 +115,7 @@ def _coming_over(
 ) -> Iterator[Pair]:
     mover_speed, other_speed = speed_of(mover, stream), speed_of(other, target)
     steady = along(other, target, other_speed)
-    terms = {"no lane beside": -0.5} if from_offset else {}
+    terms = {"no lane beside": -0.5} if from_offset or stream.moves_out else {}
     if mover.turn is not None:
         for option in make_turn(stream, mover.vehicle, mover_speed.speed_mps, mover.turn, slides=True):
             yield Pair(option, steady, mover_speed, other_speed, True, terms)

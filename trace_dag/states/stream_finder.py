@@ -32,6 +32,7 @@ SLIGHT_TURN_RAD = math.radians(12)
 U_TURN_RAD = math.radians(160)
 BENEATH_M = 3.0  # lanes this much higher or lower are another level
 EXTENSION_M = 120.0
+MERGE_M = 60.0  # a change of lanes takes 3 to 5 s, some 60 m on city streets
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,11 +251,15 @@ class StreamFinder:
         s = arc_lengths(centre)
         here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
         lanes = [seed]
+        merged: tuple[LaneRef, LaneRef] | None = None
         for ahead, wanted in ((False, upstream_m - here), (True, downstream_m - (float(s[-1]) - here))):
             ref = seed
             while wanted > 0:
                 options = self.network.successors(ref) if ahead else self.network.predecessors(ref)
                 options = tuple(option for option in options if option not in lanes)
+                if not options and not ahead and merged is None and (beside := self._lane_before(ref)) is not None:
+                    merged = ref, beside
+                    options = self.network.predecessors(beside)
                 if not options:
                     break
                 name = self._road(seed).name
@@ -264,7 +269,36 @@ class StreamFinder:
                 else:
                     lanes.insert(0, ref)
                 wanted -= float(arc_lengths(self._centre(ref))[-1])
-        return self._joined(tuple(lanes))
+        chain = self._joined(tuple(lanes))
+        return self._merging(chain, *merged) if merged is not None else chain
+
+    def _lane_before(self, ref: LaneRef) -> LaneRef | None:
+        """The lane beside one that begins here, from which traffic comes over into it; None where none leads on."""
+        direction = self.network.direction(ref)
+        for beside in self.network.neighbours(ref):
+            same_way = beside is not None and self.network.direction(beside) == direction
+            if beside is not None and same_way and self.network.predecessors(beside):
+                return beside
+        return None
+
+    def _merging(self, chain: _Chain, begun: LaneRef, beside: LaneRef) -> _Chain:
+        """The chain with a move over from the lane beside, begun where both are there, as far as both go on."""
+        first = chain.lanes.index(begun)
+        offsets: list[FloatArray] = []
+        following: LaneRef | None = beside
+        for ref in chain.lanes[first:]:
+            if following is None or following.road_id != ref.road_id or following.section != ref.section:
+                break
+            offsets.append(self._centre(following)[:, :3] - self._centre(ref)[:, :3])
+            after = [each for each in self.network.successors(following) if each not in chain.lanes]
+            following = after[0] if len(after) == 1 else None
+        begins = int(np.searchsorted(arc_lengths(chain.points), chain.starts_m[first] - 1e-6))
+        apart = np.concatenate([offsets[0], *(piece[1:] for piece in offsets[1:])])
+        points = chain.points.copy()
+        along = arc_lengths(points[begins : begins + len(apart)])
+        u = np.clip(along / max(min(float(along[-1]), MERGE_M), 1.0), 0.0, 1.0)
+        points[begins : begins + len(apart)] += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * apart
+        return _Chain(chain.lanes, points, chain.starts_m)
 
     def _joined(self, lanes: tuple[LaneRef, ...]) -> _Chain:
         pieces: list[FloatArray] = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import Pose
@@ -19,6 +20,9 @@ from trace_dag.units import GRAVITY_MPS2
 WIDER_SMOOTHING_M = (4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0)
 BEYOND_CRASH_M = 10.0  # nobody drives on past it
 FITTED_LATERAL_MPS2 = 0.6 * GRAVITY_MPS2  # leaves room for the manoeuvre itself
+HELD_LATERAL_MPS2 = 0.7 * GRAVITY_MPS2  # what dry asphalt holds, and a little less
+BODY_WIDTH_M = 1.9
+LEAST_ROOM_M = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +33,7 @@ class Stream:
     crash lies there. ``turn`` is the turn the lanes themselves make; then ``path`` runs straight on from
     ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
     lane's traffic. ``extended``: carried on straight where the road ends.
+    ``moves_out``: leaves the lane to pass, before the crash.
     ``share_of_ring``: how far around a roundabout it has come at the crash.
     ``centre_lane``: the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight.
     ``beyond`` is the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane
@@ -50,6 +55,7 @@ class Stream:
     centre_lane_beside: bool = False
     share_of_ring: float = 0.0
     extended: bool = False
+    moves_out: bool = False
     mapped_from_m: float = 0.0
     lane_from_left: int = 0
     lanes_along: int = 1
@@ -60,17 +66,33 @@ class Stream:
     _fitted: dict[float, Stream] = field(default_factory=dict, init=False, repr=False)
 
     def fitted(self, speed_mps: float) -> Stream:
-        """The stream as driven at this speed: bends a map draws as kinks rounded until one can take them."""
+        """The stream as driven at this speed: bends a map draws as kinks rounded until one can take them.
+
+        Within the lane if a car can hold it there; what is too sharp for that is cut as far as it must be.
+        """
         reach_m = max(speed_mps, 1.0) * 7.0
+        room_m = max((self.width_m - BODY_WIDTH_M) / 2, LEAST_ROOM_M)
+        in_lane: Stream | None = None
         for sigma_m in (0.0, *WIDER_SMOOTHING_M):
             if sigma_m not in self._fitted:
                 self._fitted[sigma_m] = self._smoothed(sigma_m) if sigma_m else self
             stream = self._fitted[sigma_m]
             path = stream.path
             driven = (path.s_m > stream.station_m - reach_m) & (path.s_m < stream.station_m + BEYOND_CRASH_M)
-            if float(np.abs(path.curvature_1pm[driven]).max(initial=0.0)) * speed_mps**2 <= FITTED_LATERAL_MPS2:
+            lateral_mps2 = float(np.abs(path.curvature_1pm[driven]).max(initial=0.0)) * speed_mps**2
+            if lateral_mps2 <= HELD_LATERAL_MPS2 and self._moved_m(path, driven) <= room_m:
+                in_lane = stream
+            if lateral_mps2 <= FITTED_LATERAL_MPS2:
                 break
-        return stream
+        return in_lane or stream
+
+    def _moved_m(self, path: Path, driven: NDArray[np.bool_]) -> float:
+        """How far a smoothed path has moved from this stream's own where it is driven."""
+        if path is self.path or not driven.any():
+            return 0.0
+        every = slice(None, None, 4)  # 2 m
+        x, y = path.x_m[driven][every, None], path.y_m[driven][every, None]
+        return float(np.sqrt(((x - self.path.x_m) ** 2 + (y - self.path.y_m) ** 2).min(axis=1)).max())
 
     def _smoothed(self, sigma_m: float) -> Stream:
         xyz_m = np.column_stack([self.path.x_m, self.path.y_m, self.path.z_m])
