@@ -28,7 +28,7 @@ SURFACES: Final = {
     LaneType.SIDEWALK: "#D9D3C7",
     LaneType.BORDER: "#C9C4B8",
 }
-_MINOR_SURFACE: Final = "#878B8E"  # service roads and driveways
+MINOR_SURFACE: Final = "#878B8E"  # service roads and driveways
 _BRIDGE_EDGE: Final = "#3A3D40"
 _LEAST_RISE_M: Final = 0.5  # flatter ground is of one colour
 
@@ -80,7 +80,7 @@ class Surfaces:
                 colours += [shade.of(height) for height in (inner[:-1, 2] + inner[1:, 2]) / 2]
                 continue
             rings.append(lane.outline_m)
-            colours.append(_MINOR_SURFACE if _is_minor(scene, lane) else SURFACES[lane_type])
+            colours.append(MINOR_SURFACE if _is_minor(scene, lane) else SURFACES[lane_type])
         self._shapes, self._colours = Shapes(rings), colours
 
     def draw(self, panel: Panel, z: float, *, bridge: bool) -> None:
@@ -125,7 +125,7 @@ def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> li
             gaps.append((gap.outline_m, shade.of(float(np.mean([lane.inner_m[:, 2].mean() for lane in bordering])))))
         else:
             gaps.append(
-                (gap.outline_m, _MINOR_SURFACE if all(_is_minor(scene, each) for each in bordering) else ASPHALT)
+                (gap.outline_m, MINOR_SURFACE if all(_is_minor(scene, each) for each in bordering) else ASPHALT)
             )
     return gaps
 

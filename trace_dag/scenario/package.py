@@ -81,7 +81,10 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
         *_scenarios(crash),
         *_results(crash),
         _File(
-            "LICENSES.md", _CC0, "what may be done with it", render_document("licenses.md.jinja", rights=crash.rights)
+            "LICENSES.md",
+            _CC0,
+            "what may be done with it",
+            render_document("licenses.md.jinja", rights=crash.rights, inferred=crash.map_report.inferred_roads),
         ),
     ]
     readme = _File("README.md", _CC0, "this", _readme(crash, files))
@@ -186,6 +189,7 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         log=crash.log,
         vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
         files=files,
+        inferred=crash.map_report.inferred_roads,
     )
 
 

@@ -10,7 +10,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.scenario.map_surfaces import MINOR_SURFACE
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import mps_to_mph
@@ -79,6 +81,7 @@ def draw_legend(
     top_in: float,
     columns_in: tuple[float, float],
     record: CrashRecord,
+    report: MapReport,
     hypothesis: Hypothesis | None,
     log: SimulationLog | None,
 ) -> list[Words]:
@@ -88,7 +91,7 @@ def draw_legend(
     width_in, height_in = figure.get_size_inches()
     entries = (
         (columns_in[0], _VEHICLE_COLUMN_IN, _vehicles(record, hypothesis)),
-        (columns_in[1], _SIGN_COLUMN_IN, _signs(hypothesis, log)),
+        (columns_in[1], _SIGN_COLUMN_IN, _signs(report, hypothesis, log)),
     )
     for left_in, column_in, signs in entries:
         for number, (style, label) in enumerate(signs):
@@ -120,7 +123,9 @@ def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[
     return entries
 
 
-def _signs(hypothesis: Hypothesis | None, log: SimulationLog | None) -> list[tuple[dict[str, Any], str]]:
+def _signs(
+    report: MapReport, hypothesis: Hypothesis | None, log: SimulationLog | None
+) -> list[tuple[dict[str, Any], str]]:
     """How the signs in this picture look, and what they mean."""
     signs: list[tuple[dict[str, Any], str]] = []
     if hypothesis:
@@ -130,4 +135,6 @@ def _signs(hypothesis: Hypothesis | None, log: SimulationLog | None) -> list[tup
     if log and log.first_contact:
         signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, "first contact"))
     signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))
+    if report.inferred_roads:
+        signs.append(({"color": MINOR_SURFACE, "lw": 5}, "driveway: ours, not the map's"))
     return signs

@@ -68,7 +68,7 @@ def draw_crash(
         draw_reported_point(panel, report)
         words.append(_draw_scale(panel, left_in, title))
     top_in = _HEIGHT_IN - _LEGEND_IN
-    words += draw_legend(figure, top_in, (_EDGE_IN, right_in), record, hypothesis, log)
+    words += draw_legend(figure, top_in, (_EDGE_IN, right_in), record, report, hypothesis, log)
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
     picture = Image.fromarray(pixels).convert("RGB")

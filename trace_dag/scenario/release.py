@@ -116,7 +116,7 @@ def release_documents(release: Release) -> dict[str, bytes]:
         "README.md": _rendered("release_readme.md.jinja", release),
         "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
         "CITATION.cff": _rendered("release_citation.cff.jinja", release),
-        "LICENSES.md": render_document("licenses.md.jinja", rights=release.rights),
+        "LICENSES.md": render_document("licenses.md.jinja", rights=release.rights, inferred=True),
         "index.json": _index_json(release),
         "index.parquet": _index_parquet(release),
     }
