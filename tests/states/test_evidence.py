@@ -39,7 +39,7 @@ def test_the_order_of_the_two_does_not_matter(order):
 
 
 def test_nobody_comes_out_of_a_driveway_at_the_speed_of_a_road():
-    driveway, road = SimpleNamespace(off_map=True, lanes=()), SimpleNamespace(off_map=False, lanes=("a lane",))
+    driveway, road = (SimpleNamespace(road=SimpleNamespace(inferred=why)) for why in ("vehicle 1 came out", ""))
     assert driveway_speed_terms(driveway, 5.0) == driveway_speed_terms(road, 30.0) == {}
     fast, faster = (sum(driveway_speed_terms(driveway, speed_mps).values()) for speed_mps in (12.0, 20.0))
     assert faster < fast < 0
@@ -52,7 +52,7 @@ def test_a_street_of_the_name_the_report_gives_is_the_other_street_whatever_the_
     link = SimpleNamespace(element_type="junction", element_id="j")
 
     def terms(*names: str) -> dict[str, float]:
-        road = SimpleNamespace(id="3", names=names, predecessor=link, successor=None)
+        road = SimpleNamespace(id="3", names=names, predecessor=link, successor=None, inferred="")
         return street_terms(network, placement, record, SimpleNamespace(road=road))
 
     assert terms("Desert Shores Drive") == {}

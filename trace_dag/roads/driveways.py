@@ -213,7 +213,7 @@ class _Canvas:
     def __init__(self, network: RoadNetwork, extract: OsmExtract) -> None:
         self._frame = network.frame
         self._extract = extract
-        self._ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True)]
+        self._ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True) and _whole(way, extract)]
         self._arms = Counter(node for way in self._ways for pair in pairwise(way.node_ids) for node in pair)
         ids = list(extract.nodes)
         degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in ids])
@@ -335,6 +335,10 @@ class _Canvas:
         stations = arc_lengths(self._line(way)).tolist()
         nodes = sorted([*zip(stations, way.node_ids, strict=True), *self._inserted[way.id]], key=lambda each: each[0])
         return way._replace(node_ids=tuple(node_id for _, node_id in nodes))
+
+
+def _whole(way: OsmWay, extract: OsmExtract) -> bool:
+    return len(way.node_ids) > 1 and all(node_id in extract.nodes for node_id in way.node_ids)
 
 
 def _station(line: FloatArray, point: FloatArray) -> float:
