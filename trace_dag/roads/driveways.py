@@ -107,6 +107,8 @@ def add_driveways(
     road = network.road_by_id[placement.road_id]
     if access is None or road.highway in NO_DRIVEWAYS or road.bridge or road.tunnel:
         return extract
+    if is_at_intersection(record) and _at_its_crossing(network, placement):
+        return extract
     canvas = _Canvas(network, extract)
     street = canvas.street_at(road, placement)
     if street is None:
@@ -169,6 +171,14 @@ class _Street:
         """Unit vector from the street to a side of it."""
         x, y = self.direction
         return np.array([-y, x]) if side is Side.LEFT else np.array([y, -x])
+
+
+def _at_its_crossing(network: RoadNetwork, placement: CrashPlacement) -> bool:
+    """Whether the crash lies at the crossing it was placed at, whatever the angles of its arms."""
+    if placement.junction_id is None or not placement.cross_road_ids:
+        return False
+    near = network.nearest_lanes(placement.x_m, placement.y_m, _PASSES_M)
+    return any(network.road_by_id[match.lane.road_id].junction_id == placement.junction_id for match in near)
 
 
 def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:

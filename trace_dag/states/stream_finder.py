@@ -273,11 +273,17 @@ class StreamFinder:
         return self._merging(chain, *merged) if merged is not None else chain
 
     def _lane_before(self, ref: LaneRef) -> LaneRef | None:
-        """The lane beside one that begins here, from which traffic comes over into it; None where none leads on."""
+        """The lane beside one that begins here, from which traffic comes over into it; None where none leads on.
+
+        A shared lane in the middle is entered anywhere along it.
+        """
+        if self.network.lane(ref).type is LaneType.BIDIRECTIONAL:
+            return None
         direction = self.network.direction(ref)
         for beside in self.network.neighbours(ref):
-            same_way = beside is not None and self.network.direction(beside) == direction
-            if beside is not None and same_way and self.network.predecessors(beside):
+            if beside is None or self.network.lane(beside).type is LaneType.BIDIRECTIONAL:
+                continue
+            if self.network.direction(beside) == direction and self.network.predecessors(beside):
                 return beside
         return None
 
