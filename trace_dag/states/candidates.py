@@ -10,24 +10,13 @@ from dataclasses import dataclass, field
 
 from trace_dag.crash.crash_types import Relation
 from trace_dag.states import evidence
-<<<<<<< HEAD
-from trace_dag.states.crash_types import Relation
 from trace_dag.states.encounters import Encounter
-=======
-from trace_dag.states.encounters import Encounter, collided_with_each_other
->>>>>>> edbb362 (A driveway that the report speaks of and the map lacks is a road of the map, marked as ours)
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.pairs import Pair
 from trace_dag.states.pairs_along import opposite, same_direction, same_lane
 from trace_dag.states.pairs_crossing import backing, crossing
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
-
-<<<<<<< HEAD
-DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
-=======
-NOT_REPORTED = -3.0
->>>>>>> edbb362 (A driveway that the report speaks of and the map lacks is a road of the map, marked as ours)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +68,7 @@ def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
             **option.costs,
         }.items():
             terms[f"{name} (vehicle {number})"] = value
-<<<<<<< HEAD
-    from_driveway = any(party.vehicle.trafficway_code == DRIVEWAY_WAY for party, _ in sides)
-=======
-    if not collided_with_each_other(scene.record):
-        # The same for every candidate; it says that the record itself does not have them touch.
-        terms["collision of the two not reported"] = NOT_REPORTED
     from_driveway = any(party.vehicle.trafficway_code == evidence.DRIVEWAY_WAY for party, _ in sides)
->>>>>>> edbb362 (A driveway that the report speaks of and the map lacks is a road of the map, marked as ours)
     if encounter.relation is Relation.CROSSING and scene.record.trafficway_2 and not from_driveway:
         roads = [option.stream.road for _, option in sides]
         main = [road is not None and evidence.is_main(scene.network, scene.placement, road) for road in roads]
