@@ -13,8 +13,8 @@ from typing import Final
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
+from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Relation, Role, Side, Turn, critical_event
 from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
-from trace_dag.states.crash_types import CRASH_TYPES, CrashType, Relation, Role, Side, Turn, critical_event
 from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURNS_BY_MOVEMENT, turn_error_deg
 from trace_dag.verdict.metrics import Observation, ObservedVehicle, clock_error_h, speed_error_rel
