@@ -288,7 +288,7 @@ _new: set[str] = set()  # read by this process and not kept yet
 
 def _kept_at() -> Path:
     """In the user's cache, one file for each installation and version of this module. It can be deleted at any time."""
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     mine = hashlib.sha256(__file__.encode() + Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
     return Path(base) / "trace-dag" / f"code-{mine[:16]}.json"
 
@@ -297,7 +297,7 @@ def _kept_at() -> Path:
 def _kept() -> dict[str, _Source]:
     try:
         return _KEPT.validate_json(_kept_at().read_bytes())
-    except (OSError, ValidationError):
+    except (OSError, RuntimeError, ValidationError):  # RuntimeError: a user without a home
         return {}
 
 
@@ -305,11 +305,11 @@ def _keep_what_was_read() -> None:
     if not _new:
         return
     _new.clear()
-    target = _kept_at()
     try:
+        target = _kept_at()
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=target.parent, prefix=".writing-", delete=False) as file:
             file.write(_KEPT.dump_json(_kept()))
-        os.replace(file.name, target)
-    except OSError:
+        Path(file.name).replace(target)
+    except (OSError, RuntimeError):
         pass  # where nothing can be written every process reads the sources for itself

@@ -167,9 +167,9 @@ def test_all_data_of_the_package_is_read_by_the_name_of_its_package():
     read = set()
     for path in package.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] == "files" and node.args:
-                if isinstance(node.args[0], ast.Constant):
-                    read.add(node.args[0].value)
+            called = ast.unparse(node.func).rpartition(".")[2] if isinstance(node, ast.Call) else ""
+            if called == "files" and node.args and isinstance(node.args[0], ast.Constant):
+                read.add(node.args[0].value)
     for path in package.rglob("*"):
         if path.is_file() and path.suffix not in (".py", ".pyc") and path.name != "py.typed":
             above = next(folder for folder in path.parents if (folder / "__init__.py").exists())
