@@ -28,7 +28,11 @@ def verdict(
 ) -> StageProduct:
     """Every criterion with its value and threshold, and whether they hold together."""
     found = judge(record, road_map, map_report, estimate, logs, settings)
-    figures: dict[str, Figure] = {"rule_set": found.rule_set, "hypothesis": found.hypothesis, "grade": found.grade.value}
+    figures: dict[str, Figure] = {
+        "rule_set": found.rule_set,
+        "hypothesis": found.hypothesis,
+        "grade": found.grade.value,
+    }
     if found.support is not None:
         figures |= {
             "support": round(found.support.total, 2),
