@@ -95,6 +95,8 @@ def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight
         if without in row.keys:
             continue
         for fact in row.facts:
+            if fact.against is Against.RECORD:
+                continue  # essential or a note, not weighed
             if row.kind == "true":
                 true[fact.name][fact.agreement] += 1
             elif (fact.against is Against.COURSE) == (row.kind == "other report"):

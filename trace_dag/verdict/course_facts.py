@@ -70,7 +70,9 @@ def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> 
     if parts is not None:
         met = parts(one.clock_h, two.clock_h) or parts(two.clock_h, one.clock_h)
         found = f"{one.clock_h:.1f} and {two.clock_h:.1f} o'clock"
-        yield Fact("manner of collision", Against.COURSE, _agreement(met), record.collision_type.value, found)
+        yield Fact(
+            "manner of collision", Against.COURSE, _agreement(met), record.collision_type.value.replace("_", " "), found
+        )
 
 
 def _is_on(part_h: float, clock_h: float) -> bool:

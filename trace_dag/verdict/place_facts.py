@@ -177,7 +177,8 @@ def _compared(comparison: Comparison) -> Iterator[Fact]:
     if agreement is Agreement.DIFFERS and comparison.attribute == INTERSECTION and {reported, mapped} <= _KINDRED:
         agreement = Agreement.NEAR
     essential = comparison.attribute in _ESSENTIAL_COMPARISONS
-    yield Fact(_FACT_OF[comparison.attribute], Against.MAP, agreement, reported, mapped, essential)
+    said, found = reported.replace("_", " "), mapped.replace("_", " ")
+    yield Fact(_FACT_OF[comparison.attribute], Against.MAP, agreement, said, found, essential)
 
 
 def _moved(placement: CrashPlacement) -> Fact:

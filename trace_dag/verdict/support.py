@@ -27,9 +27,9 @@ from trace_dag.verdict.types import Against, Agreement, Fact, Grade, Support
 
 LEAST_FACTS: Final = 6
 """Independent facts of map and course that have to agree for a crash to be corroborated."""
-LEAST_SUPPORT: Final = 4.6
-"""Sum of weights from which on a crash is corroborated: ln 100, a hundred times likelier in a true report than in a
-control."""
+LEAST_SUPPORT: Final = 6.0
+"""Sum of weights from which on a crash is corroborated: e^6, four hundred times likelier in a true report than in a
+control. Below it too many reports pass that were set down at another place whose map numbers no routes."""
 _MOST: Final = 4.0
 """The largest weight either way (55 times likelier): what so few crashes can show, and no fact decides alone."""
 _PRIOR: Final = 0.5

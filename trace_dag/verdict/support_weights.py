@@ -6,52 +6,52 @@ South Dakota 2012 to 2016. A module and no file beside, so that a verdict's fing
 
 COUNTS = """\
 fact,agreement,true_count,true_of,chance_count,chance_of
-alignment,agrees,21,27,90,148
-alignment,near,4,27,32,148
-alignment,differs,2,27,26,148
-carriageways,agrees,2,2,7,12
-carriageways,differs,0,2,5,12
-control,agrees,12,14,65,76
-control,differs,2,14,11,76
-crash type,agrees,38,38,205,754
-crash type,differs,0,38,549,754
-critical event,agrees,21,23,174,424
-critical event,differs,2,23,250,424
-damage,agrees,19,21,269,405
-damage,near,1,21,69,405
-damage,differs,1,21,67,405
-division,agrees,12,14,52,82
-division,differs,2,14,30,82
-first harmful event,agrees,20,20,373,400
-first harmful event,differs,0,20,27,400
-first street,agrees,11,11,4,75
-first street,near,0,11,2,75
-first street,differs,0,11,69,75
-impact,agrees,30,39,241,785
-impact,near,9,39,300,785
-impact,differs,0,39,244,785
-intersection,agrees,18,20,71,130
-intersection,near,2,20,18,130
-intersection,differs,0,20,41,130
-land use,agrees,17,19,86,123
-land use,near,1,19,6,123
-land use,differs,1,19,31,123
-lanes,agrees,15,17,53,87
-lanes,differs,2,17,34,87
-limit,agrees,9,10,24,57
-limit,differs,1,10,33,57
-manner of collision,agrees,20,20,239,372
-manner of collision,differs,0,20,133,372
-movement,agrees,30,30,454,579
-movement,differs,0,30,125,579
-point,agrees,17,20,112,130
-point,near,3,20,10,130
-point,differs,0,20,8,130
-road class,agrees,14,20,46,128
-road class,near,5,20,32,128
-road class,differs,1,20,50,128
-second street,agrees,7,8,2,61
-second street,differs,1,8,59,61
-travel speed,agrees,38,38,90,683
-travel speed,differs,0,38,593,683
+alignment,agrees,31,38,137,218
+alignment,near,4,38,43,218
+alignment,differs,3,38,38,218
+carriageways,agrees,3,3,9,20
+carriageways,differs,0,3,11,20
+control,agrees,18,21,94,109
+control,differs,3,21,15,109
+crash type,agrees,62,62,282,1211
+crash type,differs,0,62,929,1211
+critical event,agrees,31,34,254,628
+critical event,differs,3,34,374,628
+damage,agrees,23,25,357,549
+damage,near,1,25,106,549
+damage,differs,1,25,86,549
+division,agrees,19,21,77,127
+division,differs,2,21,50,127
+first harmful event,agrees,32,32,604,640
+first harmful event,differs,0,32,36,640
+first street,agrees,20,20,4,131
+first street,near,0,20,5,131
+first street,differs,0,20,122,131
+impact,agrees,45,62,325,1257
+impact,near,17,62,488,1257
+impact,differs,0,62,444,1257
+intersection,agrees,29,32,114,210
+intersection,near,3,32,25,210
+intersection,differs,0,32,71,210
+land use,agrees,26,31,132,203
+land use,near,3,31,13,203
+land use,differs,2,31,58,203
+lanes,agrees,24,28,80,133
+lanes,differs,4,28,53,133
+limit,agrees,15,17,29,82
+limit,differs,2,17,53,82
+manner of collision,agrees,31,31,381,599
+manner of collision,differs,0,31,218,599
+movement,agrees,44,44,649,865
+movement,differs,0,44,216,865
+point,agrees,27,32,189,210
+point,near,5,32,13,210
+point,differs,0,32,8,210
+road class,agrees,23,32,63,204
+road class,near,7,32,52,204
+road class,differs,2,32,89,204
+second street,agrees,13,14,7,101
+second street,differs,1,14,94,101
+travel speed,agrees,59,59,136,1082
+travel speed,differs,0,59,946,1082
 """
