@@ -35,7 +35,7 @@ from trace_dag.roads.plan_fit import (
     without_slivers,
 )
 from trace_dag.roads.polyline_fit import fit_plan
-from trace_dag.roads.turn_curves import TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
+from trace_dag.roads.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
 
 _NO_MARK: Final = RoadMark("none", "standard", "both")
 _STRAIGHT_RADIUS_M: Final = 25.0
@@ -125,20 +125,27 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
 
 
 def _possible(links: list[_Link]) -> list[_Link]:
-    """The links without the U-turns that leave the junction's ground, unless a lane has no other way on or in.
+    """The links without those no car can drive, unless a lane has no other way on or in.
 
-    Across a median of no width a car turns round only where there is room to swing out first.
+    Those are U-turns that leave the junction's ground (across a median of no width a car turns round only where there
+    is room to swing out first) and corners that stay too tight with swinging out.
     """
-    swung = [link for link in links if link.movement.turn == "u_turn" and not _fits(link, links)]
-    if not swung:
+    undrivable = [link for link in links if not _drivable(link, links)]
+    if not undrivable:
         return links
     ways: Counter[tuple[str, ContactPoint, int]] = Counter(end for link in links for end in _lane_ends(link))
     impossible = []
-    for link in swung:
+    for link in undrivable:
         if all(ways[end] > 1 for end in _lane_ends(link)):
             ways.subtract(_lane_ends(link))
             impossible.append(link)
     return [link for link in links if not any(link is other for other in impossible)]
+
+
+def _drivable(link: _Link, links: Sequence[_Link]) -> bool:
+    if link.movement.turn == "u_turn":
+        return _fits(link, links)
+    return tightest_radius_m(link.plan) >= CORNER_RADIUS_M * 0.999
 
 
 def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from trace_dag.roads.osm_tags import CrossSection, WayProfile
 from trace_dag.roads.plan_fit import Plan, Point
 from trace_dag.roads.street_graph import Street
-from trace_dag.roads.turn_curves import TIGHTEST_RADIUS_M
+from trace_dag.roads.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
 
 _REACH_M: Final = 45.0  # beyond it arms that still overlap (ramps along a motorway) are left overlapping
 _JOIN_M: Final = 30.0  # longest street that may vanish inside a joined crossing
@@ -332,7 +332,10 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
                     corner = _MAJOR_CORNER_M
                 reach += max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(angle / 2))
             elif angle >= 2.6:
-                reach = max(reach, _SHIFT_RATIO * strip.shift_to(other))
+                shift_m = strip.shift_to(other)
+                # Half the way in which lanes eased over by a cubic bend no tighter than a corner: 6 shift / way**2.
+                clear = max(clear, math.sqrt(6 * shift_m * CORNER_RADIUS_M) / 2)
+                reach = max(reach, _SHIFT_RATIO * shift_m)
             wanted = max(wanted, reach)
         if len(strips) == 2:
             most = _longest_fold_cut_m(_angle(*strips))
