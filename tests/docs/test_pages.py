@@ -26,7 +26,7 @@ PAGES = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *sorted((REPO
 FENCE = re.compile(
     r"(?:<!-- not run: (?P<reason>[^\n]+) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
-KEYS = ("2023-319003", "2023-319022", "2023-319067")  # two that are verified, one without a map
+ARRIVING = ("2023-319001", "2023-319004")  # crashes that the root does not know yet
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ SHELL = ("sh", "console")
 def folder(tmp_path: Path) -> Path:
     """Where a reader of the pages would stand: reports, maps, an agent, and a root with some of the sample run."""
     shutil.copytree(sample_runs.finished(), tmp_path / "trace_dag_home")
-    sample_runs.reports_of(tmp_path / "reports", KEYS)
-    sample_runs.reports_of(tmp_path / "inbox", KEYS[:1])
+    sample_runs.reports_of(tmp_path / "reports", ARRIVING)
+    sample_runs.reports_of(tmp_path / "inbox", ("2023-319005",))
     for maps in ("maps", "more-maps"):
         (tmp_path / maps).symlink_to(sample_runs.SAMPLE / "osm")
     for block in BLOCKS[REPOSITORY / "docs" / "tutorials" / "driving-stack.md"]:
@@ -84,7 +84,7 @@ def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(path: Pa
 def run(block: Block, folder: Path) -> subprocess.CompletedProcess[str]:
     program = [sys.executable, "-"] if block.language == "python" else ["bash", "-e", "-o", "pipefail"]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # A page is read on a wide terminal; two workers are enough for three crashes.
+    # A page is read on a wide terminal; two workers are enough for a few crashes.
     environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "2"}
     return subprocess.run(
         program, input=block.commands, cwd=folder, env=environment, capture_output=True, text=True, check=False
