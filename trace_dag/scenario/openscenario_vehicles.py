@@ -2,7 +2,8 @@
 
 Two conventions for where an entity is. OpenSCENARIO's own reference point is the middle of the rear axle, on the road;
 the bounding box and the front axle are given from there. CARLA's ScenarioRunner reads no boxes and puts an actor's
-origin, the middle of its body, where the file says.
+origin, the middle of its body, where the file says. It reads no axles either, and other players (esmini) move a box by
+as much as the rear axle is not at the reference point; so the rear axle is at the origin for both.
 """
 
 from __future__ import annotations
@@ -39,8 +40,6 @@ def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -
     from scenariogeneration import xosc
 
     model = vehicle_model(body)
-    front_axle_m = model.cg_ahead_m + model.front_axle_m - reference_ahead_m
-    rear_axle_m = rear_axle_ahead_m(body) - reference_ahead_m
     track_m = 0.0 if body.vehicle_class is VehicleClass.MOTORCYCLE else _TRACK_SHARE * body.width_m
     wheel_m = _TRUCK_WHEEL_DIAMETER_M if body.vehicle_class in _HEAVY else _WHEEL_DIAMETER_M
     name = choose_blueprint(body, (each.id for each in BLUEPRINTS)).id if carla else f"{body.vehicle_class}_{number}"
@@ -55,8 +54,8 @@ def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -
             0.0,
             _rounded(body.height_m / 2),
         ),
-        xosc.Axle(model.max_steer_rad, wheel_m, _rounded(track_m), _rounded(front_axle_m), wheel_m / 2),
-        xosc.Axle(0.0, wheel_m, _rounded(track_m), _rounded(rear_axle_m), wheel_m / 2),
+        xosc.Axle(model.max_steer_rad, wheel_m, _rounded(track_m), _rounded(model.wheelbase_m), wheel_m / 2),
+        xosc.Axle(0.0, wheel_m, _rounded(track_m), 0.0, wheel_m / 2),
         _MAX_SPEED_MPS,
         model.max_acceleration_mps2,
         _MAX_DECELERATION_MPS2,
