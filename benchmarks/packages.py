@@ -5,8 +5,8 @@
 
 Each package is measured: its checksums against its manifest, both maps and all scenarios in ASAM's official checkers
 (which hold the XML schemas), the trajectories of ``scenario.xosc`` and ``scenario.carla.xosc`` against
-``trajectories.json``, and the collision that a player written from the standard sees against the recorded one. Without
-the judges' environment, what they would have said is left out.
+``trajectories.json``, and the collision that players see against the recorded one: a player written from the standard,
+and esmini as it is started by default, in several steps. Without the judges, what they would have said is left out.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import hashlib
 import json
 import math
 import sys
+import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,16 +28,27 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.roads import judges
-from tests.scenario.player import Scenario
+from tests.scenario import esmini
+from tests.scenario.player import Collision, Scenario
 
 _PACKAGES_AT_ONCE = 5
 _PLAYER_STEP_S = 0.001
+_STEPS_S = (0.001, 0.01, 0.02, 0.1)
+_ON_TIME_S = 0.02
+_SCENARIOS = ("scenario.xosc", "scenario.carla.xosc")
 _LARGEST = {
     "position": (0.01, "m"),
     "time": (0.001, "s"),
     "collision, when": (0.1, "s"),
     "collision, where": (0.5, "m"),
 }
+
+
+class Seen(NamedTuple):
+    """A collision as a player sees it: how late (s), and how far the bodies then are from where the log has them."""
+
+    late_s: float
+    away_m: float
 
 
 class Deviation(NamedTuple):
@@ -82,6 +94,69 @@ def deviation(package: Path, scenario_name: str) -> Deviation:
     )
 
 
+def seen(package: Path, collision: Collision | None, scenario: Scenario, bodies: dict[str, Any]) -> Seen | None:
+    """A player's collision against the recorded contact; ``bodies`` are x, y and h of reference points then."""
+    if collision is None:
+        return None
+    log = json.loads((package / "trajectories.json").read_text())
+    away_m = 0.0
+    for number, columns in log["vehicles"].items():
+        centre = scenario.box_at(f"V{number}", *bodies[f"V{number}"]).centroid
+        x, y = (np.interp(collision.time_s, columns["time_s"], columns[name]) for name in ("x_m", "y_m"))
+        away_m = max(away_m, math.hypot(centre.x - x, centre.y - y))
+    return Seen(collision.time_s - log["contacts"][0]["time_s"], away_m)
+
+
+def seen_to_the_letter(package: Path, scenario_name: str, step_s: float) -> Seen | None:
+    """What a player written from the standard sees."""
+    scenario = Scenario((package / scenario_name).read_bytes())
+    collision = scenario.play(step_s)
+    times_s = np.array([collision.time_s if collision else 0.0])
+    bodies = {entity: scenario.reference(entity, times_s)[0, [0, 1, 3]] for entity in scenario.vertices}
+    return seen(package, collision, scenario, bodies)
+
+
+def seen_in_esmini(package: Path, scenario_name: str, step_s: float) -> Seen | None:
+    """What esmini sees with its default options."""
+    with tempfile.TemporaryDirectory() as work:
+        collision, places, _ = esmini.play(package / scenario_name, step_s, Path(work))
+    time_s = collision.time_s if collision else 0.0
+    bodies = {entity: rows[np.argmin(np.abs(rows[:, 0] - time_s)), 1:] for entity, rows in places.items()}
+    return seen(package, collision, Scenario((package / scenario_name).read_bytes()), bodies)
+
+
+def report_players(packages: Sequence[Path], steps_s: Sequence[float]) -> None:
+    """Prints, by scenario, player and step, in how many packages the crash is seen on time, late, early and never. On
+    time is within 20 ms, or within a step where that is longer."""
+    players = {"to the letter": seen_to_the_letter, "esmini": seen_in_esmini}
+    try:
+        esmini.program()
+    except pytest.skip.Exception as missing:
+        print(f"esmini: {missing}")
+        del players["esmini"]
+    for scenario_name in _SCENARIOS:
+        for player, look in players.items():
+            for step_s in steps_s:
+                found = {package.name: look(package, scenario_name, step_s) for package in packages}
+                when = {key: "never" if each is None else _when(each.late_s, step_s) for key, each in found.items()}
+                on_time = [each for key, each in found.items() if each is not None and when[key] == "on time"]
+                print(
+                    f"{scenario_name}, {player}, steps of {1000 * step_s:g} ms: {dict(Counter(when.values()))}; "
+                    f"on time at most {max((abs(each.late_s) for each in on_time), default=0):.4f} s and "
+                    f"{max((each.away_m for each in on_time), default=0):.3f} m off",
+                    flush=True,
+                )
+                for key, each in found.items():
+                    if when[key] != "on time":
+                        print(f"  {key}: {when[key]}" + ("" if each is None else f", {each.late_s:+.3f} s"))
+
+
+def _when(late_s: float, step_s: float) -> str:
+    if abs(late_s) <= max(_ON_TIME_S, step_s) + 1e-6:
+        return "on time"
+    return "late" if late_s > 0 else "early"
+
+
 def judge(packages: Sequence[Path]) -> list[dict[str, Any]]:
     """What ASAM's checkers say of every map and scenario; nothing where they are not installed."""
     verdicts = []
@@ -100,7 +175,7 @@ def judge(packages: Sequence[Path]) -> list[dict[str, Any]]:
 
 def report_deviations(packages: Sequence[Path]) -> None:
     """Prints the largest deviation of each kind over all packages, and the packages beyond its bound."""
-    for scenario_name in ("scenario.xosc", "scenario.carla.xosc"):
+    for scenario_name in _SCENARIOS:
         found = {package.name: deviation(package, scenario_name) for package in packages}
         for index, (kind, (bound, unit)) in enumerate(_LARGEST.items()):
             values = {key: each[index] for key, each in found.items()}
@@ -130,7 +205,11 @@ def report_verdicts(verdicts: Sequence[dict[str, Any]]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("packages", type=Path, help="folder of packages, as trace-dag export writes it")
-    folder = parser.parse_args().packages
+    parser.add_argument(
+        "--steps", type=float, nargs="+", default=_STEPS_S, metavar="S", help="steps in which players play, in seconds"
+    )
+    arguments = parser.parse_args()
+    folder = arguments.packages
     packages = sorted(manifest.parent for manifest in folder.glob("*/manifest.json"))
     if not packages:
         raise SystemExit(f"{folder}: no package (a folder with a manifest.json) in it; trace-dag export writes some")
@@ -139,6 +218,7 @@ def main() -> None:
     for key, names in damaged.items():
         print(f"  {key}: {', '.join(names)}")
     report_deviations(packages)
+    report_players(packages, arguments.steps)
     report_verdicts(judge(packages))
 
 
