@@ -69,7 +69,7 @@ def cohort(shared_data: Path) -> list[Ours]:
 
 
 def test_nearly_every_crash_is_verified(cohort: list[Ours]) -> None:
-    assert len(cohort) >= 33
+    assert len(cohort) >= 29  # of the 35 with a map, five are of vehicles that never touched
     assert sum(crash.verdict.accepted for crash in cohort) >= 0.9 * len(cohort)
 
 
@@ -112,7 +112,7 @@ def test_reported_speeds_are_driven(cohort: list[Ours]) -> None:
                 compared += 1
             elif criterion.name == "impact_speed_error" and not braking[criterion.vehicle_number]:
                 assert abs(criterion.value) <= 0.1
-    assert compared >= 60
+    assert compared >= 55
 
 
 def test_negative_controls(cohort: list[Ours]) -> None:
@@ -133,7 +133,7 @@ def test_negative_controls(cohort: list[Ours]) -> None:
             (log,) = simulate(EmbeddedBackend(SETTINGS.sim), crash.network, b"", states, SETTINGS.sim)
         shifted.append(shifted_row(crash, shift, log, SETTINGS.verdict))
     assert acceptance_rate(shifted) <= 0.02
-    assert sum(row.accepted is not None for row in shifted) >= 30
+    assert sum(row.accepted is not None for row in shifted) >= 28
 
 
 def test_the_published_scenarios_run_and_are_judged_alike(shared_data: Path) -> None:
@@ -143,15 +143,17 @@ def test_the_published_scenarios_run_and_are_judged_alike(shared_data: Path) -> 
     for file in sorted((data / "published" / "simulations").glob("*.json")):
         case = file.stem.removeprefix("simulation_")
         record = read_report((data / "reports" / f"crash_{case}.xml").read_bytes(), name=case, settings=SETTINGS.crash)
+        if record.colliding_pair is None:
+            continue  # two vehicles that never touched, though the published benchmark has them collide
         both_reported += all(vehicle.travel_speed_mps is not None for vehicle in record.vehicles)
         xodr = (data / "published" / "maps" / f"map_{case}.xodr").read_bytes()
         network = read_opendrive(xodr, name=case)
         states = published_estimate(read_published(file.read_bytes(), name=file.name), record)
         (log,) = simulate(EmbeddedBackend(PEER_SIM), network, xodr, states, PEER_SIM, record=record)
         rows.append(compare("published", record, network, states.best, log, SETTINGS.verdict))
-    assert len(rows) == 35
-    assert sum(row.contact for row in rows) >= 32
-    assert 20 <= sum(row.within_distance for row in rows) <= 32
+    assert len(rows) == 30
+    assert sum(row.contact for row in rows) >= 27
+    assert 17 <= sum(row.within_distance for row in rows) <= 27
     both = [row.speeds_kept for row in rows if row.speeds_kept is not None]
     assert len(both) == both_reported
     assert sum(both) < len(both) / 2

@@ -163,9 +163,9 @@ def test_the_rows_behind_the_pages_filters_are_those_of_the_table(root, page):
     shown = [
         dict(zip(("key", *columns), values, strict=True)) for values in zip(data["key"], *columns.values(), strict=True)
     ]
-    assert shown == [
-        {name: row[name] or None for name in ("key", *columns)} for row in rows(root / "warehouse.duckdb", "crashes")
-    ]
+    grades = {row["key"]: row["grade"] for row in rows(root / "warehouse.duckdb", "verdicts")}
+    crashes = [{**row, "grade": grades.get(row["key"])} for row in rows(root / "warehouse.duckdb", "crashes")]
+    assert shown == [{name: row[name] or None for name in ("key", *columns)} for row in crashes]
     assert {path.stem for path in (root / "benchmark" / "crashes").glob("*.html")} == set(data["key"])
     packages = {path.stem for path in (root / "benchmark" / "packages").glob("*.zip")}
     assert packages == {row["key"] for row in shown if row["final_state"] == "verified"}

@@ -252,6 +252,8 @@ def _route(record: CrashRecord) -> Iterator[str]:
     system in 0.5 to 2 %; 98.7 % of those on interstates by class are so by name, and 0.4 % of those on US routes are
     on minor collectors or local roads.
     """
+    if _RAMP.search(record.trafficway_1):
+        return  # it bears the number of the road it leads to, and is signed by whoever keeps it
     systems = {match["system"].upper()[0] for match in _NUMBERED.finditer(record.trafficway_1)}
     by_class = record.function_class_code
     signs = frozenset().union(*(_SIGNS[system] for system in systems)) | _BESIDE_A_ROUTE
@@ -277,7 +279,10 @@ def _one_lane(record: CrashRecord) -> Iterator[str]:
 def _turn_away_from_junctions(record: CrashRecord) -> Iterator[str]:
     if record.junction_relation_code != AWAY_FROM_JUNCTION:
         return
-    for vehicle in record.colliding_pair or ():
+    pair = record.colliding_pair or ()
+    if any(vehicle.movement is Movement.U_TURN for vehicle in pair):
+        return  # one can turn round anywhere
+    for vehicle in pair:
         if vehicle.crash_type_code in JUNCTION_TYPES:
             yield (
                 f"vehicle {vehicle.number}: ACC_TYPE {vehicle.crash_type_code} "

@@ -3,10 +3,6 @@ CREATE VIEW verdicts AS
 SELECT
     key,
     any_value(accepted) AS accepted,
-    any_value(grade) AS grade,
-    any_value(support) AS support,
-    any_value(independent_facts) AS independent_facts,
-    any_value(support_detail) AS support_detail,
     any_value(value) FILTER (criterion = 'contact_distance') AS contact_distance_m,
     max(value) FILTER (criterion = 'clock_error') AS clock_error_max_h,
     bool_and(passed) FILTER (reason = 'wrong_direction') AS direction_ok,
@@ -17,7 +13,11 @@ SELECT
     any_value(value) FILTER (criterion = 'closing_speed') AS closing_speed_mps,
     any_value(value) FILTER (criterion = 'approach_angle') AS approach_angle_deg,
     max(value) FILTER (criterion = 'delta_v') AS delta_v_max_mps,
-    count(*) FILTER (reason IS NOT NULL AND passed IS NULL) AS criteria_not_evaluated
+    count(*) FILTER (reason IS NOT NULL AND passed IS NULL) AS criteria_not_evaluated,
+    any_value(grade) AS grade,
+    any_value(support) AS support,
+    any_value(independent_facts) AS independent_facts,
+    any_value(support_detail) AS support_detail
 FROM verdict_criteria
 GROUP BY key
 ORDER BY key;
