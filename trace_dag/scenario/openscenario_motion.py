@@ -80,31 +80,31 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
             rows.append(touch[None])
         seen = _seen_s(log, contact)
         before = logged[known < contact.time_s - SAME_TIME_S]
-        if seen is None and len(before):
-            seen = contact.time_s + INTO_EACH_OTHER_S
+        if not seen and len(before):
+            seen = [contact.time_s + INTO_EACH_OTHER_S]
             step = touch - before[-1]
             step[4] = math.remainder(step[4], math.tau)
             rows.append((touch + step * INTO_EACH_OTHER_S / step[0])[None])
-        if seen is not None:
-            seen_s.append((seen, contact.time_s))
+        if seen:
+            seen_s.append((*seen, contact.time_s))
     together: FloatArray = np.concatenate(rows)
     together = together[np.argsort(together[:, 0], kind="stable")]
     kept: FloatArray = together[np.concatenate([[True], np.diff(together[:, 0]) > SAME_TIME_S])]
     return kept, seen_s
 
 
-def _seen_s(log: SimulationLog, contact: Contact) -> float | None:
-    """The logged moment soon after a first touch in which players are to see the two bodies overlap: the deepest on a
-    step of theirs, else the deepest; None if they overlap in none."""
+def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
+    """The logged moments soon after a first touch in which players may see the two bodies overlap: the deepest on a
+    step of theirs, and the deepest; none if they overlap in none."""
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in (contact.number_1, contact.number_2))
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)
     overlaps = {
         float(one.time_s[k]): -separation(_outline(log, one, k), _outline(log, two, k))[0]
         for k in np.flatnonzero(soon).tolist()
     }
-    overlapping = [time_s for time_s, overlap_m in overlaps.items() if overlap_m > 0]
+    overlapping = sorted((time_s for time_s in overlaps if overlaps[time_s] > 0), key=lambda time_s: -overlaps[time_s])
     on_a_step = [time_s for time_s in overlapping if abs(math.remainder(time_s, PLAYER_STEP_S)) < SAME_TIME_S]
-    return max(on_a_step or overlapping, key=lambda time_s: overlaps[time_s], default=None)
+    return list(dict.fromkeys([*on_a_step[:1], *overlapping[:1]]))
 
 
 def _outline(log: SimulationLog, vehicle: VehicleLog, k: int) -> Outline:
