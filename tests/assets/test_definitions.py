@@ -68,16 +68,18 @@ def test_summary_follows_the_last_run_started_in_the_ui_and_no_other(campaign):
 
     made = campaign({"2023-510010": ""})
     job = build_definitions(made.home).resolve_job_def("judge_only")
+    selected = frozenset({AssetKey("verdict")})
 
-    def request_after(tags: dict[str, str]) -> str:
+    def request_after(tags: dict[str, str], selection: frozenset[AssetKey] | None = selected) -> str:
         run = made.instance.create_run_for_job(
-            job, tags=tags, status=DagsterRunStatus.SUCCESS, asset_selection=frozenset({AssetKey("verdict")})
+            job, tags=tags, status=DagsterRunStatus.SUCCESS, asset_selection=selection
         )
         event = made.instance.report_engine_event("done", run)
         context = build_run_status_sensor_context("summary_after_runs", event, made.instance, run)
         return type(summary_after_runs(context)).__name__
 
     assert request_after({}) == "RunRequest"
+    assert request_after({}, selection=None) == "RunRequest", "as a sensor or a schedule starts the job"
     assert request_after({PROCESS_TAG: "here:1:1"}) == "SkipReason"
     made.instance.create_run_for_job(
         job, status=DagsterRunStatus.STARTED, asset_selection=frozenset({AssetKey("verdict")})

@@ -34,6 +34,7 @@ class Watched:
         ingest(self.pipeline.storage, "arriving", reports=[self.inbox], watch=True)
         self.instance = open_instance(self.home)
         self.cursor = ""
+        self.said = ""
 
     def arrive(self, case: str, *, content: bytes | None = None, age_s: float = 60.0) -> None:
         path = self.inbox / f"{case}.xml"
@@ -45,6 +46,7 @@ class Watched:
             result = arriving_reports(context)
         if isinstance(result, SkipReason):
             self.cursor = context.cursor or ""
+            self.said = result.skip_message or ""
             return []
         self.cursor = result.cursor
         return list(result.run_requests)
@@ -100,9 +102,13 @@ def test_files_still_written_to_wait_for_the_next_look(watched):
 
 def test_what_is_no_report_and_a_folder_that_is_gone_stop_nothing(watched):
     watched.arrive("notes", content=b"not a report")
-    assert watched.look() == []
+    for _ in range(2):
+        assert watched.look() == []
+        assert "notes.xml: it is no XML" in watched.said, "named as long as it lies there"
     watched.arrive(CASES[0])
     assert len(watched.look()) == 1
+    assert watched.look() == []
+    assert "notes.xml: it is no XML" in watched.said
     for path in watched.inbox.iterdir():
         path.unlink()
     watched.inbox.rmdir()

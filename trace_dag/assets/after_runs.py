@@ -12,13 +12,14 @@ from dagster import (
     RunRequest,
     RunsFilter,
     RunStatusSensorContext,
+    RunStatusSensorDefinition,
     SkipReason,
     run_status_sensor,
 )
 from dagster._core.execution.backfill import BulkActionStatus
 from dagster._core.storage.tags import BACKFILL_ID_TAG
 
-from trace_dag.assets.jobs import SUMMARY_JOB
+from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.launch import PROCESS_TAG
 from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.errors import Stage
@@ -36,6 +37,8 @@ _BROKEN_OFF = (
     BulkActionStatus.FAILED,
 )
 _STAGES = frozenset(stage.value for stage in Stage)
+_STAGE_JOBS = frozenset(job.name for job in STAGE_JOBS)
+_INTERVAL_S = 10
 
 
 def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
@@ -52,7 +55,10 @@ def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
 
 
 def _runs_stages(run: DagsterRun) -> bool:
-    return any(key.to_user_string() in _STAGES for key in run.asset_selection or ())
+    # Runs of a job as it is, such as those a sensor or a schedule asks for, name no assets.
+    if run.asset_selection is None:
+        return run.job_name in _STAGE_JOBS
+    return any(key.to_user_string() in _STAGES for key in run.asset_selection)
 
 
 def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:
@@ -72,26 +78,35 @@ def _built_by_its_backfill(instance: DagsterInstance, run: DagsterRun) -> bool:
     return not any(_runs_stages(other) for other in instance.get_runs(unsuccessful))
 
 
-@run_status_sensor(
-    run_status=DagsterRunStatus.SUCCESS,
-    request_job=SUMMARY_JOB,
-    default_status=DefaultSensorStatus.RUNNING,
-    description="After the last of the runs: the warehouse, its checks and the benchmark.",
+def _after(status: DagsterRunStatus, name: str, description: str) -> RunStatusSensorDefinition:
+    @run_status_sensor(
+        name=name,
+        run_status=status,
+        request_job=SUMMARY_JOB,
+        default_status=DefaultSensorStatus.RUNNING,
+        minimum_interval_seconds=_INTERVAL_S,
+        description=description,
+    )
+    def sensor(context: RunStatusSensorContext) -> RunRequest | SkipReason:
+        return _request(context)
+
+    return sensor
+
+
+summary_after_runs = _after(
+    DagsterRunStatus.SUCCESS,
+    "summary_after_runs",
+    "After the last of the runs: the warehouse, its checks and the benchmark.",
 )
-def summary_after_runs(context: RunStatusSensorContext) -> RunRequest | SkipReason:
-    """After runs without failures."""
-    return _request(context)
-
-
-@run_status_sensor(
-    run_status=DagsterRunStatus.FAILURE,
-    request_job=SUMMARY_JOB,
-    default_status=DefaultSensorStatus.RUNNING,
-    description="The same after runs in which crashes failed: the others are done all the same.",
+summary_after_failed_runs = _after(
+    DagsterRunStatus.FAILURE,
+    "summary_after_failed_runs",
+    "The same after runs in which crashes failed: the others are done all the same.",
 )
-def summary_after_failed_runs(context: RunStatusSensorContext) -> RunRequest | SkipReason:
-    """After runs with failures."""
-    return _request(context)
+summary_after_canceled_runs = _after(
+    DagsterRunStatus.CANCELED,
+    "summary_after_canceled_runs",
+    "The same after runs that were stopped: what they had done stands.",
+)
 
-
-AFTER_RUNS = (summary_after_runs, summary_after_failed_runs)
+AFTER_RUNS = (summary_after_runs, summary_after_failed_runs, summary_after_canceled_runs)

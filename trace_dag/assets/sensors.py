@@ -27,7 +27,7 @@ _INTERVAL_S = 30
     minimum_interval_seconds=_INTERVAL_S,
     default_status=DefaultSensorStatus.STOPPED,
     description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
-    "runs them through all stages.",
+    "runs them through all stages. What is no report is named in the tick.",
 )
 def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]) -> SensorResult | SkipReason:
     """Register what arrived since the last look, and request runs for it."""
@@ -35,9 +35,11 @@ def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]
     arrivals = register_arrivals(pipeline.storage, context.cursor or "")
     if not arrivals.folders:
         return SkipReason("No cohort watches a folder; trace-dag ingest --reports DIR --watch makes one.")
+    if arrivals.unread:
+        context.log.warning(arrivals.unread)
     if not arrivals.keys:
-        context.update_cursor(arrivals.state)
-        return SkipReason(f"Nothing new in {arrivals.folders} folders.")
+        context.update_cursor(arrivals.seen)
+        return SkipReason(f"Nothing new in {arrivals.folders} folders. {arrivals.unread}".rstrip())
     add_partitions(context.instance, arrivals.keys)
     selection = Selection(arrivals.keys, dict.fromkeys(arrivals.keys, Stage.RAW_REPORT))
     partitions = context.instance.get_dynamic_partitions("crashes")
@@ -47,7 +49,7 @@ def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]
             RunRequest(run_key=f"{arrivals.state}-{number}", tags=range_tags(batch))
             for number, batch in enumerate(batches)
         ],
-        cursor=arrivals.state,
+        cursor=arrivals.seen,
     )
 
 

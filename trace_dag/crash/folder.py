@@ -78,23 +78,16 @@ def scan(paths: Iterable[Path]) -> FolderScan:
     """Find every report in the given files and folders, folders searched to the bottom.
 
     Raises:
-        UserError: for a path that does not exist or cannot be read, and if there is no report at all.
+        UserError: for a path that does not exist or cannot be read.
     """
-    roots = [Path(path) for path in paths]
     by_key: dict[str, list[FoundReport]] = {}
     unrecognised: list[Unrecognised] = []
-    for path in _files(roots):
+    for path in _files(map(Path, paths)):
         found = _look_at(path)
         if isinstance(found, Unrecognised):
             unrecognised.append(found)
         else:
             by_key.setdefault(found.key, []).append(found)
-    if not by_key:
-        where = ", ".join(str(root) for root in roots) or "no path"
-        raise UserError(
-            f"{where}: no crash report among {len(unrecognised)} files; expected CrashAPI GetCaseDetails responses "
-            "in XML"
-        )
     reports: list[FoundReport] = []
     duplicates: list[Duplicate] = []
     conflicts: list[Conflict] = []

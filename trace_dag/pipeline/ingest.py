@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.folder import Conflict, Duplicate, FolderScan, Unrecognised, scan
+from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
 from trace_dag.pipeline.choosing import Choice
@@ -58,14 +58,19 @@ def ingest(
 ) -> IngestReport:
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 
-    With ``watch``, the folders of reports may be empty and are looked at from then on, and the cohort follows what the
-    CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
+    With ``watch``, the folders of reports may hold none yet and are looked at from then on, and the cohort follows what
+    the CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
 
     Raises :class:`UserError` for folders without reports, files that are no OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
     """
     found_maps = _maps(storage, maps)
-    scanned = scan(reports) if reports and not (watch and _all_empty(reports)) else FolderScan(())
+    scanned = scan(reports)
+    if reports and not scanned.reports and not watch:
+        raise UserError(
+            f"{', '.join(map(str, reports))}: no crash report among {len(scanned.unrecognised)} files; expected "
+            "CrashAPI GetCaseDetails responses in XML"
+        )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
     sources += [FarsSource(path) for path in fars_csv]
     if crash_api is not None:
@@ -107,10 +112,6 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
     for source in sources:
         chosen.update(source.take(storage, by_source.get(id(source), set())))
     return len(offers), chosen
-
-
-def _all_empty(folders: Sequence[Path]) -> bool:
-    return all(folder.is_dir() and not any(path.is_file() for path in folder.rglob("*")) for folder in folders)
 
 
 def _maps(storage: Storage, paths: Sequence[Path]) -> list[MapFile]:

@@ -10,11 +10,12 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from trace_dag.crash.folder import Unrecognised
 from trace_dag.errors import UserError
 from trace_dag.pipeline.ingest import ingest
 from trace_dag.pipeline.registry import Registry, in_order
@@ -22,39 +23,60 @@ from trace_dag.storage import Storage
 
 SETTLING_S: Final = 5.0
 """A file changed more recently than this may not be whole yet."""
+_NAMED = 20
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """A look at the watched folders: ``state`` stands for what lies there, ``keys`` are new or changed crashes."""
+    """A look at the watched folders: ``state`` stands for what lies there, ``keys`` are new or changed crashes.
+
+    ``unread`` names the files that hold no report, and why; "" if all do.
+    """
 
     state: str
     folders: int
     keys: tuple[str, ...] = ()
+    unread: str = ""
+
+    @property
+    def seen(self) -> str:
+        """What the next look takes to tell whether anything has changed since."""
+        return f"{self.state} {self.unread}"
 
 
 def register_arrivals(storage: Storage, seen: str = "") -> Arrivals:
-    """Look at the folders of all cohorts and register what is new; nothing is read where ``seen`` is their state."""
+    """Look at the folders of all cohorts and register what is new; nothing is read where they are as ``seen``."""
     watched = {name: cohort.watched for name, cohort in Registry(storage).cohorts().items() if cohort.watched}
     files = {name: _settled(map(Path, folders)) for name, folders in watched.items()}
     listing = {name: [(str(path), *about) for path, about in found.items()] for name, found in files.items()}
     state = hashlib.sha256(json.dumps(listing).encode()).hexdigest()
     folders = sum(map(len, watched.values()))
-    if state == seen:
-        return Arrivals(state, folders)
+    seen_state, _, unread_before = seen.partition(" ")
+    if state == seen_state:
+        return Arrivals(state, folders, unread=unread_before)
     keys: list[str] = []
+    unread: list[Unrecognised] = []
     for name, found in files.items():
         if not found:
             continue
         try:
-            registration = ingest(storage, name, reports=list(found)).registration
+            report = ingest(storage, name, reports=list(found), watch=True)
         except UserError as error:
-            log.warning("cohort %s: %s", name, error)  # nothing in there is a report so far
+            log.warning("cohort %s: %s", name, error)
             continue
-        keys += [*registration.added, *registration.changed]
-    return Arrivals(state, folders, tuple(in_order(keys)))
+        keys += [*report.registration.added, *report.registration.changed]
+        unread += report.unrecognised
+    return Arrivals(state, folders, tuple(in_order(keys)), _named(unread))
+
+
+def _named(unread: Sequence[Unrecognised]) -> str:
+    if not unread:
+        return ""
+    named = "; ".join(f"{each.path}: {each.why}" for each in unread[:_NAMED])
+    more = f"; and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+    return f"Not crash reports, left aside: {named}{more}"
 
 
 def _settled(folders: Iterable[Path]) -> dict[Path, tuple[int, int]]:
