@@ -39,6 +39,7 @@ _DECIDES_NOTHING = frozenset(
         "trace_dag.http",
         "trace_dag.pipeline.stages",
         "trace_dag.settings",
+        "trace_dag.sealing",
         "trace_dag.storage",
         "fsspec",
         "httpx",

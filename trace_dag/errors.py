@@ -252,5 +252,22 @@ class TransientFailure(Failure):
         self.tried_again = tried_again
 
 
+class DamagedFile(Failure):
+    """A stored file is not as it was written. ``found`` says what is there instead, ``remedy`` what mends it."""
+
+    def __init__(self, name: str, found: str, remedy: str = "") -> None:
+        super().__init__(f"{name}: damaged: {found}" + (f"; {remedy}" if remedy else ""))
+        self.name = name
+        self.found = found
+        self.remedy = remedy
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (type(self), (self.name, self.found, self.remedy))
+
+    def mended_by(self, remedy: str) -> DamagedFile:
+        """The same damage, said with its remedy."""
+        return DamagedFile(self.name, self.found, remedy)
+
+
 class UserError(Exception):
     """What was asked for cannot be done; the message names what was found, expected and to be done."""

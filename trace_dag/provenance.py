@@ -22,10 +22,12 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from trace_dag.code_versions import CodeVersion, library_version
-from trace_dag.errors import Failure, Reason, Stage
+from trace_dag.errors import DamagedFile, Reason, Stage
+from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import StoredFile
 
 _HISTORY_KEPT = 20
+_MADE_AGAIN = "trace-dag run makes it again"
 
 
 class Outcome(StrEnum):
@@ -70,7 +72,8 @@ class OutcomeRecord:
     """The result of one stage for one crash, as stored at ``ROOT/<stage>/<key>.outcome.json``.
 
     ``started_at`` is ISO 8601 in UTC; ``measured`` and ``threshold`` are in the unit ``detail`` states; ``figures``
-    are the few numbers a person looks at first; ``error`` is the traceback of a failure.
+    are the few numbers a person looks at first; ``error`` is the traceback of a failure. ``pictures`` were drawn of the
+    crash as it stood with this outcome, its last then.
     """
 
     key: str
@@ -86,6 +89,7 @@ class OutcomeRecord:
     measured: float | None = None
     threshold: float | None = None
     artefacts: tuple[StoredFile, ...] = ()
+    pictures: tuple[StoredFile, ...] = ()
     figures: dict[str, str | float | int | bool | None] = field(default_factory=dict)
     error: str = ""
     transient: bool = False
@@ -102,9 +106,13 @@ class OutcomeRecord:
         wanted = artefact_name(self.stage, self.key, extension)
         return next((artefact for artefact in self.artefacts if artefact.name == wanted), None)
 
+    def picture(self, extension: str) -> StoredFile | None:
+        """The picture with that extension (``png``), if one was drawn."""
+        return next((file for file in self.pictures if file.name.endswith(f".{extension}")), None)
+
     def begun_again(self) -> OutcomeRecord:
         """This record as it stands while its artefacts are made anew: it lists none, and its stage has to run."""
-        return replace(self, outcome=Outcome.STARTED, artefacts=(), fingerprint="").superseding(self)
+        return replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="").superseding(self)
 
     def superseding(self, earlier: OutcomeRecord | None) -> OutcomeRecord:
         """This record with the history of the one it replaces, at most the latest twenty."""
@@ -138,18 +146,20 @@ def artefact_name(stage: Stage, key: str, extension: str) -> str:
 
 
 def record_to_json(record: OutcomeRecord) -> bytes:
-    """The record as stored."""
-    return _RECORDS.dump_json(record, indent=1)
+    """The record as stored, sealed."""
+    return sealed(_RECORDS.dump_json(record, indent=1))
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
-    """A stored record; :class:`Failure` if it is not one, or that of another stage or crash."""
+    """A stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
     try:
-        record = _RECORDS.validate_json(data)
+        record = _RECORDS.validate_json(unsealed(data, name=name))
     except ValidationError as error:
-        raise Failure(f"{name}: not an outcome record ({error.errors()[0]['msg']}); run the crash again") from error
+        raise DamagedFile(name, f"not an outcome record ({error.errors()[0]['msg']})", _MADE_AGAIN) from error
+    except DamagedFile as damaged:
+        raise damaged.mended_by(_MADE_AGAIN) from damaged
     if record.name != name:
-        raise Failure(f"{name}: the outcome record of {record.name}; run the crash again")
+        raise DamagedFile(name, f"the outcome record of {record.name}", _MADE_AGAIN)
     return record
 
 

@@ -24,7 +24,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from trace_dag.errors import Failure, TransientFailure, UserError
+from trace_dag.errors import DamagedFile, Failure, TransientFailure, UserError
 from trace_dag.processes import abandoned, temporary_prefix
 
 T = TypeVar("T")
@@ -46,6 +46,10 @@ class StoredFile:
     name: str
     size: int
     sha256: str
+
+    def matches(self, data: bytes) -> bool:
+        """Whether ``data`` is what was written."""
+        return len(data) == self.size and hashlib.sha256(data).hexdigest() == self.sha256
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,19 @@ class Storage:
         if self.local_root is not None:
             return _on_disk(lambda: _contents_of(path), path)
         return bytes(_remotely(lambda: self._filesystem.cat_file(path), path))
+
+    def read_whole(self, file: StoredFile) -> bytes:
+        """The content of a file, if it is the one that was written. Raises :class:`DamagedFile`."""
+        found = ""
+        for _ in range(2):  # what was cut short on its way is whole the second time
+            try:
+                data = self.read(file.name)
+            except FileNotFoundError as error:
+                raise DamagedFile(file.name, "it is not there") from error
+            if file.matches(data):
+                return data
+            found = f"{len(data)} bytes with SHA-256 {hashlib.sha256(data).hexdigest()[:12]}"
+        raise DamagedFile(file.name, f"it has {found}, written were {file.size} bytes with {file.sha256[:12]}")
 
     def write(self, name: str, data: bytes) -> StoredFile:
         """Put ``data`` there in one step, replacing what was there."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import random
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import fake_flow
@@ -14,7 +14,7 @@ from faults.stores import NO_SPACE, ProviderError, TroubledStore, every
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.records import read_records
+from trace_dag.pipeline.records import read_records, write_record
 from trace_dag.pipeline.registry import ReportSource
 from trace_dag.pipeline.verify import verify_storage
 from trace_dag.provenance import Outcome
@@ -136,8 +136,7 @@ def test_reading_a_cohort_costs_listings_and_not_a_request_per_crash(store, tmp_
     records = read_records(pipeline.storage, list(behaviours))
     assert sum(map(len, records.values())) == 7 * 120
     assert store.requests == {"list": 8, "get": 1}, "a listing per stage, one of the runs, and the run's records"
-    changed = json.loads(pipeline.storage.read("verdict/2023-510007.outcome.json")) | {"detail": "changed since"}
-    pipeline.storage.write("verdict/2023-510007.outcome.json", json.dumps(changed).encode())
+    write_record(pipeline.storage, replace(records["2023-510007"][Stage.VERDICT], detail="changed since"))
     assert read_records(pipeline.storage, list(behaviours))["2023-510007"][Stage.VERDICT].detail == "changed since"
     store.requests.clear()
     assert verify_storage(pipeline.storage, tmp_path).disagreements == ()
@@ -186,8 +185,6 @@ def test_a_report_kept_on_a_store_that_is_down_is_a_failure_and_no_rejection(sto
     def down(kind: str, path: str) -> None:
         if path.endswith("reports/2023-510030.xml"):
             raise ProviderError("no route to host")
-
-    from dataclasses import replace
 
     from trace_dag.pipeline.stages import FLOW
 

@@ -13,20 +13,25 @@ from typing import Any
 
 from dagster import (
     AssetKey,
+    DagsterError,
     DagsterInstance,
     DagsterRunStatus,
     ExecuteInProcessResult,
     JobDefinition,
+    JsonMetadataValue,
     RunsFilter,
 )
 from dagster._core.events import RunFailureReason
 from dagster._core.instance.ref import InstanceRef
 from dagster_shared.error import SerializableErrorInfo
+from sqlalchemy.exc import SQLAlchemyError
+from yaml import YAMLError  # type: ignore[import-untyped]
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
 from trace_dag.assets.partitions import CRASHES, add_partitions
-from trace_dag.errors import Stage
+from trace_dag.assets.summaries import DAMAGED
+from trace_dag.errors import DamagedFile, Stage
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.home import ROOT_VARIABLE, Home
 from trace_dag.pipeline.planning import PlannedBatch, plan
@@ -88,8 +93,12 @@ def prepare_dagster_home(home: Home) -> Path:
 def open_instance(home: Home) -> DagsterInstance:
     """Dagster's records of this root. Runs whose process is gone are closed as failed."""
     folder = str(prepare_dagster_home(home))
-    instance = DagsterInstance.from_ref(InstanceRef.from_dir(folder, overrides=_ON_THE_TERMINAL))
-    _close_orphans(instance)
+    try:
+        instance = DagsterInstance.from_ref(InstanceRef.from_dir(folder, overrides=_ON_THE_TERMINAL))
+        _close_orphans(instance)
+    except (DagsterError, SQLAlchemyError, YAMLError, UnicodeDecodeError) as error:
+        found = f"Dagster cannot read its records ({type(error).__name__})"
+        raise DamagedFile(folder, found, "delete that folder; trace-dag verify --repair tells Dagster anew") from error
     return instance
 
 
@@ -168,7 +177,16 @@ def summarise(home: Home, instance: DagsterInstance) -> RunReport:
         tags={**_REPOSITORY, PROCESS_TAG: this_process()},
         raise_on_error=False,
     )
-    return RunReport(1, tuple(_errors(result)))
+    damaged = [
+        said
+        for event in result.get_asset_materialization_events()
+        for said in _listed(event.materialization.metadata.get(DAMAGED))
+    ]
+    return RunReport(1, (*damaged, *_errors(result)))
+
+
+def _listed(value: object) -> list[str]:
+    return list(value.value) if isinstance(value, JsonMetadataValue) and isinstance(value.value, list) else []
 
 
 def summary_is_current(home: Home, instance: DagsterInstance) -> bool:

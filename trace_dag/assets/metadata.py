@@ -9,10 +9,9 @@ from typing import Any
 
 from dagster import AssetMaterialization, MetadataValue
 
-from trace_dag.errors import Stage
+from trace_dag.errors import DamagedFile, Stage
 from trace_dag.pipeline.benchmark import page_name
 from trace_dag.pipeline.tasks import Action, StageEvent
-from trace_dag.pipeline.worker import PICTURE_EXTENSIONS, picture_name
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
 from trace_dag.storage import Storage
@@ -57,7 +56,7 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
     if event.no_picture:
         metadata["picture"] = f"could not be drawn: {event.no_picture}"
     if event.stage is Stage.VERDICT:
-        metadata.update(picture_metadata(event.key, storage))
+        metadata.update(picture_metadata(record, storage))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
         # A path, with the UI's button to copy it: browsers open no file: link from a page served over http.
         metadata["page"] = MetadataValue.path(storage.path(page_name(event.key)))
@@ -73,16 +72,18 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
     return metadata
 
 
-def picture_metadata(key: str, storage: Storage) -> dict[str, Any]:
+def picture_metadata(record: OutcomeRecord, storage: Storage) -> dict[str, Any]:
     """The crash as a sketch, shown in place; its picture, a click away; and where the file lies. Nothing if there is
-    none."""
-    names = {extension: picture_name(key, extension) for extension in PICTURE_EXTENSIONS}
-    pictures = storage.read_many([names["svg"], names["webp"]])
-    if len(pictures) < 2:
+    none, or if it is damaged."""
+    sketch, small, large = (record.picture(extension) for extension in ("svg", "webp", "png"))
+    if sketch is None or small is None or large is None:
         return {}
-    inline = base64.b64encode(pictures[names["webp"]]).decode()
+    try:
+        drawn, inline = storage.read_whole(sketch).decode(), base64.b64encode(storage.read_whole(small)).decode()
+    except DamagedFile as damaged:
+        return {"picture": str(damaged)}
     return {
-        "sketch": MetadataValue.md(f"![{key} from above]({data_url(pictures[names['svg']].decode())})"),
-        "picture": MetadataValue.md(f"![{key} from above](data:image/webp;base64,{inline})"),
-        "picture file": MetadataValue.path(storage.path(names["png"])),
+        "sketch": MetadataValue.md(f"![{record.key} from above]({data_url(drawn)})"),
+        "picture": MetadataValue.md(f"![{record.key} from above](data:image/webp;base64,{inline})"),
+        "picture file": MetadataValue.path(storage.path(large.name)),
     }

@@ -13,6 +13,7 @@ from trace_dag.warehouse.query import open_warehouse, query
 
 _SHOWN = ("funnel", "failure_reasons", "coverage")
 _ERRORS_NAMED = 10
+DAMAGED = "damaged"  # metadata of a warehouse that lacks what is damaged: a sentence for each file
 
 
 @asset(
@@ -35,6 +36,8 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
         "crashes": report.rows["crashes"],
         "dagster/row_count": report.rows["crashes"],
     }
+    if report.damaged:
+        metadata[DAMAGED] = MetadataValue.json([str(damaged) for damaged in report.damaged])
     for view in _SHOWN:
         metadata[view] = MetadataValue.md(_markdown(*query(home.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
     with open_warehouse(home.warehouse) as connection:
@@ -64,7 +67,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
     if report.errors:
         named = list(report.errors.items())[:_ERRORS_NAMED]
         raise Failure(
-            f"{len(report.errors)} of {report.pages} crashes have no page: {', '.join(key for key, _ in named)}",
+            f"{len(report.errors)} of {report.pages} crashes have no page: {'; '.join(map(_said, named))}",
             metadata={key: MetadataValue.text(error) for key, error in named},
             allow_retries=False,
         )
@@ -76,6 +79,10 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
             "made_now": report.made,
         }
     )
+
+
+def _said(error: tuple[str, str]) -> str:
+    return f"{error[0]}: {error[1].strip().splitlines()[-1]}"
 
 
 def _markdown(names: list[str], rows: list[tuple[Any, ...]]) -> str:

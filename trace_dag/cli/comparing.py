@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,8 @@ def compare(
     """
     from dataclasses import asdict
 
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.errors import Failure
     from trace_dag.pipeline.estimators import estimators_compared
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.stages import FLOW
@@ -64,21 +67,18 @@ def compare(
     names = [name.strip() for name in estimators.split(",") if name.strip()]
     with progress_told("crashes") as tell:
         rows = estimators_compared(pipeline, chosen, names, truth=_truth(truth, chosen), listener=tell)
-    build_warehouse(pipeline.storage, home.local_folder)
+    complaints = Complaints()
+    build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
+    for row in rows:
+        if row.outcome == "failed":
+            complaints.hear(Failure(f"{row.key} with {row.estimator}: {row.detail}"))
     if as_json:
         write_json([{"cohort": chosen, **asdict(row)} for row in rows])
-        return
+        sys.exit(complaints.told())
     columns = [_column(summary) for summary in summarise(rows)]
     shown = [name for name in columns[0] if any(column[name] for column in columns)]
     print_table(["", *names], [(name, *(column[name] for column in columns)) for name in shown])
-    failed = [row for row in rows if row.outcome == "failed"]
-    for row in failed[:_FAILURES_SHOWN]:
-        click.echo(f"failed: {row.key} with {row.estimator}: {row.detail[:200]}", err=True)
-    if failed:
-        raise click.exceptions.Exit(1)
-
-
-_FAILURES_SHOWN = 5
+    sys.exit(complaints.told())
 
 
 def _only_cohort(names: list[str], root: str) -> str:

@@ -91,24 +91,26 @@ def evaluate(
     An agent drives one vehicle; the others move as recorded until somebody touches them. Every evaluation enters the
     warehouse, as tables evaluations and leaderboard.
     """
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.evaluation.evaluate import Conditions
     from trace_dag.evaluation.observation import Sensing
     from trace_dag.evaluation.registry import BASELINES
     from trace_dag.pipeline.agent_trials import try_agents
+    from trace_dag.pipeline.benchmark import publish_leaderboard
     from trace_dag.pipeline.evaluations import Limits, Role, evaluate_agents, verified_cases
     from trace_dag.pipeline.home import Home
-    from trace_dag.pipeline.leaderboard import publish_leaderboard
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.warehouse.build import build_warehouse
 
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     home = Home(root, FLOW)
     pipeline = home.pipeline({"execution": {"workers": workers}} if workers else None)
-    cases = verified_cases(pipeline, cohort, only)
+    complaints = Complaints()
+    cases = verified_cases(pipeline, cohort, only, complain=complaints.hear)
     if variations:
         from trace_dag.pipeline.variations import stored_variations
 
-        cases = stored_variations(pipeline, cases)
+        cases = stored_variations(pipeline, cases, complain=complaints.hear)
     names = agents or BASELINES
     limits = Limits(time_s=time_limit_s)
     try_agents(names, limits)  # before anything begins
@@ -122,14 +124,16 @@ def evaluate(
             Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed),
             limits,
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
+            complain=complaints.hear,
         )
-    build_warehouse(pipeline.storage, home.local_folder)
+    build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
     publish_leaderboard(pipeline.storage, home.warehouse)
     if as_json:
         write_json(rows)
-        return
-    classes = _classes(home.warehouse, by)
-    _print_results(rows, lambda row: classes[row["key"]], by)
+    else:
+        classes = _classes(home.warehouse, by)
+        _print_results(rows, lambda row: classes[row["key"]], by)
+    sys.exit(complaints.told())
 
 
 def _classes(warehouse: Path, dimension: str) -> dict[str, str]:

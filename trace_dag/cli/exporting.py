@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,16 +39,25 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
 
     Exported again, only what has changed is written.
     """
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.pipeline.exporting import export as write
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.stages import FLOW
 
     pipeline, folder = Home(root, FLOW).pipeline(), output or Path(layout)
-    keys = verified_keys(pipeline, cohort, only)
+    complaints, exported = Complaints(), 0
+    keys = verified_keys(pipeline, cohort, only, complain=complaints.hear)
     with progress_of("crashes", len(keys)) as told:
-        written = write(pipeline, keys, folder, layout, told=told)
-    click.echo(f"{folder}  {len(keys)} crashes, {written} files written")
+
+        def tell(key: str) -> None:
+            nonlocal exported
+            exported += 1
+            told(key)
+
+        written = write(pipeline, keys, folder, layout, told=tell, complain=complaints.hear)
+    click.echo(f"{folder}  {exported} crashes, {written} files written")
+    sys.exit(complaints.told())
 
 
 @click.command(
@@ -73,6 +83,7 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
     version.
     """
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.pipeline.exporting import verified_keys
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.releasing import build_release, check_version
@@ -81,11 +92,26 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
 
     check_version(version)
     home = Home(root, FLOW)
-    pipeline = home.pipeline()
-    verified_keys(pipeline, cohort)  # says so if there is none to release
-    build_warehouse(pipeline.storage, home.local_folder)
+    pipeline, complaints = home.pipeline(), Complaints()
+    verified_keys(pipeline, cohort, complain=complaints.hear)  # says so if there is none to release
+    built = build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
     with progress_told("pages, then packages") as tell:
-        made = build_release(pipeline, home.warehouse, version, output, cohort=cohort, archive=archive, tell=tell)
+        made = build_release(
+            pipeline,
+            home.warehouse,
+            version,
+            output,
+            cohort=cohort,
+            archive=archive,
+            unknown=built.incomplete_crashes,
+            tell=tell,
+            complain=complaints.hear,
+        )
+    if made.missing:
+        click.echo(f"{made.folder}  {made.packages} packages; not finished, {made.missing} crashes are missing:")
+        complaints.told()
+        click.echo("Mend them and release again; what is there is kept.")
+        sys.exit(1)
     state = f"{made.written} files written" if made.written else "up to date"
     click.echo(f"{made.folder}  {made.packages} packages, {state}")
     click.echo("Where to look:")
@@ -94,3 +120,4 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     click.echo(f"  {made.folder}/index.parquet  a row per package; index.json the same")
     if made.archive:
         click.echo(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
+    sys.exit(complaints.told())

@@ -14,6 +14,7 @@ from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.pipeline.batch import Pipeline
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.perturbed import Request
@@ -54,7 +55,7 @@ def _cohorts(home: Home, cohort: str | None) -> list[str]:
     return names
 
 
-def _of_each(cohorts: Sequence[str], compared: Callable[[str], Found]) -> dict[str, Found]:
+def _of_each(cohorts: Sequence[str], compared: Callable[[str], Found], complaints: Complaints) -> dict[str, Found]:
     """What was found of every cohort that has something to compare; the last one's complaint if none has."""
     from trace_dag.errors import UserError
 
@@ -66,6 +67,7 @@ def _of_each(cohorts: Sequence[str], compared: Callable[[str], Found]) -> dict[s
         except UserError as error:
             complaint = error
     if complaint is not None and not found:
+        complaints.told()  # why there is nothing
         raise complaint
     return found
 
@@ -120,30 +122,37 @@ def controls(
     """
     from dataclasses import asdict
 
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.pipeline.comparisons import negative_controls
     from trace_dag.warehouse.build import build_warehouse
 
     home = _home(root)
+    complaints = Complaints()
     if perturbed:
         from trace_dag.pipeline.perturbed import MOST, Request
 
         request = Request(most or MOST, only, kinds, draws, seed)
-        _perturbed(home, cohort, rules, request, as_json, execution_overrides(executor, workers))
-        return
+        _perturbed(home, cohort, rules, request, as_json, execution_overrides(executor, workers), complaints)
+        sys.exit(complaints.told())
     if only or kinds:
         raise click.UsageError("--only and --kinds go with --perturbed")
     pipeline = _judged_by(home, rules)
     most = _MOST_CONTROLS if most is None else most
     with progress_told("read, then judged") as tell:
-        found = _of_each(_cohorts(home, cohort), lambda name: negative_controls(pipeline, name, most=most, tell=tell))
-    build_warehouse(pipeline.storage, home.local_folder)
+        found = _of_each(
+            _cohorts(home, cohort),
+            lambda name: negative_controls(pipeline, name, most=most, tell=tell, complain=complaints.hear),
+            complaints,
+        )
+    build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
-        return
+        sys.exit(complaints.told())
     print_table(
         ["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"],
         [line for name, rows in found.items() for line in _control_lines(name, rows)],
     )
+    sys.exit(complaints.told())
 
 
 _MOST_CONTROLS = 500
@@ -156,6 +165,7 @@ def _perturbed(
     request: Request,
     as_json: bool,
     execution: dict[str, Any],
+    complaints: Complaints,
 ) -> None:
     from dataclasses import asdict
 
@@ -166,8 +176,12 @@ def _perturbed(
     overrides: dict[str, Any] = {"execution": execution}
     pipeline = home.pipeline(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
     with progress_told("changed reports") as tell:
-        found = _of_each(_cohorts(home, cohort), lambda name: perturbed_controls(pipeline, name, request, tell=tell))
-    build_warehouse(pipeline.storage, home.local_folder)
+        found = _of_each(
+            _cohorts(home, cohort),
+            lambda name: perturbed_controls(pipeline, name, request, tell=tell, complain=complaints.hear),
+            complaints,
+        )
+    build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return
@@ -212,26 +226,30 @@ def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None,
     """
     from dataclasses import asdict
 
+    from trace_dag.cli.complaints import Complaints
     from trace_dag.pipeline.comparisons import published_comparison
     from trace_dag.warehouse.build import build_warehouse
 
-    home = _home(root)
+    home, complaints = _home(root), Complaints()
     compared = _of_each(
-        _cohorts(home, cohort), lambda name: published_comparison(_judged_by(home, rules), name, folder)
+        _cohorts(home, cohort),
+        lambda name: published_comparison(_judged_by(home, rules), name, folder, complain=complaints.hear),
+        complaints,
     ).values()
     found = [row for each in compared for row in each.rows]
     left_out = {key: why for each in compared for key, why in each.left_out.items()}
-    build_warehouse(home.pipeline().storage, home.local_folder)
+    build_warehouse(home.pipeline().storage, home.local_folder, complain=complaints.hear)
     if left_out:
         click.echo(f"{len(left_out)} left out of both, no collision of two vehicles by their reports:", err=True)
         for key, why in left_out.items():
             click.echo(f"  {key}  {why}", err=True)
     if as_json:
         write_json([asdict(row) for row in found])
-        return
+        sys.exit(complaints.told())
     names = sorted({row.benchmark for row in found})
     columns = [_peer_column([row for row in found if row.benchmark == name]) for name in names]
     print_table(["", *names], [(title, *(column[title] for column in columns)) for title in columns[0]])
+    sys.exit(complaints.told())
 
 
 def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:

@@ -145,6 +145,7 @@ def _run_and_summarise(
 ) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     from trace_dag.assets.launch import open_instance, planned, run_batches, summarise, summary_is_current
+    from trace_dag.pipeline.benchmark import benchmark_is_whole
     from trace_dag.pipeline.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
@@ -167,7 +168,26 @@ def _run_and_summarise(
             click.echo("Nothing to run again: none of the crashes is one of those asked for.")
         else:
             click.echo("Nothing to run: every crash asked for is up to date.")
-        if batches or not summary_is_current(home, instance):
+        damaged = _damaged_warehouse(home)
+        if not damaged and not benchmark_is_whole(pipeline.storage):
+            damaged = "Not every page and package is there as it was made."
+        if damaged and not batches:
+            click.echo(f"{damaged} What is made of all crashes is made again.")
+        if batches or damaged or not summary_is_current(home, instance):
             with progress_told("pages") as tell_pages:
                 errors += summarise(replace(home, page_listener=tell_pages), instance).errors
     return errors
+
+
+def _damaged_warehouse(home: Home) -> str:
+    """What is wrong with the warehouse, in a sentence; nothing if it is as it was built."""
+    from trace_dag.errors import DamagedFile
+    from trace_dag.warehouse.query import check_warehouse
+
+    try:
+        check_warehouse(home.warehouse)
+    except UserError:
+        return "There is no warehouse."
+    except DamagedFile as damaged:
+        return f"{home.warehouse.name}: {damaged.found}."
+    return ""

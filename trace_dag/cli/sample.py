@@ -13,7 +13,7 @@ import click
 
 from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
-from trace_dag.errors import Stage, UserError
+from trace_dag.errors import DamagedFile, Stage, UserError
 
 COHORT = "sample"
 
@@ -78,31 +78,35 @@ def demo(context: click.Context, executor: str | None, workers: int | None) -> N
 @click.pass_obj
 def score_truth(root: str, as_json: bool) -> None:
     """Compare the estimates of the bundled sample with the truth it was made from."""
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.pipeline.flow import read_artefact
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.records import read_records
     from trace_dag.pipeline.stages import FLOW
     from trace_dag.pipeline.standing import standing, valid_records
     from trace_dag.pipeline.truth import load_truth
     from trace_dag.pipeline.truth import score_truth as score
-    from trace_dag.provenance import artefact_name
     from trace_dag.states.json_io import estimate_from_json
     from trace_dag.verdict.json_io import verdict_from_json
 
     truth = load_truth(sample_folder() / "truth.json")
     storage = Home(root, FLOW).pipeline().storage
-    records = read_records(storage, truth.by_key)
+    complaints = Complaints()
+    records = read_records(storage, truth.by_key, complain=complaints.hear)
     if not any(records.values()):
         raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
     estimates, hypotheses, outcomes = {}, {}, {}
     for key, of_crash in records.items():
         valid, stand = valid_records(of_crash), standing(key, of_crash)
         outcomes[key] = (stand.final_state.value, stand.reason.value if stand.reason else None)
-        if Stage.STATE_ESTIMATE in valid and valid[Stage.STATE_ESTIMATE].artefacts:
-            name = artefact_name(Stage.STATE_ESTIMATE, key, "json")
-            estimates[key] = estimate_from_json(storage.read(name))
-        if Stage.VERDICT in valid and valid[Stage.VERDICT].artefacts:
-            judged = verdict_from_json(storage.read(artefact_name(Stage.VERDICT, key, "json")))
-            hypotheses[key] = judged.hypothesis
+        try:
+            if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json")):
+                estimate = estimate_from_json(read_artefact(storage, record, file))
+                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json")):
+                    hypotheses[key] = verdict_from_json(read_artefact(storage, record, file)).hypothesis
+                estimates[key] = estimate
+        except DamagedFile as damaged:
+            complaints.hear(damaged)
     result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
     if as_json:
         write_json(
@@ -112,7 +116,7 @@ def score_truth(root: str, as_json: bool) -> None:
                 "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
             }
         )
-        return
+        sys.exit(complaints.told())
     rows: list[tuple[str, Any]] = [(name.replace("_", " "), value) for name, value in asdict(result.summary).items()]
     print_table(["estimates against the truth", ""], rows)
     unexpected = [row for row in result.outcomes if not row.as_expected]
@@ -125,3 +129,4 @@ def score_truth(root: str, as_json: bool) -> None:
                 for row in unexpected
             ],
         )
+    sys.exit(complaints.told())

@@ -12,8 +12,6 @@ from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 
-_ERRORS_SHOWN = 5
-
 
 @click.command(
     cls=ManyValuesCommand,
@@ -60,7 +58,8 @@ def vary(
     and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
     variations.
     """
-    from trace_dag.errors import UserError
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.errors import Failure, UserError
     from trace_dag.pipeline.evaluations import verified_cases
     from trace_dag.pipeline.home import Home
     from trace_dag.pipeline.stages import FLOW
@@ -74,7 +73,8 @@ def vary(
         raise UserError("--speed is from 0 to 1, --friction above 0 to 1, --timing, --lateral and --reaction 0 or more")
     home = Home(root, FLOW)
     pipeline = home.pipeline({"execution": {"workers": workers}} if workers else None)
-    cases = verified_cases(pipeline, cohort, only)
+    complaints = Complaints()
+    cases = verified_cases(pipeline, cohort, only, complain=complaints.hear)
     request = FamilyRequest(
         count,
         seed,
@@ -83,7 +83,7 @@ def vary(
     )
     with progress_of("families", len(cases)) as tell:
         reports = make_families(pipeline, cases, request, tell=lambda report: tell(report.key))
-    build_warehouse(pipeline.storage, home.local_folder)
+    build_warehouse(pipeline.storage, home.local_folder, complain=complaints.hear)
     kept = sum(report.kept for report in reports)
     if as_json:
         write_json([asdict(report) for report in reports])
@@ -94,15 +94,18 @@ def vary(
             ["crashes", "variations", "collisions", "near misses", "drawn"],
             [(len(reports), kept, kept - near_misses, near_misses, drawn)],
         )
-    broken = [report for report in reports if report.error]
-    for report in broken[:_ERRORS_SHOWN]:
-        click.echo(f"failed: {report.key}: {report.error.strip().splitlines()[-1]}", err=True)
+    for report in reports:
+        if report.error:
+            complaints.hear(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
     if output is not None and kept:
         output.mkdir(parents=True, exist_ok=True)
-        stored = stored_variations(pipeline, cases)
+        stored = stored_variations(pipeline, cases, complain=complaints.hear)
         with progress_of("packages", len(stored)) as tell:
             for case in stored:
-                archive = zip_files(package_of(pipeline, case), folder=case.case_id)
-                (output / f"{case.case_id}.zip").write_bytes(archive)
+                try:
+                    archive = zip_files(package_of(pipeline, case), folder=case.case_id)
+                    (output / f"{case.case_id}.zip").write_bytes(archive)
+                except Failure as failure:
+                    complaints.hear(failure)
                 tell(case.case_id)
-    sys.exit(1 if broken else 0)
+    sys.exit(complaints.told())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import one_line, print_table, write_json
 from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _SHOWN = 50
     )
 )
 @click.option("--repair", is_flag=True, help="Mend what can be, then look again.")
-@click.option("--contents", is_flag=True, help="Read every artefact and compare its SHA-256, not only its size.")
+@click.option("--contents", is_flag=True, help="Read every file and compare its SHA-256, not only its size.")
 @click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")
 @click.pass_obj
 def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
@@ -52,8 +52,10 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
             report, found = _look(storage, home, instance)
             with progress_told("records in Dagster") as tell:
                 repair_dagster(instance, storage, report.records, found, tell)
-            if any(each.kind is Kind.WAREHOUSE for each in found):
-                summarise(home, instance)
+            made_together = (Kind.WAREHOUSE, Kind.DAMAGED_PAGE, Kind.DAMAGED_RESULT, Kind.UNLISTED_FILE)
+            if any(each.kind in made_together for each in (*before, *found)):
+                for error in summarise(home, instance).errors:
+                    click.echo(f"failed: {one_line(error, 500)}", err=True)
             report, found = _look(storage, home, instance)
     left = set(found)
     mended = [each for each in before if each not in left]

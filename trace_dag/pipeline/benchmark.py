@@ -18,13 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from trace_dag.code_versions import code_version
+from trace_dag.errors import Failure
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
 from trace_dag.pipeline.artefacts import ESTIMATE, MAP_REPORT, RECORD, VERDICT
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.executors import Executor, WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
-from trace_dag.pipeline.leaderboard import publish_leaderboard
+from trace_dag.pipeline.leaderboard import write_leaderboard_page
+from trace_dag.pipeline.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
 from trace_dag.pipeline.packaging import map_attribution, package_of, unverified_files
 from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records, read_records
@@ -32,12 +34,15 @@ from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import FinalState, valid_records
 from trace_dag.pipeline.worker import picture_name
 from trace_dag.settings import Settings
-from trace_dag.storage import Storage
+from trace_dag.storage import Storage, StoredFile
 from trace_dag.warehouse import query
 
 FOLDER = "benchmark"
+SUBJECT = "benchmark"  # of the ledger
+_BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 _CODE = ("trace_dag.scenario.package", "trace_dag.scenario.site")
+_FILES = f"{FOLDER}/files/"
 _OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
 
 
@@ -84,11 +89,13 @@ def build_benchmark(
     warehouse: Path,
     executor: Executor | None = None,
     *,
+    contents: bool = False,
     tell: Progress = untold,
 ) -> BenchmarkReport:
-    """Bring packages and site up to date with the warehouse.
+    """Bring packages and site up to date with the warehouse, and make again what is not as it was made.
 
-    ``tell`` hears how many crashes are done, of how many that have to be.
+    That is seen by its size, with ``contents`` by its SHA-256. ``tell`` hears how many crashes are done, of how many
+    that have to be.
     """
     storage = pipeline.storage
     table = query.rows(warehouse, "crashes")
@@ -98,9 +105,11 @@ def build_benchmark(
         row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
     crashes = _crashes(pipeline, warehouse, table)
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
-    made_before = _digests(storage)
-    stale = [crash for crash in crashes if made_before.get(crash.key) != crash.digest]
+    before = sound_ledger(storage, SUBJECT)
+    damaged = {crash_of(file.name) for file, _ in not_as_made(storage, before, contents=contents)}
+    stale = [crash for crash in crashes if crash.key in damaged or before.made_of.get(crash.key) != crash.digest]
     errors: dict[str, str] = {}
+    made: dict[str, StoredFile] = {}
     done = 0
     ours = executor or make_executor(pipeline.settings.execution)
     try:
@@ -109,19 +118,51 @@ def build_benchmark(
             if isinstance(lost, WorkerLost):
                 errors.update({crash.key: lost.detail for crash in answer.task.crashes})
             else:
-                errors.update(lost)
+                errors.update(lost.errors)
+                made.update((file.name, file) for file in lost.files)
             done += len(answer.task.crashes)
             tell(done, len(stale))
     finally:
         if executor is None:
             ours.close()
     _remove_others(storage, {"packages": verified, "replays": {crash.key for crash in crashes}})
-    _write_index(storage, warehouse, table, Rights.of(each for crash in crashes for each in crash.rights.attributions))
-    digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
-    made = {"code": _code(), "crashes": digests}
-    storage.write(f"{FOLDER}/digests.json", json.dumps(made, indent=0).encode())
-    packages = sum(name.endswith(".zip") for name in storage.list(f"{FOLDER}/packages"))
+    rights = Rights.of(each for crash in crashes for each in crash.rights.attributions)
+    index = _write_index(storage, warehouse, table, rights)
+    made_of = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
+    kept = made_of.keys() - {crash.key for crash in stale}
+    files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
+    write_ledger(storage, SUBJECT, [*files.values(), *index], made_of | {_BY_CODE: _code()})
+    packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
+
+
+def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
+    """Write the leaderboard's page anew, without the rest of the site."""
+    page, ledger = write_leaderboard_page(storage, warehouse), sound_ledger(storage, SUBJECT)
+    write_ledger(storage, SUBJECT, (ledger.files | {page.name: page}).values(), ledger.made_of)
+
+
+def crash_of(name: str) -> str:
+    """The crash a file of the benchmark belongs to; something else for a file of the site."""
+    parts = name.split("/")
+    return parts[2] if parts[1] == "files" else parts[-1].partition(".")[0]
+
+
+def not_as_made(storage: Storage, ledger: Ledger, *, contents: bool = False) -> list[tuple[StoredFile, str]]:
+    """The benchmark's files that are not as its ledger says, and what is found.
+
+    On an object store single files lie in a folder per crash, which would cost a listing each: they are looked at only
+    where the contents are read.
+    """
+    local = storage.local_root is not None
+    files = [file for file in ledger.files.values() if local or contents or not file.name.startswith(_FILES)]
+    return list(not_as_listed(storage, files, contents=contents))
+
+
+def benchmark_is_whole(storage: Storage) -> bool:
+    """Whether every file of the benchmark is there with the size it was made with."""
+    ledger = sound_ledger(storage, SUBJECT)
+    return bool(ledger.files) and not not_as_made(storage, ledger)
 
 
 def _crashes(pipeline: Pipeline, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> list[_Crash]:
@@ -137,6 +178,7 @@ def _crashes(pipeline: Pipeline, warehouse: Path, table: Sequence[Mapping[str, A
     for crash in table:
         key = crash["key"]
         made_of = [file.sha256 for record in records[key].values() for file in record.artefacts]
+        made_of += [file.sha256 for record in records[key].values() for file in record.pictures]
         parts = [code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
         said = tuple(outcomes.get(key, ()))
@@ -165,48 +207,61 @@ def _tasks(pipeline: Pipeline, crashes: Sequence[_Crash], workers: int) -> list[
     ]
 
 
-def _make(task: _Task) -> dict[str, str]:
-    """Packages and pages of some crashes; what went wrong by crash."""
-    errors = {}
+@dataclass(frozen=True)
+class _Made:
+    """The files of some crashes, and what went wrong by crash."""
+
+    files: Sequence[StoredFile]
+    errors: Mapping[str, str]
+
+
+def _make(task: _Task) -> _Made:
+    """Packages and pages of some crashes."""
+    made: list[StoredFile] = []
+    errors: dict[str, str] = {}
     for crash in task.crashes:
         files = CrashFiles(crash.key, crash.source, task.settings, task.storage)
         for record in crash.records.values():
             files.accept(record)
         try:
-            _make_one(files, crash)
+            made += _make_one(files, crash)
+        except Failure as failure:
+            errors[crash.key] = str(failure)
         except Exception as error:
             # One crash without a page keeps no other from having one.
             errors[crash.key] = "".join(traceback.format_exception(error))
-    return errors
+    return _Made(made, errors)
 
 
 @no_garbage_collection()
-def _make_one(files: CrashFiles, crash: _Crash) -> None:
+def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.site import CrashPage, Download, write_crash_page
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED
     made = package_of(files, crash.records) if verified else unverified_files(files)
     downloads: list[Download] = []
+    written: list[StoredFile] = []
     if verified:
         archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, made))
+        written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
     for name in _OFFERED:
         if name in made:
-            stored = storage.write(f"{FOLDER}/files/{key}/{name}", made[name])
+            stored = storage.write(f"{_FILES}{key}/{name}", made[name])
+            written.append(stored)
             downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
         else:
-            storage.delete(f"{FOLDER}/files/{key}/{name}")
+            storage.delete(f"{_FILES}{key}/{name}")
     if replay := made.get("replay.html"):
-        storage.write(f"{FOLDER}/replays/{key}.html", replay)
+        written.append(storage.write(f"{FOLDER}/replays/{key}.html", replay))
     else:
         storage.delete(f"{FOLDER}/replays/{key}.html")
-    picture = picture_name(key)
-    try:
-        storage.write(f"{FOLDER}/{picture}", storage.read(picture))
-    except FileNotFoundError:  # rejected before there was anything to draw, or it could not be drawn
-        storage.delete(f"{FOLDER}/{picture}")
-        picture = ""
+    picture = files.picture("png")
+    if picture is not None:
+        written.append(storage.write(f"{FOLDER}/{picture_name(key)}", picture))
+    else:  # rejected before there was anything to draw, or it could not be drawn
+        storage.delete(f"{FOLDER}/{picture_name(key)}")
     page = CrashPage(
         crash.row,
         crash.outcomes,
@@ -219,7 +274,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> None:
         replay=f"../replays/{key}.html" if replay else None,
         downloads=downloads,
     )
-    storage.write(page_name(key), write_crash_page(page))
+    return [*written, storage.write(page_name(key), write_crash_page(page))]
 
 
 def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
@@ -230,24 +285,11 @@ def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
 
 def is_made_by_this_code(storage: Storage) -> bool:
     """Whether packages and pages were last made by the code that would make them now."""
-    return bool(_made(storage).get("code") == _code())
+    return sound_ledger(storage, SUBJECT).made_of.get(_BY_CODE) == _code()
 
 
 def _code() -> str:
     return code_version((__name__, *_CODE)).digest
-
-
-def _made(storage: Storage) -> dict[str, Any]:
-    try:
-        made: dict[str, Any] = json.loads(storage.read(f"{FOLDER}/digests.json"))
-    except (FileNotFoundError, json.JSONDecodeError):
-        return {}
-    return made
-
-
-def _digests(storage: Storage) -> dict[str, str]:
-    present = storage.list(f"{FOLDER}/crashes")
-    return {key: digest for key, digest in _made(storage).get("crashes", {}).items() if page_name(key) in present}
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
@@ -258,11 +300,14 @@ def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> Non
                 storage.delete(name)
 
 
-def _write_index(storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]], rights: Rights) -> None:
+def _write_index(
+    storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]], rights: Rights
+) -> list[StoredFile]:
     from trace_dag.scenario.site import static_files, write_index
 
     funnel, coverage, reasons = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
-    storage.write(INDEX, write_index(table, funnel, coverage, reasons, rights))
-    publish_leaderboard(storage, warehouse)
-    for name, data in static_files().items():
-        storage.write(f"{FOLDER}/{name}", data)
+    return [
+        storage.write(INDEX, write_index(table, funnel, coverage, reasons, rights)),
+        write_leaderboard_page(storage, warehouse),
+        *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
+    ]

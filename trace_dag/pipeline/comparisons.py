@@ -7,7 +7,7 @@ from where the warehouse takes them.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,14 +15,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from trace_dag.crash.kind import another_kind, untold_meeting
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.pipeline.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.ledgers import Complaint, raised, read_listed, write_ledger
 from trace_dag.pipeline.progress import Progress, untold
-from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.records import Records, log_complaint, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.standing import valid_records
+from trace_dag.storage import Storage, StoredFile
 from trace_dag.verdict.controls import (
     ControlRow,
     JudgedCrash,
@@ -61,9 +63,11 @@ def stored_crash(pipeline: Pipeline, key: str) -> CrashFiles:
     return _files(pipeline, source, read_records(pipeline.storage, [key])[key], key)
 
 
-def crash_files(pipeline: Pipeline, keys: Collection[str]) -> Iterator[CrashFiles]:
-    """The artefacts of some registered crashes, in their order."""
-    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
+def crash_files(
+    pipeline: Pipeline, keys: Collection[str], *, complain: Complaint = log_complaint
+) -> Iterator[CrashFiles]:
+    """The artefacts of some registered crashes, in their order; ``complain`` hears of records that are damaged."""
+    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys, complain=complain)
     return (_files(pipeline, sources[key], records[key], key) for key in keys)
 
 
@@ -80,18 +84,23 @@ def judged_crashes(
     *,
     most: int | None = None,
     tell: Progress = untold,
+    complain: Complaint = raised,
 ) -> list[StoredCrash]:
     """Those of some crashes that have a verdict on a simulation; of more than ``most``, so many drawn at random.
 
-    The same crashes give the same draw. ``tell`` hears how many of how many have been read.
+    The same crashes give the same draw. ``tell`` hears how many of how many have been read, ``complain`` of those left
+    out because something stored of them is damaged.
     """
-    judged = [each for each in crash_files(pipeline, keys) if each.has(VERDICT)]
+    judged = [each for each in crash_files(pipeline, keys, complain=complain) if each.has(VERDICT)]
     if most is not None:
         judged = drawn(judged, most, _SEED)
     found = []
     for done, each in enumerate(judged, 1):
-        found.append(read_judged(each))
         tell(done, len(judged))
+        try:
+            found.append(read_judged(each))
+        except Failure as failure:
+            complain(failure)
     return found
 
 
@@ -121,19 +130,20 @@ def negative_controls(
     *,
     most: int,
     tell: Progress = untold,
+    complain: Complaint = raised,
 ) -> list[ControlRow]:
     """Every judged crash of a cohort against its own report, every verified one against every other's report and with
     one vehicle late. Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
-    at random. ``tell`` hears how many of how many are read, and then judged.
+    at random. ``tell`` hears how many of how many are read, and then judged; ``complain`` of those left out.
 
     Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
     """
     from trace_dag.sim.embedded import EmbeddedBackend
     from trace_dag.sim.run import simulate
 
-    crashes = judged_crashes(pipeline, pipeline.registry.keys(cohort), most=most, tell=tell)
+    crashes = judged_crashes(pipeline, pipeline.registry.keys(cohort), most=most, tell=tell, complain=complain)
     if not crashes:
         raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
     settings = pipeline.settings
@@ -161,10 +171,13 @@ class PublishedComparison:
     left_out: dict[str, str]
 
 
-def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> PublishedComparison:
+def published_comparison(
+    pipeline: Pipeline, cohort: str, folder: Path, *, complain: Complaint = raised
+) -> PublishedComparison:
     """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
 
     A case in whose report no two vehicles are known to have touched is left out of both: it has no collision to judge.
+    So is a case of which something stored is damaged, which ``complain`` hears of.
     ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
     :class:`UserError` if it does not, or if none of its cases is in the cohort.
     """
@@ -180,13 +193,19 @@ def published_comparison(pipeline: Pipeline, cohort: str, folder: Path) -> Publi
         files = stored_crash(pipeline, key)
         if case not in simulations or not files.has(RECORD):
             continue
-        record = files.load(RECORD)
-        no_collision = untold_meeting(record) or another_kind(record)
-        if no_collision is not None:
-            left_out[key] = no_collision
+        try:
+            record = files.load(RECORD)
+            no_collision = untold_meeting(record) or another_kind(record)
+            if no_collision is not None:
+                left_out[key] = no_collision
+                continue
+            ours_of_case = judged_crashes(pipeline, [key])
+            theirs = _theirs(pipeline, files, simulations[case], folder / "maps" / f"map_{case}.xodr")
+        except DamagedFile as damaged:
+            complain(damaged)
             continue
-        rows.append(_theirs(pipeline, files, simulations[case], folder / "maps" / f"map_{case}.xodr"))
-        for ours in judged_crashes(pipeline, [key]):
+        rows.append(theirs)
+        for ours in ours_of_case:
             crash = ours.judged
             rows.append(
                 compare(
@@ -222,10 +241,34 @@ def store(pipeline: Pipeline, kind: str, cohort: str, rows: Sequence[DataclassIn
     """Keep the rows of a comparison of a cohort, in place of those before."""
     judged = {"cohort": cohort, "rule_set": pipeline.settings.verdict.rule_set}
     content: list[dict[str, Any]] = [{**judged, **asdict(row)} for row in rows]
+    store_comparison(pipeline.storage, kind, cohort, content)
+
+
+_MADE_BY = {CONTROLS: "controls", PUBLISHED: "peer FOLDER", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
+
+
+def comparison_is_whole(storage: Storage, name: str, complain: Complaint) -> bool:
+    """Whether a stored comparison is as it was written; if not, ``complain`` hears of it."""
+    kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
-        pipeline.storage.write(f"{FOLDER}/{kind}-{cohort}.json", json.dumps(content, indent=0).encode())
+        remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"
+        read_listed(storage, name.removesuffix(".json"), name, remedy=remedy)
+    except DamagedFile as damaged:
+        complain(damaged)
+        return False
+    return True
+
+
+def store_comparison(
+    storage: Storage, kind: str, cohort: str, rows: Sequence[Mapping[str, Any]], beside: Sequence[StoredFile] = ()
+) -> None:
+    """Keep the rows of a comparison of a cohort, and list them with the files made ``beside``."""
+    subject = f"{FOLDER}/{kind}-{cohort}"
+    try:
+        file = storage.write(f"{subject}.json", json.dumps(rows, indent=0).encode())
     except ValueError as error:
         raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
+    write_ledger(storage, subject, [file, *beside])
 
 
 def replay(pipeline: Pipeline, key: str, replay_format: Literal["html", "gif", "webp", "mp4"]) -> bytes:

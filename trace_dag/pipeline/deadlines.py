@@ -55,7 +55,7 @@ class StepAnswer(Generic[S, R]):
 
     task: str
     step: S
-    result: R | StepLost
+    result: R | StepLost | Failure
 
 
 class StepWork(Protocol[C, S_in, R_out]):
@@ -87,7 +87,7 @@ class DeadlinePool(Generic[C, S, R]):
     """Worker processes for one kind of work.
 
     ``step_limit_s``: wall-clock time a step may take. ``memory_mb``: address space of a worker beyond what it starts
-    with. Failures of ``prepare`` are ours: raised as :class:`Failure`.
+    with. A :class:`Failure` of ``prepare`` answers every step of its task.
     """
 
     def __init__(self, work: StepWork[C, S, R], *, workers: int, step_limit_s: float, memory_mb: int) -> None:
@@ -147,7 +147,8 @@ class DeadlinePool(Generic[C, S, R]):
             worker.prepared = True
         elif isinstance(message, Failure):
             worker.task = None
-            raise message
+            for step in task.steps:
+                yield StepAnswer(task.name, step, message)
         else:
             step = task.steps[worker.done]
             worker.done += 1

@@ -7,16 +7,15 @@ one beside the other; the rows at ``ROOT/comparisons/estimators-<cohort>.json``,
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 import uuid
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
-from trace_dag.errors import Failure, Rejection, UserError
+from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.pipeline.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
 from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.comparisons import ESTIMATORS, FOLDER
+from trace_dag.pipeline.comparisons import ESTIMATORS, store_comparison
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
 from trace_dag.pipeline.progress import Progress
@@ -31,6 +30,7 @@ from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.llm.estimator import UnusableAnswers
 from trace_dag.states.types import StateEstimate
+from trace_dag.storage import StoredFile
 from trace_dag.verdict.judge import judge
 
 ESTIMATES_FOLDER = "estimators"
@@ -96,6 +96,7 @@ def estimators_compared(
         raise UserError(f"no crash of cohort {cohort!r} has a road map yet; trace-dag run --cohort {cohort} makes them")
     tasks = [_Task(crash, tuple(named.items()), truth) for crash in mapped]
     rows: dict[str, Sequence[EstimatorRow]] = {}
+    files: list[StoredFile] = []
     if listener is not None:
         listener(0, len(tasks))
     executor = make_executor(pipeline.settings.execution)
@@ -103,14 +104,15 @@ def estimators_compared(
         for answer in run_redoing_lost(executor, _compare, tasks, lambda task: [task]):
             if isinstance(answer.result, WorkerLost):
                 raise Failure(f"{answer.task.crash.key}: its worker died ({answer.result.detail})")
-            rows[answer.task.crash.key] = answer.result
+            rows[answer.task.crash.key], made = answer.result
+            files += made
             if listener is not None:
                 listener(len(rows), len(tasks))
     finally:
         executor.close()
     found = [row for key in sorted(rows) for row in rows[key]]
     content = [{"cohort": cohort, **asdict(row)} for row in found]
-    pipeline.storage.write(f"{FOLDER}/{ESTIMATORS}-{cohort}.json", json.dumps(content, indent=0).encode())
+    store_comparison(pipeline.storage, ESTIMATORS, cohort, content, files)
     return found
 
 
@@ -124,13 +126,20 @@ def _crashes(pipeline: Pipeline, cohort: str) -> Iterator[CrashFiles]:
         yield crash
 
 
-def _compare(task: _Task) -> tuple[EstimatorRow, ...]:
-    """All estimators on one crash."""
-    attempts = {name: _attempt(task, name, settings) for name, settings in task.estimators}
-    return compare_estimators(task.crash.key, attempts, reference=task.estimators[0][0])
+def _compare(task: _Task) -> tuple[tuple[EstimatorRow, ...], list[StoredFile]]:
+    """All estimators on one crash, and the files of their estimates."""
+    files: list[StoredFile] = []
+    attempts = {}
+    for name, settings in task.estimators:
+        try:
+            attempts[name] = _attempt(task, name, settings, files)
+        except DamagedFile as damaged:
+            attempts[name] = Attempt(None, detail=str(damaged), failed=True)
+    return compare_estimators(task.crash.key, attempts, reference=task.estimators[0][0]), files
 
 
-def _attempt(task: _Task, name: str, chosen: StateSettings) -> Attempt:
+def _attempt(task: _Task, name: str, chosen: StateSettings, files: list[StoredFile]) -> Attempt:
+    """One estimator on one crash; its estimate joins the ``files``. Raises :class:`DamagedFile`."""
     crash, stored_as = task.crash, f"{estimates_folder(name)}/{task.crash.key}.json"
     client = crash.services.language_model(chosen) if chosen.estimator == "llm" else None
     record, network, report = crash.load(RECORD), crash.load(ROAD_MAP), crash.load(MAP_REPORT)
@@ -144,7 +153,7 @@ def _attempt(task: _Task, name: str, chosen: StateSettings) -> Attempt:
         return Attempt(None, detail=rejection.detail)
     except Failure as failure:
         return Attempt(None, detail=str(failure), failed=True)
-    crash.storage.write(stored_as, estimate_to_json(made))
+    files.append(crash.storage.write(stored_as, estimate_to_json(made)))
     settings = crash.settings
     xodr = crash.load(XODR)
     logs = simulate(EmbeddedBackend(settings.sim), network, xodr, made, settings.sim, record=record)

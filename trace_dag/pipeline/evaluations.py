@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import Literal
 
 from trace_dag.code_versions import code_version
-from trace_dag.errors import Failure, Stage, UserError
+from trace_dag.errors import DamagedFile, Failure, Stage, UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate, run
@@ -26,7 +26,8 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.deadlines import DeadlinePool, StepLost, Task
 from trace_dag.pipeline.executors import available_cores
 from trace_dag.pipeline.flow import CrashFiles
-from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
+from trace_dag.pipeline.records import Records, log_complaint, read_records
 from trace_dag.pipeline.registry import CrashSource
 from trace_dag.pipeline.selection import registered
 from trace_dag.pipeline.standing import FinalState, standing, valid_records
@@ -183,10 +184,15 @@ def number_of(case: Case, role: Role) -> int:
     return striking if role is Role.STRIKING else struck
 
 
-def verified_cases(pipeline: Pipeline, cohort: str | None, only: Collection[str]) -> list[StoredCase]:
-    """The verified ones of the crashes asked for; :class:`UserError` if there are none."""
+def verified_cases(
+    pipeline: Pipeline, cohort: str | None, only: Collection[str], *, complain: Complaint = log_complaint
+) -> list[StoredCase]:
+    """The verified ones of the crashes asked for; :class:`UserError` if there are none.
+
+    ``complain`` hears of records that are damaged, so that nobody knows whether their crash is verified.
+    """
     keys = registered(pipeline, cohort, only)
-    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys)
+    sources, records = pipeline.registry.sources(keys), read_records(pipeline.storage, keys, complain=complain)
     cases = [
         StoredCase(key, sources[key], valid_records(records[key]))
         for key in keys
@@ -208,11 +214,12 @@ def evaluate_agents(
     limits: Limits,
     *,
     tell: Callable[[Row], None] = lambda _: None,
+    complain: Complaint = raised,
 ) -> list[Row]:
     """Every agent in every role of every case, as rows in a fixed order, stored under the root.
 
-    ``tell`` hears of each evaluation as it is done. Raises :class:`UserError` for agents that are not there,
-    :class:`Failure` where a crash cannot be loaded.
+    ``tell`` hears of each evaluation as it is done, ``complain`` of every step of a crash that cannot be loaded. Raises
+    :class:`UserError` for agents that are not there.
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
@@ -224,11 +231,14 @@ def evaluate_agents(
         work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
     )
     code = code_version(_CODE).digest
-    results = _Results(pipeline.storage, {name: label(name) + conditions.suffix for name in agents})
+    results = _Results(pipeline.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
     try:
         for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
             stored = by_id[answer.task]
             found = answer.result
+            if isinstance(found, Failure):
+                complain(found)
+                continue
             if isinstance(found, StepLost):
                 ego = number_of(load_case(stored, pipeline.settings, pipeline.storage), answer.step.role)
                 found = Evaluation(stored.case_id, stored.key, ego, Outcome.FAULTY, fault=found.detail)
@@ -249,8 +259,9 @@ def evaluate_agents(
 class _Results:
     """Rows as they come; stored at the end, however it comes, so that an interrupted batch keeps what was done."""
 
-    def __init__(self, storage: Storage, labels: Mapping[str, str]) -> None:
+    def __init__(self, storage: Storage, labels: Mapping[str, str], complain: Complaint) -> None:
         self.labels = labels
+        self._complain = complain
         self._storage = storage
         self._rows: dict[str, list[Row]] = {name: [] for name in labels}
 
@@ -265,10 +276,14 @@ class _Results:
         for name, rows in self._rows.items():
             if not rows:
                 continue
-            file = f"{FOLDER}/{self.labels[name]}.parquet"
-            merged = {_identity(each): each for each in stored_rows(self._storage, file)}
+            subject = f"{FOLDER}/{self.labels[name]}"
+            try:
+                merged = {_identity(each): each for each in stored_rows(self._storage, subject)}
+            except DamagedFile as damaged:
+                self._complain(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
+                merged = {}
             merged |= {_identity(each): each for each in rows}
-            self._storage.write(file, rows_to_parquet(merged[each] for each in sorted(merged)))
+            table = self._storage.write(f"{subject}.parquet", rows_to_parquet(merged[each] for each in sorted(merged)))
             first = rows[0]
             about = {
                 "agent": self.labels[name],
@@ -277,25 +292,34 @@ class _Results:
                 "evaluations": len(rows),
                 **{key: first[key] for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "code_version")},
             }
-            self._storage.write(f"{FOLDER}/{self.labels[name]}.json", json.dumps(about, indent=1).encode())
+            made = self._storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
+            write_ledger(self._storage, subject, [table, made])
 
 
 def _identity(row_of_table: Row) -> tuple[str, int]:
     return row_of_table["case_id"], row_of_table["vehicle_number"]
 
 
-def stored_rows(storage: Storage, file: str) -> list[Row]:
-    """The rows of one agent's file; none if it is not there."""
-    try:
-        return rows_from_parquet(storage.read(file))
-    except FileNotFoundError:
+def stored_rows(storage: Storage, subject: str) -> list[Row]:
+    """The rows of one agent; none if there are no evaluations of it. Raises :class:`DamagedFile`."""
+    agent = subject.removeprefix(f"{FOLDER}/")
+    table = f"{subject}.parquet"
+    if not storage.exists(table) and not storage.exists(ledger_name(subject)):
         return []
+    remedy = f"evaluate the agent {agent} again, trace-dag evaluate --agent"
+    return rows_from_parquet(read_listed(storage, subject, table, remedy=remedy))
 
 
-def all_rows(storage: Storage) -> list[Row]:
-    """Every stored evaluation, of all agents."""
-    names = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
-    return [each for data in storage.read_many(names).values() for each in rows_from_parquet(data)]
+def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
+    """Every stored evaluation, of all agents; ``complain`` hears of the agents whose table is damaged."""
+    found: list[Row] = []
+    tables = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
+    for subject in sorted({*subjects(storage, FOLDER), *(table.removesuffix(".parquet") for table in tables)}):
+        try:
+            found += stored_rows(storage, subject)
+        except DamagedFile as damaged:
+            complain(damaged)
+    return found
 
 
 def replay_with(

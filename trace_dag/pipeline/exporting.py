@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from trace_dag.errors import UserError
+from trace_dag.errors import Failure, UserError
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.ledgers import Complaint, raised
 from trace_dag.pipeline.packaging import package_of, published_files, published_readme
-from trace_dag.pipeline.records import Records, read_records
+from trace_dag.pipeline.records import Records, log_complaint, read_records
 from trace_dag.pipeline.standing import FinalState, standing, valid_records
 from trace_dag.storage import Storage
 
@@ -23,16 +24,19 @@ Layout = Literal["packages", "published"]
 _AT_A_TIME = 200  # crashes whose records are read together
 
 
-def verified_keys(pipeline: Pipeline, cohort: str | None = None, only: Sequence[str] = ()) -> list[str]:
+def verified_keys(
+    pipeline: Pipeline, cohort: str | None = None, only: Sequence[str] = (), *, complain: Complaint = log_complaint
+) -> list[str]:
     """Keys of the verified crashes, of a cohort or among those named, in order.
 
-    Raises :class:`UserError` if there is none, or if one of those named is not verified.
+    ``complain`` hears of records that are damaged, so that nobody knows whether their crash is verified. Raises
+    :class:`UserError` if there is none, or if one of those named is not verified.
     """
     asked = list(only) or list(pipeline.registry.keys(cohort))
     found = [
         key
         for start in range(0, len(asked), _AT_A_TIME)
-        for key, records in read_records(pipeline.storage, asked[start : start + _AT_A_TIME]).items()
+        for key, records in read_records(pipeline.storage, asked[start : start + _AT_A_TIME], complain=complain).items()
         if standing(key, records).final_state is FinalState.VERIFIED
     ]
     missing = sorted(set(only) - set(found))
@@ -50,8 +54,10 @@ def export(
     layout: Layout,
     *,
     told: Callable[[str], None] = lambda _key: None,
+    complain: Complaint = raised,
 ) -> int:
-    """Write verified crashes below ``folder``; how many files were written or replaced. ``told`` hears of each crash.
+    """Write verified crashes below ``folder``; how many files were written or replaced. ``told`` hears of each crash,
+    ``complain`` of each that cannot be written because something stored of it is damaged.
 
     Packages lie in a folder per key. In the published layout crashes are known by their case number alone, which is
     unique only within a year: crashes of several years lie in a folder per year.
@@ -60,11 +66,15 @@ def export(
     years = {key.partition("-")[0] for key in keys}
     for files, records in _crashes(pipeline, keys):
         year = files.key.partition("-")[0]
-        if layout == "packages":
-            contents = {f"{files.key}/{name}": data for name, data in package_of(files, records).items()}
-        else:
-            below = f"{year}/" if len(years) > 1 else ""
-            contents = {below + name: data for name, data in published_files(files).items()}
+        try:
+            if layout == "packages":
+                contents = {f"{files.key}/{name}": data for name, data in package_of(files, records).items()}
+            else:
+                below = f"{year}/" if len(years) > 1 else ""
+                contents = {below + name: data for name, data in published_files(files).items()}
+        except Failure as failure:
+            complain(failure)
+            continue
         written += sum(write_if_changed(target, name, data) for name, data in contents.items())
         told(files.key)
     if layout == "published":

@@ -19,7 +19,6 @@ All of it is read from the function's source, so that asking what a stage depend
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -27,7 +26,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from trace_dag.code_versions import CodeVersion, code_version, referred, signature_of
-from trace_dag.errors import Rejection, Stage
+from trace_dag.errors import DamagedFile, Rejection, Stage
 from trace_dag.pipeline.artefacts import ARTEFACTS, Artefact
 from trace_dag.pipeline.products import Figure, StageProduct
 from trace_dag.pipeline.registry import CrashSource
@@ -41,12 +40,24 @@ _SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fie
 _SOURCES = {"report": "report", "maps": "maps", "map_service": "maps"}  # parameter: what it is of a crash's sources
 
 
-class DamagedArtefactError(Exception):
-    """A stored artefact is not what its record says; the stage that made it has to run again."""
+class DamagedArtefactError(DamagedFile):
+    """An artefact or a picture is not what its record says; the stage that made it has to run again."""
 
-    def __init__(self, stage: Stage, file: StoredFile, found: str) -> None:
-        super().__init__(f"{file.name}: {found}, recorded were {file.size} bytes with SHA-256 {file.sha256[:12]}")
+    def __init__(self, key: str, stage: Stage, name: str, found: str) -> None:
+        super().__init__(name, found, f"trace-dag run --only {key} --from {stage} makes it again")
+        self.key = key
         self.stage = stage
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (DamagedArtefactError, (self.key, self.stage, self.name, self.found))
+
+
+def read_artefact(storage: Storage, record: OutcomeRecord, file: StoredFile) -> bytes:
+    """One of the files a record lists. Raises :class:`DamagedArtefactError`."""
+    try:
+        return storage.read_whole(file)
+    except DamagedFile as damaged:
+        raise DamagedArtefactError(record.key, record.stage, file.name, damaged.found) from damaged
 
 
 class CrashFiles:
@@ -119,20 +130,22 @@ class CrashFiles:
             file = self._records[stage].artefact(extension)
             if file is None:
                 raise KeyError(name)
-            self._contents[name] = self._checked(stage, file)
+            self._contents[name] = read_artefact(self.storage, self._records[stage], file)
         return self._contents[name]
 
-    def _checked(self, stage: Stage, file: StoredFile) -> bytes:
-        found = ""
-        for _ in range(2):  # what was cut short on its way is whole the second time
-            try:
-                data = self.storage.read(file.name)
-            except FileNotFoundError as error:
-                raise DamagedArtefactError(stage, file, "not there") from error
-            if len(data) == file.size and hashlib.sha256(data).hexdigest() == file.sha256:
-                return data
-            found = f"{len(data)} other bytes"
-        raise DamagedArtefactError(stage, file, found)
+    def check(self) -> None:
+        """Read every artefact once. Raises :class:`DamagedArtefactError`."""
+        for record in self._records.values():
+            for file in record.artefacts:
+                read_artefact(self.storage, record, file)
+
+    def picture(self, extension: str) -> bytes | None:
+        """The picture drawn of the crash as it stands; None if there is none. Raises :class:`DamagedArtefactError`."""
+        if not self._records:
+            return None
+        record = self._records[max(self._records, key=lambda stage: stage.position)]
+        file = record.picture(extension)
+        return None if file is None else read_artefact(self.storage, record, file)
 
 
 @dataclass(frozen=True)

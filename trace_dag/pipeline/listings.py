@@ -15,8 +15,9 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.listing import CrashListing, list_report
-from trace_dag.errors import Rejection
+from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.pipeline.registry import ReportSource
+from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
@@ -49,14 +50,14 @@ def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[s
         elif (data := _content(storage, report)) is not None:
             seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key))
     if seen != before:
-        storage.write(_FILE, _CACHE.dump_json(seen))
+        storage.write(_FILE, sealed(_CACHE.dump_json(seen)))
     return {key: each.listing for key, each in seen.items() if each.listing is not None}
 
 
 def _cached(storage: Storage) -> dict[str, _Seen]:
     try:
-        return _CACHE.validate_json(storage.read(_FILE))
-    except (FileNotFoundError, ValidationError):  # none yet, or of another version
+        return _CACHE.validate_json(unsealed(storage.read(_FILE), name=_FILE))
+    except (FileNotFoundError, DamagedFile, ValidationError):  # none yet, or of another version
         return {}
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, Movement
-from trace_dag.errors import Reason, Rejection, Stage, UserError
+from trace_dag.errors import DamagedFile, Reason, Rejection, Stage, UserError
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
@@ -30,6 +30,7 @@ from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.comparisons import PERTURBED, StoredCrash, crash_files, drawn, read_judged, store
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
 from trace_dag.pipeline.flow import CrashFiles
+from trace_dag.pipeline.ledgers import Complaint, raised
 from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.registry import CrashSource, MapFile, ReportSource
@@ -128,12 +129,13 @@ class _Task:
 
 
 def perturbed_controls(
-    pipeline: Pipeline, cohort: str, request: Request, *, tell: Progress = untold
+    pipeline: Pipeline, cohort: str, request: Request, *, tell: Progress = untold, complain: Complaint = raised
 ) -> list[PerturbedRow]:
     """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
 
     The same request on the same root gives the same rows, whatever the number of workers. ``tell`` hears how many
-    changed reports of how many are through. Stored for the warehouse, in place of the cohort's rows before.
+    changed reports of how many are through, ``complain`` of crashes left out because something stored of them is
+    damaged. Stored for the warehouse, in place of the cohort's rows before.
 
     Raises :class:`UserError` for a kind or crash there is not, a cohort without a verified crash, or an estimator that
     would have to be paid for every changed report.
@@ -148,7 +150,13 @@ def perturbed_controls(
     unknown = [key for key in request.only if key not in keys]
     if unknown:
         raise UserError(f"{unknown[0]} is no crash of cohort {cohort!r}")
-    verified = [each for each in crash_files(pipeline, keys) if _is_verified(each)]
+    verified = []
+    for each in crash_files(pipeline, keys, complain=complain):
+        try:
+            each.check()
+            verified += [each] if _is_verified(each) else []
+        except DamagedFile as damaged:
+            complain(damaged)
     wanted = [each for each in verified if not request.only or each.key in request.only]
     if not wanted:
         asked = f"of {', '.join(request.only)} none is verified" if request.only else "no crash is verified yet"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 
-from trace_dag.errors import Failure, Stage
+from trace_dag.errors import DamagedFile, Failure, Stage
 from trace_dag.garbage import no_garbage_collection
+from trace_dag.pipeline.ledgers import Complaint
 from trace_dag.pipeline.record_index import indexed
 from trace_dag.provenance import OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.storage import Entry, Storage
@@ -17,29 +18,42 @@ log = logging.getLogger(__name__)
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 
+def log_complaint(failure: Failure) -> None:
+    """The complaint of whoever goes on without what is damaged: a line of the log."""
+    log.warning("%s", failure)
+
+
 @no_garbage_collection()
-def read_records(storage: Storage, keys: Iterable[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Records]:
+def read_records(
+    storage: Storage,
+    keys: Iterable[str],
+    stages: Sequence[Stage] = tuple(Stage),
+    *,
+    complain: Complaint = log_complaint,
+) -> dict[str, Records]:
     """The stored records of some crashes, by key and stage; every key has an entry.
 
-    A record that cannot be read counts as none, so that its stage runs again and writes it anew.
+    A record that is damaged counts as none, so that its stage runs again and writes it anew; ``complain`` hears of it.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
     for name, data in _contents(storage, [record_name(stage, key) for key in by_key for stage in stages]).items():
-        record = readable_record(storage, name, data)
+        record = readable_record(storage, name, data, complain)
         if record is not None:
             by_key[record.key][record.stage] = record
     return by_key
 
 
-def readable_record(storage: Storage, name: str, data: bytes) -> OutcomeRecord | None:
-    """A record as read, or read once more where that was cut short; None (and a warning) where it is none."""
+def readable_record(storage: Storage, name: str, data: bytes, complain: Complaint) -> OutcomeRecord | None:
+    """A record as read, or read once more where that was cut short; None (and a complaint) where it is none."""
     try:
         return record_from_json(data, name=name)
-    except Failure:
+    except DamagedFile:
         try:
             return record_from_json(storage.read(name), name=name)
-        except (Failure, FileNotFoundError) as error:
-            log.warning("%s", error)
+        except FileNotFoundError:
+            return None
+        except DamagedFile as damaged:
+            complain(damaged)
             return None
 
 

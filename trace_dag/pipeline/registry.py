@@ -17,12 +17,14 @@ from typing import Literal, TypeAlias
 from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.keys import parse_key
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import DamagedFile, UserError
 from trace_dag.pipeline.choosing import Choice
 from trace_dag.provenance import combined_digest, now
+from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
 
 _FOLDER = "cohorts"
+_REMEDY = "put it back from a copy, or delete it and ingest the cohort again"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 MapServiceName: TypeAlias = Literal["overpass", "osm-api"]
@@ -118,14 +120,16 @@ class Registry:
         self._storage = storage
 
     def cohorts(self) -> dict[str, Cohort]:
-        """All cohorts by name."""
+        """All cohorts by name; :class:`DamagedFile` for one that is not as it was written."""
         names = [name for name in self._storage.list(_FOLDER) if name.endswith(".json")]
         found = {}
         for name, data in sorted(self._storage.read_many(names).items()):
             try:
-                cohort = _COHORTS.validate_json(data)
+                cohort = _COHORTS.validate_json(unsealed(data, name=name))
             except ValidationError as error:
-                raise Failure(f"{name}: not a cohort file ({error.errors()[0]['msg']})") from error
+                raise DamagedFile(name, f"not a cohort file ({error.errors()[0]['msg']})", _REMEDY) from error
+            except DamagedFile as damaged:
+                raise damaged.mended_by(f"{_REMEDY}; if you changed it yourself, delete its field sha256") from damaged
             found[cohort.name] = cohort
         return found
 
@@ -198,7 +202,7 @@ class Registry:
             followed=tuple(dict.fromkeys((*before.followed, *followed))),
         )
         if after != before or not before.reports:
-            self._storage.write(f"{_FOLDER}/{cohort}.json", _COHORTS.dump_json(after, indent=1))
+            self._storage.write(f"{_FOLDER}/{cohort}.json", sealed(_COHORTS.dump_json(after, indent=1)))
         return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
 
     def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
@@ -215,7 +219,7 @@ class Registry:
             self._storage.delete(name)
             return tuple(before.keys)
         left = {key: report for key, report in before.reports.items() if key not in only}
-        self._storage.write(name, _COHORTS.dump_json(replace(before, reports=left), indent=1))
+        self._storage.write(name, sealed(_COHORTS.dump_json(replace(before, reports=left), indent=1)))
         return tuple(in_order(only))
 
 

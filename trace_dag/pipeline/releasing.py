@@ -11,14 +11,15 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from trace_dag.errors import Failure, Stage, UserError
 from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.benchmark import FOLDER, build_benchmark
+from trace_dag.pipeline.benchmark import FOLDER, SUBJECT, build_benchmark
 from trace_dag.pipeline.exporting import write_if_changed
+from trace_dag.pipeline.ledgers import Complaint, raised, read_ledger
 from trace_dag.pipeline.packaging import map_attribution
 from trace_dag.pipeline.progress import Progress, untold
 from trace_dag.pipeline.records import read_records
@@ -36,7 +37,6 @@ from trace_dag.storage import Storage
 from trace_dag.warehouse import query
 
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
-_ERRORS_NAMED = 5
 # Everything the index says of a package but where it is.
 _PACKED = """
 SELECT crashes.*, verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key), estimates.estimator, estimates.ambiguity,
@@ -57,12 +57,16 @@ ORDER BY crashes.key
 
 @dataclass(frozen=True)
 class ReleaseReport:
-    """Where a release lies, how many packages it has, and how many files were written now."""
+    """Where a release lies, how many packages it has, and how many files were written now.
+
+    ``missing`` crashes could not be packed: the release is not finished.
+    """
 
     folder: Path
     archive: Path | None
     packages: int
     written: int
+    missing: int = 0
 
 
 def check_version(version: str) -> None:
@@ -79,57 +83,75 @@ def build_release(
     *,
     cohort: str | None = None,
     archive: ArchiveFormat | None = None,
+    unknown: Collection[str] = (),
     tell: Progress = untold,
+    complain: Complaint = raised,
 ) -> ReleaseReport:
     """Release the verified crashes, of one cohort or all, as ``<output>/trace-dag-benchmark-<version>``.
 
-    Packages are brought up to date with the warehouse first. ``tell`` hears how many of how many are, and then how many
-    are in place. Raises :class:`UserError` for a version that is none and for a complete release of this version that
-    has other content; :class:`Failure` where a package cannot be made.
+    Packages are brought up to date with the warehouse first, those that are not as they were made included. ``tell``
+    hears how many of how many are, and then how many are in place. ``unknown`` are crashes of which something stored is
+    damaged, so that the warehouse does not hold all of them. While there is one of the cohort, or a package cannot be
+    made, which ``complain`` hears of, the other packages are put in place and the release is left unfinished. A file of
+    a finished release that is damaged is replaced by what it was. Raises :class:`UserError` for a version that is none
+    and for a finished release of this version that has other content.
     """
     check_version(version)
     cohorts = [pipeline.registry.cohort(cohort).name] if cohort else sorted(pipeline.registry.cohorts())
     crashes = [row for row in query.rows(warehouse, "crashes") if cohort is None or row["cohort"] == cohort]
-    _bring_up_to_date(pipeline, warehouse, tell)
+    missing = _bring_up_to_date(pipeline, warehouse, tell, complain) | set(unknown)
+    if cohort is not None:
+        missing &= set(pipeline.registry.keys(cohort))
     names, values = query.query(warehouse, _PACKED)
     rows = [dict(zip(names, row, strict=True)) for row in values]
-    rows = [row for row in rows if cohort is None or row["cohort"] == cohort]
+    rows = [row for row in rows if (cohort is None or row["cohort"] == cohort) and row["key"] not in missing]
     folder = output / f"{NAME}-{version}"
     complete = _complete(folder)
-    target = None if complete else Storage.open(folder)
+    files = read_ledger(pipeline.storage, SUBJECT).files
+    packages = {row["key"]: files[f"{FOLDER}/packages/{row['key']}.zip"] for row in rows}
     records = read_records(pipeline.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT])
     sums: dict[str, str] = {}
-    written = 0
-    for done, row in enumerate(rows, 1):
-        data = pipeline.storage.read(f"{FOLDER}/packages/{row['key']}.zip")
+    for row in rows:
+        package = packages[row["key"]]
         row["package"] = f"packages/{row['key']}.zip"
         row["map_attribution"] = map_attribution(records[row["key"]])
-        row["package_bytes"] = len(data)
-        row["package_sha256"] = sums[row["package"]] = hashlib.sha256(data).hexdigest()
-        if target is not None:
-            written += write_if_changed(target, row["package"], data)
-        tell(done, len(rows))
+        row["package_bytes"] = package.size
+        row["package_sha256"] = sums[row["package"]] = package.sha256
     documents = release_documents(Release(version, cohorts, crashes, rows))
     sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
-    if target is not None:
-        written += _finish(target, documents, sums)
-    elif complete != sums:
+    if complete and not missing and complete != sums:
         raise UserError(_other_content(folder, version, complete, sums))
+    if complete and missing:
+        return ReleaseReport(folder, None, len(rows), 0, len(missing))  # as it was finished
+    target = Storage.open(folder)
+    written = 0
+    for done, row in enumerate(rows, 1):
+        written += write_if_changed(target, row["package"], pipeline.storage.read_whole(packages[row["key"]]))
+        tell(done, len(rows))
+    if missing:
+        return ReleaseReport(folder, None, len(rows), written, len(missing))
+    written += _finish(target, documents, sums)
     archived = _archive(folder, [*sums, CHECKSUMS], archive) if archive else None
     return ReleaseReport(folder, archived, len(rows), written)
 
 
-def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, tell: Progress) -> None:
-    errors = build_benchmark(pipeline, warehouse, tell=tell).errors
-    if errors:
-        named = ", ".join(list(errors)[:_ERRORS_NAMED])
-        raise Failure(f"{len(errors)} packages or pages could not be made: {named}; trace-dag run shows why")
+def _bring_up_to_date(pipeline: Pipeline, warehouse: Path, tell: Progress, complain: Complaint) -> set[str]:
+    """The crashes whose package or page could not be made."""
+    errors = build_benchmark(pipeline, warehouse, contents=True, tell=tell).errors
+    for key, error in errors.items():
+        complain(Failure(f"{key}: no package: {error.strip().splitlines()[-1]}"))
+    return set(errors)
 
 
 def _complete(folder: Path) -> dict[str, str]:
     """The checksums of a release that was finished there; empty if none was."""
     sums = folder / CHECKSUMS
-    return read_checksums(sums.read_bytes()) if sums.is_file() else {}
+    try:
+        return read_checksums(sums.read_bytes()) if sums.is_file() else {}
+    except ValueError as error:
+        raise UserError(
+            f"{sums}: not a list of checksums ({error}); delete the folder and release this version again"
+        ) from error
 
 
 def _finish(target: Storage, documents: Mapping[str, bytes], sums: Mapping[str, str]) -> int:

@@ -6,6 +6,8 @@ from collections.abc import Collection
 
 from trace_dag.errors import Stage
 from trace_dag.pipeline.benchmark import FOLDER as BENCHMARK
+from trace_dag.pipeline.benchmark import SUBJECT, crash_of
+from trace_dag.pipeline.ledgers import sound_ledger, write_ledger
 from trace_dag.storage import Storage
 
 _FOLDERS = (
@@ -29,4 +31,9 @@ def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
         names.extend(storage.list(f"{BENCHMARK}/files/{key}"))
     for name in names:
         storage.delete(name)
+    ledger = sound_ledger(storage, SUBJECT)
+    if ledger.made_of.keys() & wanted:
+        files = [file for name, file in ledger.files.items() if crash_of(name) not in wanted]
+        made_of = {key: digest for key, digest in ledger.made_of.items() if key not in wanted}
+        write_ledger(storage, SUBJECT, files, made_of)
     return len(names)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from trace_dag.errors import Failure
 from trace_dag.pipeline.registry import MapFile, MapServiceName
 from trace_dag.settings import ServiceSettings, StateSettings
-from trace_dag.storage import Storage
+from trace_dag.storage import Storage, StoredFile
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
@@ -57,7 +57,9 @@ class Services:
         cache = Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}"
         copy = cache / file.location
         if not copy.is_file() or copy.stat().st_size != file.size:
-            Storage(cache).write(file.location, self.storage.read(file.location))
+            Storage(cache).write(
+                file.location, self.storage.read_whole(StoredFile(file.location, file.size, file.sha256))
+            )
         return copy
 
     def language_model(self, settings: StateSettings) -> LlmClient:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -18,20 +18,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trace_dag.code_versions import code_version
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.evaluation.table import Row, rows_from_parquet, rows_to_parquet
 from trace_dag.geometry import Pose
 from trace_dag.pipeline.artefacts import ESTIMATE, MAP_REPORT, OSM_XML, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
 from trace_dag.pipeline.batch import Pipeline
 from trace_dag.pipeline.evaluations import StoredCase, load_case
 from trace_dag.pipeline.executors import WorkerLost, make_executor, run_redoing_lost
+from trace_dag.pipeline.ledgers import Complaint, raised, read_listed, sound_ledger, subjects, write_ledger
 from trace_dag.settings import Settings
 from trace_dag.sim.backends import backend
 from trace_dag.sim.log_io import logs_from_files, logs_to_files
 from trace_dag.sim.types import Participant, SimulationLog
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
-from trace_dag.storage import Storage
+from trace_dag.storage import Storage, StoredFile
 from trace_dag.variations.family import Criteria, Kind, Variation, family
 from trace_dag.variations.perturbation import Bounds, Perturbation
 from trace_dag.variations.table import VARIATIONS, row
@@ -128,6 +129,8 @@ def make_families(
 def _make(task: _Task) -> FamilyReport:
     try:
         return _make_family(task)
+    except Failure as failure:
+        return FamilyReport(task.case.key, error=str(failure))
     except Exception as error:
         # One crash without a family keeps no other from having one.
         return FamilyReport(task.case.key, error="".join(traceback.format_exception(error)))
@@ -149,11 +152,12 @@ def _make_family(task: _Task) -> FamilyReport:
     )
     files = stored.files(task.settings, storage)
     recorded = files.load(ESTIMATE).hypotheses[files.load(VERDICT).hypothesis]
-    before = {each["variation_id"] for each in _family_rows(storage, stored.key)}
+    before = sound_ledger(storage, _subject(stored.key)).files
     code = code_version(_CODE).digest
     rows = []
+    written: list[StoredFile] = []
     for variation in kept:
-        _store(storage, variation, recorded, request, code, stored.fingerprint)
+        written += _store(storage, variation, recorded, request, code, stored.fingerprint)
         rows.append(
             row(
                 variation,
@@ -163,20 +167,17 @@ def _make_family(task: _Task) -> FamilyReport:
                 verdict_fingerprint=stored.fingerprint,
             )
         )
-    storage.write(_family_name(stored.key), rows_to_parquet(rows, VARIATIONS))
-    for gone in before - {each["variation_id"] for each in rows}:
-        for extension in _EXTENSIONS:
-            storage.delete(f"{FOLDER}/{gone}.{extension}")
+    written.append(storage.write(_family_name(stored.key), rows_to_parquet(rows, VARIATIONS)))
+    write_ledger(storage, _subject(stored.key), written)
+    for gone in before.keys() - {file.name for file in written}:
+        storage.delete(gone)
     near_misses = sum(variation.kind is Kind.NEAR_MISS for variation in kept)
     return FamilyReport(stored.key, len(kept), near_misses, drawn)
 
 
-_EXTENSIONS = ("json", "estimate.json", "steps.parquet", "log.json")
-
-
 def _store(
     storage: Storage, variation: Variation, recorded: Hypothesis, request: FamilyRequest, code: str, fingerprint: str
-) -> None:
+) -> list[StoredFile]:
     case, name = variation.case, f"{FOLDER}/{variation.variation_id}"
     about = AboutVariation(
         variation.variation_id,
@@ -192,10 +193,12 @@ def _store(
     )
     estimate = StateEstimate(case.key, (_as_hypothesis(recorded, variation),), EstimatorRun("variation", "1"))
     steps, summary = logs_to_files([case.recorded])
-    storage.write(f"{name}.estimate.json", estimate_to_json(estimate))
-    storage.write(f"{name}.steps.parquet", steps)
-    storage.write(f"{name}.log.json", summary)
-    storage.write(f"{name}.json", _abouts().dump_json(about, indent=1))
+    return [
+        storage.write(f"{name}.estimate.json", estimate_to_json(estimate)),
+        storage.write(f"{name}.steps.parquet", steps),
+        storage.write(f"{name}.log.json", summary),
+        storage.write(f"{name}.json", _abouts().dump_json(about, indent=1)),
+    ]
 
 
 def _as_hypothesis(recorded: Hypothesis, variation: Variation) -> Hypothesis:
@@ -233,49 +236,68 @@ def _as_state(state: ParticipantState, participant: Participant, impact_time_s: 
 
 # --- reading -------------------------------------------------------------------------------------------------------
 def read_variation(storage: Storage, name: str) -> StoredVariation:
-    """A stored variation by its id. Raises :class:`UserError` if there is none."""
-    try:
-        about = _abouts().validate_json(storage.read(f"{FOLDER}/{name}.json"))
-        estimate = estimate_from_json(storage.read(f"{FOLDER}/{name}.estimate.json"), name=name)
-        files = (storage.read(f"{FOLDER}/{name}.{extension}") for extension in ("steps.parquet", "log.json"))
-        (log,) = logs_from_files(*files)
-    except FileNotFoundError as error:
-        raise UserError(f"there is no variation {name}; trace-dag vary makes them") from error
+    """A stored variation by its id. Raises :class:`DamagedFile` where it is not as its family's ledger says."""
+    key = name.rpartition("-")[0]
+
+    def read(extension: str) -> bytes:
+        return _read(storage, key, f"{FOLDER}/{name}.{extension}")
+
+    about = _abouts().validate_json(read("json"))
+    estimate = estimate_from_json(read("estimate.json"), name=name)
+    (log,) = logs_from_files(read("steps.parquet"), read("log.json"))
     return StoredVariation(about, estimate, log)
 
 
-def stored_variations(pipeline: Pipeline, cases: Sequence[StoredCase]) -> list[StoredCase]:
+def stored_variations(
+    pipeline: Pipeline, cases: Sequence[StoredCase], *, complain: Complaint = raised
+) -> list[StoredCase]:
     """The stored variations of some crashes that were made of them as they are now.
 
-    Raises :class:`UserError` if there are none.
+    ``complain`` hears of the families that are damaged. Raises :class:`UserError` if there are no variations.
     """
-    names = {_family_name(case.key): case for case in cases}
+    of_crash = {case.key: case for case in cases}
     found = [
-        replace(names[file], variation=each["variation_id"])
-        for file, data in pipeline.storage.read_many(names).items()
-        for each in rows_from_parquet(data)
-        if each["verdict_fingerprint"] == names[file].fingerprint
+        replace(of_crash[key], variation=each["variation_id"])
+        for key, rows in _families(pipeline.storage, complain, of_crash).items()
+        for each in rows
+        if each["verdict_fingerprint"] == of_crash[key].fingerprint
     ]
     if not found:
         raise UserError(f"no variation of the {len(cases)} crashes asked for is stored; trace-dag vary makes them")
     return found
 
 
-def all_rows(storage: Storage) -> list[Row]:
-    """Every stored variation as a row."""
-    names = [name for name in storage.list(FOLDER) if name.endswith(".family.parquet")]
-    return [each for data in storage.read_many(names).values() for each in rows_from_parquet(data)]
+def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
+    """Every stored variation as a row; ``complain`` hears of the families that are damaged."""
+    return [each for rows in _families(storage, complain).values() for each in rows]
+
+
+def _families(storage: Storage, complain: Complaint, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
+    """The lists of the families there are, of some crashes or all, by key."""
+    listed = {subject.rpartition("/")[2] for subject in subjects(storage, FOLDER)}
+    there = {name for name in storage.list(FOLDER) if name.endswith(".family.parquet")}
+    listed |= {name.rpartition("/")[2].partition(".")[0] for name in there}
+    found = {}
+    for key in sorted(listed if keys is None else listed & set(keys)):
+        try:
+            found[key] = rows_from_parquet(_read(storage, key, _family_name(key)))
+        except DamagedFile as damaged:
+            complain(damaged)
+    return found
+
+
+def _read(storage: Storage, key: str, name: str) -> bytes:
+    return read_listed(
+        storage, _subject(key), name, remedy=f"trace-dag vary --only {key} makes the crash's variations again"
+    )
+
+
+def _subject(key: str) -> str:
+    return f"{FOLDER}/{key}"
 
 
 def _family_name(key: str) -> str:
     return f"{FOLDER}/{key}.family.parquet"
-
-
-def _family_rows(storage: Storage, key: str) -> list[Row]:
-    try:
-        return rows_from_parquet(storage.read(_family_name(key)))
-    except FileNotFoundError:
-        return []
 
 
 @cache

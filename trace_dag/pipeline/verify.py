@@ -4,28 +4,37 @@ Belongs here: a disagreement with its remedy, and those between outcome records,
 warehouse's are in :mod:`trace_dag.warehouse.verify`, Dagster's in :mod:`trace_dag.assets.verify`.
 
 Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents
-are read only where that is asked for.
+are read only where that is asked for. Records and ledgers are read always, and prove themselves by their seals.
 """
 
 from __future__ import annotations
 
-import hashlib
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from trace_dag.errors import Stage
+from trace_dag.errors import DamagedFile, Stage
+from trace_dag.pipeline.benchmark import SUBJECT as BENCHMARK
+from trace_dag.pipeline.benchmark import crash_of, not_as_made, page_name
 from trace_dag.pipeline.home import BUILDING
+from trace_dag.pipeline.ledgers import (
+    SUBJECT_FOLDERS,
+    ledger_name,
+    not_as_listed,
+    read_ledger,
+    sound_ledger,
+    subjects,
+)
 from trace_dag.pipeline.progress import Progress
 from trace_dag.pipeline.records import Records, read_records, write_record
 from trace_dag.pipeline.registry import Registry
+from trace_dag.pipeline.standing import valid_records
 from trace_dag.processes import abandoned
 from trace_dag.provenance import Outcome, record_name
-from trace_dag.storage import Entry, Storage
+from trace_dag.storage import Entry, Storage, StoredFile
 
-_READ_AT_ONCE = 200
 _RECORD_ENDING = ".outcome.json"
 _RUN = "trace-dag run makes it again"
 
@@ -33,6 +42,8 @@ _RUN = "trace-dag run makes it again"
 class Kind(Enum):
     """A way in which two of storage, Dagster and the warehouse disagree: its name, and what mends it."""
 
+    DAMAGED_PAGE = "damaged page or package", "--repair makes it again"
+    DAMAGED_RESULT = "damaged result", "--repair deletes it with all that was made together; make it again"
     UNREADABLE_RECORD = "unreadable record", f"--repair deletes it, {_RUN}"
     MISSING_ARTEFACT = "missing artefact", f"--repair marks the stage to be run again, {_RUN}"
     DAMAGED_ARTEFACT = "damaged artefact", f"--repair marks the stage to be run again, {_RUN}"
@@ -80,20 +91,24 @@ class StorageReport:
 def verify_storage(
     storage: Storage, local_folder: Path, *, contents: bool = False, progress: Progress | None = None
 ) -> StorageReport:
-    """Compare the records of all crashes with the files beside them.
+    """Compare what records and ledgers list with the files that are there.
 
-    With ``contents`` every artefact is read and compared with its SHA-256; ``progress`` hears how many of how many.
+    With ``contents`` every file is read and compared with its SHA-256; ``progress`` hears how many of how many.
     """
     cohorts = Registry(storage).cohorts().values()
     registered = {key for cohort in cohorts for key in cohort.reports}
     listings = {stage: storage.list(stage.value) for stage in Stage}
     found = {_key_of(name) for listing in listings.values() for name in listing}
-    everything = read_records(storage, sorted(registered | found))
+    everything = read_records(storage, sorted(registered | found), complain=lambda _: None)
     disagreements: list[Disagreement] = []
     for stage, listing in listings.items():
         disagreements += _stage_disagreements(stage, listing, everything)
+    drawn = _pictures(everything)
+    begun = {key for key, each in everything.items() if any(r.outcome is Outcome.STARTED for r in each.values())}
+    disagreements += _picture_disagreements(drawn, storage.list("pictures"), begun)
     if contents:
-        disagreements += _damaged(storage, everything, disagreements, progress)
+        disagreements += _damaged(storage, everything, drawn, disagreements, progress)
+    disagreements += _ledger_disagreements(storage, contents)
     reports = storage.list("reports")
     for cohort in cohorts:
         for key, report in cohort.reports.items():
@@ -121,7 +136,7 @@ def repair_storage(storage: Storage, report: StorageReport) -> int:
                 record = read_records(storage, [each.key], [each.stage])[each.key].get(each.stage)
                 if record is not None:
                     write_record(storage, record.begun_again())
-                    for file in record.artefacts:
+                    for file in (*record.artefacts, *record.pictures):
                         storage.delete(file.name)
                     again.add(name)
         elif each.kind is Kind.UNREADABLE_RECORD and each.file:
@@ -129,6 +144,8 @@ def repair_storage(storage: Storage, report: StorageReport) -> int:
             again.add(each.file)
         elif each.kind is Kind.UNLISTED_FILE and each.file:
             storage.delete(each.file)
+        elif each.kind in (Kind.DAMAGED_PAGE, Kind.DAMAGED_RESULT) and each.file:
+            _delete_listed(storage, each)
         elif each.kind is Kind.LEFTOVER and each.file:
             _remove(Path(each.file))
     return len(again)
@@ -160,28 +177,102 @@ def _stage_disagreements(
             yield Disagreement(Kind.UNLISTED_FILE, f"{name} is in no record", key, stage, name)
 
 
-def _damaged(
-    storage: Storage, records: Mapping[str, Records], known: Sequence[Disagreement], progress: Progress | None
+_Drawn = dict[str, tuple[str, Stage, StoredFile]]  # pictures by name: of which crash, drawn after which stage
+
+
+def _pictures(records: Mapping[str, Records]) -> _Drawn:
+    """The pictures of all crashes as they stand."""
+    found = {}
+    for key, of_crash in records.items():
+        for record in list(valid_records(of_crash).values())[-1:]:
+            found.update({file.name: (key, record.stage, file) for file in record.pictures})
+    return found
+
+
+def _picture_disagreements(
+    drawn: _Drawn, listing: Mapping[str, Entry], begun: Collection[str]
 ) -> Iterator[Disagreement]:
-    """Artefacts of the right size whose content is not what was recorded."""
+    """Pictures that are not as recorded, or not recorded; crashes ``begun`` again are drawn again when they are run."""
+    for name, (key, stage, file) in drawn.items():
+        entry = listing.get(name)
+        if entry is None:
+            yield Disagreement(Kind.MISSING_ARTEFACT, f"{name} is not there", key, stage, name)
+        elif entry.size != file.size:
+            detail = f"{name} has {entry.size} bytes, recorded are {file.size}"
+            yield Disagreement(Kind.DAMAGED_ARTEFACT, detail, key, stage, name)
+    for name in listing:
+        if name not in drawn and _key_of(name) not in begun:
+            yield Disagreement(Kind.UNLISTED_FILE, f"{name} is in no record", _key_of(name), None, name)
+
+
+def _damaged(
+    storage: Storage,
+    records: Mapping[str, Records],
+    drawn: _Drawn,
+    known: Sequence[Disagreement],
+    progress: Progress | None,
+) -> Iterator[Disagreement]:
+    """Artefacts and pictures of the right size whose content is not what was recorded."""
     skipped = {each.file for each in known}
-    files = [
-        (key, stage, file)
+    files = {
+        file.name: (key, stage, file)
         for key, of_crash in records.items()
         for stage, record in of_crash.items()
         for file in record.artefacts
-        if file.name not in skipped
-    ]
-    for start in range(0, len(files), _READ_AT_ONCE):
-        some = files[start : start + _READ_AT_ONCE]
-        contents = storage.read_many(file.name for _, _, file in some)
-        for key, stage, file in some:
-            data = contents.get(file.name)
-            if data is None or hashlib.sha256(data).hexdigest() != file.sha256:
-                detail = f"{file.name} has its recorded size and another content"
-                yield Disagreement(Kind.DAMAGED_ARTEFACT, detail, key, stage, file.name)
+    }
+    wanted = {name: each for name, each in (files | drawn).items() if name not in skipped}
+    done = 0
+
+    def told(some: int) -> None:
+        nonlocal done
+        done += some
         if progress is not None:
-            progress(start + len(some), len(files))
+            progress(done, len(wanted))
+
+    listed = [file for _, _, file in wanted.values()]
+    for file, detail in not_as_listed(storage, listed, contents=True, told=told):
+        key, stage, _ = wanted[file.name]
+        yield Disagreement(Kind.DAMAGED_ARTEFACT, detail, key, stage, file.name)
+
+
+def _ledger_disagreements(storage: Storage, contents: bool) -> Iterator[Disagreement]:
+    """Ledgers that cannot be believed, what is not as they say, and what lies among the results and is in none."""
+    listed: set[str] = set()
+    for subject in (BENCHMARK, *(each for folder in SUBJECT_FOLDERS for each in subjects(storage, folder))):
+        kind = Kind.DAMAGED_PAGE if subject == BENCHMARK else Kind.DAMAGED_RESULT
+        try:
+            ledger = read_ledger(storage, subject)
+        except DamagedFile as damaged:
+            yield Disagreement(kind, str(damaged), file=damaged.name)
+            continue
+        listed |= ledger.files.keys()
+        if subject == BENCHMARK:
+            for file, detail in not_as_made(storage, ledger, contents=contents):
+                key = crash_of(file.name)
+                yield Disagreement(kind, detail, key if key in ledger.made_of else None, file=file.name)
+        else:
+            for file, detail in not_as_listed(storage, ledger.files.values(), contents=contents):
+                yield Disagreement(kind, detail, file=file.name)
+    for folder in SUBJECT_FOLDERS:
+        for name in storage.list(folder):
+            if name not in listed:
+                yield Disagreement(Kind.UNLISTED_FILE, f"{name} is in no ledger", file=name)
+
+
+def _delete_listed(storage: Storage, damaged: Disagreement) -> None:
+    """Delete what is damaged, with what has to be made again together with it."""
+    name = damaged.file or ""
+    storage.delete(name)
+    if damaged.kind is Kind.DAMAGED_PAGE:
+        if damaged.key is not None:
+            storage.delete(page_name(damaged.key))  # whose lack is seen without asking for single files
+        return
+    for folder in SUBJECT_FOLDERS:
+        for subject in subjects(storage, folder):
+            files = sound_ledger(storage, subject).files
+            if name in files:
+                for each in (*files, ledger_name(subject)):
+                    storage.delete(each)
 
 
 def _unfinished_builds(local_folder: Path) -> list[Path]:

@@ -213,22 +213,35 @@ class _CrashWorker:
     def drawn(self, events: list[StageEvent]) -> list[StageEvent]:
         """The events, after redrawing the crash's picture if something that can be seen has changed."""
         draws = self.work.flow.picture
-        if draws is None or not self.work.settings.execution.pictures:
-            return events
-        if not any(
+        if draws is None or not any(
             event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
         ):
             return events
+        if not self.work.settings.execution.pictures:
+            self._delete(file.name for record in self.task.records.values() for file in record.pictures)
+            return events
+        last = events[-1]
         try:
-            for extension, picture in referred(draws)(self.files).items():
+            stored = [
                 self.work.storage.write(picture_name(self.task.key, extension), picture)
+                for extension, picture in referred(draws)(self.files).items()
+            ]
+            if stored and last.record is not None:
+                record = replace(last.record, pictures=tuple(stored))
+                write_record(self.work.storage, record)
+                self.files.accept(record)
+                last = replace(last, record=record)
         except Exception as error:
             # A crash is not worse for want of a picture, and the run says whose is wanting. The one drawn before
             # shows what is not so any more.
             log.exception("%s: no picture", self.task.key)
             self._delete(picture_name(self.task.key, extension) for extension in PICTURE_EXTENSIONS)
-            return [*events[:-1], replace(events[-1], no_picture=f"{type(error).__name__}: {error}")]
-        return events
+            if last.record is not None and last.record.pictures:
+                record = replace(last.record, pictures=())
+                write_record(self.work.storage, record)
+                last = replace(last, record=record)
+            last = replace(last, no_picture=f"{type(error).__name__}: {error}")
+        return [*events[:-1], last]
 
     def _attempt(
         self, definition: StageDefinition, provenance: Provenance, started_at: str, duration_s: float

@@ -7,6 +7,7 @@ that still count enter: those listed by a record whose inputs are what the recor
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import tempfile
 import time
@@ -17,16 +18,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.code_versions import code_version
-from trace_dag.errors import Failure, UserError
-from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED
+from trace_dag.errors import DamagedFile, Failure, Stage, UserError
+from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
 from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
+from trace_dag.pipeline.ledgers import Complaint, write_ledger
+from trace_dag.pipeline.records import log_complaint
 from trace_dag.pipeline.registry import Registry
 from trace_dag.processes import temporary_prefix
-from trace_dag.storage import Storage
+from trace_dag.storage import Storage, StoredFile
 from trace_dag.warehouse import query
-from trace_dag.warehouse.documents import JSON_DOCUMENTS, DocumentTables, execute_sql, local_files
+from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
+from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
 from trace_dag.warehouse.reports import state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 
@@ -88,11 +92,18 @@ _MEMORY_LIMIT = "1GB"
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What was built: rows per table, size in bytes, and how long it took."""
+    """What was built: rows per table, size in bytes, how long it took, and what was left out because it is damaged."""
 
     rows: dict[str, int]
     size: int
     duration_s: float
+    damaged: tuple[DamagedFile, ...] = ()
+
+    @property
+    def incomplete_crashes(self) -> set[str]:
+        """The crashes that the warehouse does not hold as far as they got."""
+        files = (damaged.name for damaged in self.damaged)
+        return {Path(name).name.partition(".")[0] for name in files if name.partition("/")[0] in set(Stage)}
 
 
 def warehouse_code() -> str:
@@ -106,20 +117,25 @@ def is_built_by_this_code(path: Path) -> bool:
         return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [
             (warehouse_code(),)
         ]
-    except UserError:  # an older one does not say
+    except (DamagedFile, UserError):  # an older one does not say
         return False
 
 
-def build_warehouse(storage: Storage, local_folder: Path) -> BuildReport:
+def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint = log_complaint) -> BuildReport:
     """Build ``ROOT/warehouse.duckdb`` anew. ``local_folder`` is where it is built (the root itself, if local).
 
-    A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again.
+    A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. What is
+    damaged is left out, which ``complain`` hears of. The warehouse enters a ledger, so that its readers can tell
+    whether it is still what was built.
     """
     started = time.monotonic()
     for attempt in range(1, _BUILD_ATTEMPTS + 1):
         with tempfile.TemporaryDirectory(prefix=temporary_prefix(BUILDING), dir=local_folder) as folder:
             try:
-                return _build(storage, Path(folder), local_folder / WAREHOUSE_FILE, started)
+                built = _build(storage, Path(folder), local_folder / WAREHOUSE_FILE, started)
+                for damaged in built.damaged:
+                    complain(damaged)
+                return built
             except FileNotFoundError as error:
                 if attempt == _BUILD_ATTEMPTS:
                     raise Failure(f"warehouse: artefacts keep changing while they are read ({error})") from error
@@ -133,42 +149,60 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     cohorts = Registry(storage).cohorts().values()
     cohort_of = {key: cohort.name for cohort in cohorts for key in cohort.reports}
     path = folder / WAREHOUSE_FILE
+    damaged: dict[str, DamagedFile] = {}
+
+    def complain(failure: Failure) -> None:
+        if not isinstance(failure, DamagedFile):
+            raise failure
+        damaged.setdefault(failure.name, failure)
+
     with duckdb.connect(str(path)) as connection:
         connection.execute("SET enable_progress_bar = false")
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
-        tables = _read(storage, cohort_of, connection, folder)
+        tables = _read(storage, cohort_of, connection, folder, complain)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"]), "state": state_names()}
         for name, table in tables.items():
             connection.register(name, table)
         comparisons = list(storage.list(FOLDER))
         for variable, kind in _COMPARISONS.items():
-            names = [name for name in comparisons if name.startswith(f"{FOLDER}/{kind}-")]
+            names = [
+                name
+                for name in comparisons
+                if name.startswith(f"{FOLDER}/{kind}-") and comparison_is_whole(storage, name, complain)
+            ]
             files = local_files(storage, names, folder, "json")
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
-        for name, rows_of_agents in evaluation_tables(storage).items():
+        for name, rows_of_agents in evaluation_tables(storage, complain).items():
             connection.register(name, rows_of_agents)
         connection.execute("SET VARIABLE code_version = $code", {"code": warehouse_code()})
         for table in TABLES:
             execute_sql(connection, table)
         rows = {table: _count(connection, table) for table in TABLES}
         connection.execute("CHECKPOINT")
-    size = path.stat().st_size
+    built = path.read_bytes()
     if storage.local_root is None:
-        storage.write(WAREHOUSE_FILE, path.read_bytes())
+        storage.write(WAREHOUSE_FILE, built)
+    stray_log(target).unlink(missing_ok=True)  # of whoever wrote into the old one: DuckDB would add it to the new
     path.replace(target)
-    return BuildReport(rows, size, time.monotonic() - started)
+    file = StoredFile(WAREHOUSE_FILE, len(built), hashlib.sha256(built).hexdigest())
+    write_ledger(Storage(target.parent), WAREHOUSE_SUBJECT, [file])
+    return BuildReport(rows, len(built), time.monotonic() - started, tuple(damaged.values()))
 
 
 def _read(
-    storage: Storage, cohort_of: Mapping[str, str], connection: duckdb.DuckDBPyConnection, folder: Path
+    storage: Storage,
+    cohort_of: Mapping[str, str],
+    connection: duckdb.DuckDBPyConnection,
+    folder: Path,
+    complain: Complaint,
 ) -> dict[str, pa.Table]:
     """Everything stored, chunk by chunk: DuckDB takes one over while the next is read."""
     outcomes = OutcomeTables()
     documents = DocumentTables(connection, storage, folder)
     with ThreadPoolExecutor(max_workers=1) as duckdb_thread:
         taken: Future[None] | None = None
-        for crashes in read_snapshots(storage, list(cohort_of), JSON_DOCUMENTS.values()):
+        for crashes in read_snapshots(storage, list(cohort_of), DOCUMENTS, complain):
             if taken is not None:
                 taken.result()
             taken = duckdb_thread.submit(documents.add, crashes)

@@ -22,6 +22,7 @@ JSON_DOCUMENTS = {
     "verdict": Stage.VERDICT,
 }
 _RECORD = "crash_record"
+DOCUMENTS = (*((stage, "json") for stage in JSON_DOCUMENTS.values()), (Stage.CRASH_RECORD, "parquet"))
 
 
 class DocumentTables:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.evaluation.table import EVALUATIONS
 from trace_dag.pipeline import evaluations, variations
+from trace_dag.pipeline.ledgers import Complaint
 from trace_dag.storage import Storage
 from trace_dag.variations.table import VARIATIONS
 
@@ -13,11 +14,16 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-def evaluation_tables(storage: Storage) -> dict[str, pa.Table]:
-    """The stored rows of both by the names the SQL knows them by, those of crashes that have changed since included."""
+def evaluation_tables(storage: Storage, complain: Complaint) -> dict[str, pa.Table]:
+    """The stored rows of both by the names the SQL knows them by, those of crashes that have changed since included.
+
+    ``complain`` hears of the files left out because they are damaged.
+    """
     import pyarrow as pa
 
     return {
-        "evaluation": pa.Table.from_pylist(evaluations.all_rows(storage), schema=EVALUATIONS.arrow()),
-        "variation": pa.Table.from_pylist(variations.all_rows(storage), schema=VARIATIONS.arrow()),
+        "evaluation": pa.Table.from_pylist(
+            evaluations.all_rows(storage, complain=complain), schema=EVALUATIONS.arrow()
+        ),
+        "variation": pa.Table.from_pylist(variations.all_rows(storage, complain=complain), schema=VARIATIONS.arrow()),
     }

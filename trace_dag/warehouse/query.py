@@ -2,27 +2,75 @@
 
 from __future__ import annotations
 
+import hashlib
+import time
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.errors import UserError
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.pipeline.ledgers import read_ledger
+from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
     import duckdb
 
+WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
+_BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
+_LOOKS, _PAUSE_S = 3, 0.1  # one that is being put in place agrees with its ledger a moment later
+
 
 def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
-    """A read-only connection; :class:`UserError` if there is no warehouse yet. A rebuild does not disturb it.
+    """A read-only connection to the warehouse as it was built. A rebuild does not disturb it.
 
-    The connection reaches nothing but the warehouse: no other file, no network.
+    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not what was built: damaged,
+    or changed by hand. The connection reaches nothing but the warehouse: no other file, no network.
     """
     import duckdb
 
-    if not path.is_file():
-        raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
-    return duckdb.connect(
-        str(path), read_only=True, config={"enable_external_access": "false", "autoload_known_extensions": "false"}
-    )
+    check_warehouse(path)
+    try:
+        return duckdb.connect(
+            str(path), read_only=True, config={"enable_external_access": "false", "autoload_known_extensions": "false"}
+        )
+    except duckdb.Error as error:
+        raise DamagedFile(str(path), f"DuckDB cannot open it ({_first_line(error)})", _BUILT_AGAIN) from error
+
+
+def check_warehouse(path: Path) -> None:
+    """Raise :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built."""
+    for look in range(1, _LOOKS + 1):
+        if not path.is_file():
+            raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
+        try:
+            return _check(path)
+        except DamagedFile as damaged:
+            if look == _LOOKS:
+                raise damaged.mended_by(_BUILT_AGAIN) from damaged
+        time.sleep(_PAUSE_S)
+
+
+def stray_log(path: Path) -> Path:
+    """Where DuckDB keeps what was written into a warehouse and is not in it yet; there is none beside one of ours."""
+    return path.with_name(f"{path.name}.wal")
+
+
+def _check(path: Path) -> None:
+    file = read_ledger(Storage(path.parent), WAREHOUSE_SUBJECT).files.get(path.name)
+    if file is None:
+        raise DamagedFile(str(path), "nothing says with what content it was built")
+    if stray_log(path).exists():
+        raise DamagedFile(str(path), f"somebody else has written into it, {stray_log(path).name} lies beside it")
+    status = path.stat()
+    if _digest(path, status.st_ino, status.st_size, status.st_mtime_ns) != file.sha256:
+        raise DamagedFile(str(path), "its content is not what was built")
+
+
+@lru_cache(maxsize=4)
+def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
+    """SHA-256 of a file, read once as long as it stays the same."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
@@ -43,3 +91,7 @@ def rows(path: Path, table: str) -> list[dict[str, Any]]:
     """All rows of one table as dictionaries."""
     names, values = query(path, f'SELECT * FROM "{table}"')  # noqa: S608 - a name of ours
     return [dict(zip(names, row, strict=True)) for row in values]
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0]

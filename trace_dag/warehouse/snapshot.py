@@ -7,11 +7,12 @@ started. Some hundred crashes at a time are read, so that memory does not grow w
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from trace_dag.errors import Stage
+from trace_dag.errors import DamagedFile, Stage
+from trace_dag.pipeline.flow import DamagedArtefactError
+from trace_dag.pipeline.ledgers import Complaint
 from trace_dag.pipeline.records import Records, read_records
 from trace_dag.pipeline.standing import valid_records
 from trace_dag.storage import Storage
@@ -22,7 +23,7 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CrashSnapshot:
-    """One crash: every record there is, those that count, and its JSON artefacts (UTF-8) by stage."""
+    """One crash: every record there is, those that count, and the contents of its documents by stage."""
 
     key: str
     records: Records
@@ -30,15 +31,23 @@ class CrashSnapshot:
     documents: Mapping[Stage, bytes]
 
 
-def read_snapshots(storage: Storage, keys: Sequence[str], stages: Collection[Stage]) -> Iterator[list[CrashSnapshot]]:
-    """Some crashes at a time, in order, each with its documents of some stages."""
+def read_snapshots(
+    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], complain: Complaint
+) -> Iterator[list[CrashSnapshot]]:
+    """Some crashes at a time, in order, each with its documents: artefacts by stage and extension.
+
+    ``complain`` hears of records and documents that are damaged; their crash enters as far as it is whole.
+    """
     for start in range(0, len(keys), _CRASHES_AT_ONCE):
         chunk = keys[start : start + _CRASHES_AT_ONCE]
         settled: dict[str, CrashSnapshot] = {}
         for attempt in range(1, _ATTEMPTS + 1):
             unsettled = [key for key in chunk if key not in settled]
-            for snapshot, replaced in _read(storage, unsettled, stages):
-                if replaced is None or attempt == _ATTEMPTS:
+            for snapshot, damaged in _read(storage, unsettled, documents, complain):
+                if damaged is None:
+                    settled[snapshot.key] = snapshot
+                elif attempt == _ATTEMPTS:
+                    complain(damaged)
                     settled[snapshot.key] = snapshot
             if len(settled) == len(chunk):
                 break
@@ -46,29 +55,29 @@ def read_snapshots(storage: Storage, keys: Sequence[str], stages: Collection[Sta
 
 
 def _read(
-    storage: Storage, keys: Sequence[str], stages: Collection[Stage]
-) -> Iterator[tuple[CrashSnapshot, Stage | None]]:
-    """Each crash up to the first stage whose document is not the one its record lists, and that stage."""
-    records = read_records(storage, keys)
+    storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], complain: Complaint
+) -> Iterator[tuple[CrashSnapshot, DamagedFile | None]]:
+    """Each crash up to the first document that is not the one its record lists, and what is wrong with that."""
+    records = read_records(storage, keys, complain=complain)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
-    contents = storage.read_many(
-        file.name
-        for of_crash in valid.values()
-        for stage, record in of_crash.items()
-        if stage in stages and (file := record.artefact("json")) is not None
-    )
+    listed = {
+        (key, stage): file
+        for key, of_crash in valid.items()
+        for stage, extension in documents
+        if stage in of_crash and (file := of_crash[stage].artefact(extension)) is not None
+    }
+    contents = storage.read_many(file.name for file in listed.values())
     for key, of_crash in valid.items():
-        documents: dict[Stage, bytes] = {}
-        replaced = None
-        for stage, record in of_crash.items():
-            file = record.artefact("json") if stage in stages else None
+        found: dict[Stage, bytes] = {}
+        damaged = None
+        for stage in of_crash:
+            file = listed.get((key, stage))
             if file is None:
                 continue
-            data = contents.get(file.name, b"")
-            if hashlib.sha256(data).hexdigest() != file.sha256:
-                replaced = stage
+            data = contents.get(file.name)
+            if data is None or not file.matches(data):
+                damaged = DamagedArtefactError(key, stage, file.name, "not the file its record lists")
+                of_crash = {each: record for each, record in of_crash.items() if each.position < stage.position}
                 break
-            documents[stage] = data
-        if replaced is not None:
-            of_crash = {stage: record for stage, record in of_crash.items() if stage.position < replaced.position}
-        yield CrashSnapshot(key, records[key], of_crash, documents), replaced
+            found[stage] = data
+        yield CrashSnapshot(key, records[key], of_crash, found), damaged

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from trace_dag.errors import Stage, UserError
+from trace_dag.errors import DamagedFile, Stage, UserError
 from trace_dag.pipeline.records import Records
 from trace_dag.pipeline.standing import standing, valid_records
 from trace_dag.pipeline.verify import Disagreement, Kind
@@ -29,6 +29,8 @@ def verify_warehouse(path: Path, records: Mapping[str, Records]) -> list[Disagre
         outcomes: dict[str, dict[str, str]] = {}
         for key, stage, fingerprint in query(path, _OUTCOMES)[1]:
             outcomes.setdefault(key, {})[stage] = fingerprint
+    except DamagedFile as damaged:
+        return [Disagreement(Kind.WAREHOUSE, f"{path}: {damaged.found}", file=str(path))]
     except UserError as error:
         return [Disagreement(Kind.WAREHOUSE, f"{path} cannot be read: {error}", file=str(path))]
     found = []

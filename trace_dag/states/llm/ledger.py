@@ -20,7 +20,8 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.errors import Failure, TransientFailure
+from trace_dag.errors import DamagedFile, Failure, TransientFailure
+from trace_dag.sealing import sealed, unsealed
 
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
@@ -147,7 +148,7 @@ class Ledger:
 
     def _put(self) -> None:
         if self.files is not None:
-            self.files.write(f"{self._folder}/{self._page.owner}.json", _pages.dump_json(self._page))
+            self.files.write(f"{self._folder}/{self._page.owner}.json", sealed(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
         """Every process's page, this one's as it is here."""
@@ -155,8 +156,8 @@ class Ledger:
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():
                 try:
-                    page = _pages.validate_json(data)
-                except ValidationError:
+                    page = _pages.validate_json(unsealed(data, name=self._folder))
+                except (DamagedFile, ValidationError):
                     continue  # not a page of ours
                 if page.owner != self._page.owner:
                     pages.append(page)

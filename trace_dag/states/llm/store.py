@@ -12,6 +12,9 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.errors import DamagedFile
+from trace_dag.sealing import sealed, unsealed
+
 FOLDER = "llm_answers"
 
 
@@ -53,8 +56,8 @@ class AnswerStore:
         if self._files is None:
             return self._memory.get(key)
         try:
-            return _answers.validate_json(self._files.read(_name(key)))
-        except (FileNotFoundError, ValidationError):
+            return _answers.validate_json(unsealed(self._files.read(_name(key)), name=_name(key)))
+        except (FileNotFoundError, DamagedFile, ValidationError):
             return None
 
     def put(self, key: str, answer: StoredAnswer) -> None:
@@ -62,7 +65,7 @@ class AnswerStore:
         if self._files is None:
             self._memory[key] = answer
         else:
-            self._files.write(_name(key), _answers.dump_json(answer, indent=1))
+            self._files.write(_name(key), sealed(_answers.dump_json(answer, indent=1)))
 
 
 def question_key(**question: object) -> str:

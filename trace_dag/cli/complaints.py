@@ -1,0 +1,30 @@
+"""What a command had to leave out: said once, in a line that names the remedy, when the rest is done."""
+
+from __future__ import annotations
+
+import click
+
+from trace_dag.cli.printing import one_line
+from trace_dag.errors import Failure
+
+_SHOWN = 20
+_LINE = 500
+
+
+class Complaints:
+    """Hears of crashes and files that are damaged while a command does the rest."""
+
+    def __init__(self) -> None:
+        self._said: dict[str, None] = {}
+
+    def hear(self, failure: Failure) -> None:
+        """Take note, once of each."""
+        self._said[str(failure)] = None
+
+    def told(self) -> int:
+        """Say them; the exit code: 1 if there are any."""
+        for said in list(self._said)[:_SHOWN]:
+            click.echo(f"failed: {one_line(said, _LINE)}", err=True)
+        if len(self._said) > _SHOWN:
+            click.echo(f"failed: {len(self._said) - _SHOWN} more; trace-dag verify --contents lists them", err=True)
+        return 1 if self._said else 0

@@ -1,0 +1,145 @@
+"""What is stored beside the stages' artefacts, each file with the size and SHA-256 it was written with.
+
+``ROOT/ledgers/<subject>.json`` lists the files of one subject that were made together: the benchmark, a comparison of
+one cohort, the evaluations of one agent, the variations of one crash, the warehouse. A ledger is written after the
+files it lists, under a seal (:mod:`trace_dag.sealing`). Outcome records list the artefacts and pictures of the stages.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING
+
+from trace_dag.errors import DamagedFile, Failure
+from trace_dag.sealing import is_sealed, sealed, unsealed
+from trace_dag.storage import Storage, StoredFile
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+FOLDER = "ledgers"
+SUBJECT_FOLDERS = ("comparisons", "evaluations", "variations")
+"""Folders all of whose files are listed in ledgers of their own; ``ledgers/`` has a folder for each."""
+
+_LOOKS = 3  # a file that is being replaced agrees with its ledger again a moment later
+_PAUSE_S = 0.1
+_READ_AT_ONCE = 200
+
+Complaint = Callable[[Failure], None]
+"""Hears of one crash or file that had to be left out, while the others go on."""
+
+
+def raised(failure: Failure) -> None:
+    """The complaint of whoever wants all or nothing."""
+    raise failure
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Files by name, and digests of what some of them were made of, by crash."""
+
+    files: dict[str, StoredFile] = field(default_factory=dict)
+    made_of: dict[str, str] = field(default_factory=dict)
+
+
+def ledger_name(subject: str) -> str:
+    """Where the ledger of a subject lies below the root."""
+    return f"{FOLDER}/{subject}.json"
+
+
+def write_ledger(
+    storage: Storage, subject: str, files: Iterable[StoredFile], made_of: Mapping[str, str] | None = None
+) -> None:
+    """Store what has been written of a subject, in place of its ledger before."""
+    ledger = Ledger({file.name: file for file in files}, dict(made_of or {}))
+    storage.write(ledger_name(subject), sealed(_ledgers().dump_json(ledger)))
+
+
+def read_ledger(storage: Storage, subject: str) -> Ledger:
+    """The ledger of a subject, an empty one if there is none. Raises :class:`DamagedFile`."""
+    name = ledger_name(subject)
+    try:
+        return _read(storage.read(name), name)
+    except FileNotFoundError:
+        return Ledger()
+
+
+def sound_ledger(storage: Storage, subject: str) -> Ledger:
+    """The ledger of a subject whose files can be made anew: an empty one where there is none or it is damaged."""
+    try:
+        return read_ledger(storage, subject)
+    except DamagedFile:
+        return Ledger()
+
+
+def read_listed(storage: Storage, subject: str, name: str, *, remedy: str) -> bytes:
+    """A file, if it is as the ledger of its subject says. Raises :class:`DamagedFile` that names the remedy."""
+    for look in range(1, _LOOKS + 1):
+        try:
+            file = read_ledger(storage, subject).files.get(name)
+            if file is None:
+                raise DamagedFile(name, f"{ledger_name(subject)} does not list it")
+            return storage.read_whole(file)
+        except DamagedFile as damaged:
+            if look == _LOOKS:
+                raise damaged.mended_by(remedy) from damaged
+        time.sleep(_PAUSE_S)
+    raise AssertionError("unreachable")
+
+
+def subjects(storage: Storage, folder: str = "") -> list[str]:
+    """The subjects that have a ledger, of one folder or those of none."""
+    listed = storage.list(f"{FOLDER}/{folder}" if folder else FOLDER)
+    return [name.removeprefix(f"{FOLDER}/").removesuffix(".json") for name in listed]
+
+
+def not_as_listed(
+    storage: Storage,
+    files: Iterable[StoredFile],
+    *,
+    contents: bool = False,
+    told: Callable[[int], None] = lambda _: None,
+) -> Iterator[tuple[StoredFile, str]]:
+    """Files that are missing or of another size, with ``contents`` also those of another content; and what is found.
+
+    ``told`` hears how many have been read.
+    """
+    files = list(files)
+    sizes = storage.sizes([file.name for file in files])
+    whole = []
+    for file in files:
+        size = sizes.get(file.name)
+        if size is None:
+            yield file, f"{file.name} is not there"
+        elif size != file.size:
+            yield file, f"{file.name} has {size} bytes, recorded are {file.size}"
+        else:
+            whole.append(file)
+    for start in range(0, len(whole) if contents else 0, _READ_AT_ONCE):
+        some = whole[start : start + _READ_AT_ONCE]
+        read = storage.read_many(file.name for file in some)
+        for file in some:
+            if not file.matches(read.get(file.name, b"")):
+                yield file, f"{file.name} has its recorded size and another content"
+        told(len(some))
+
+
+def _read(data: bytes, name: str) -> Ledger:
+    from pydantic import ValidationError
+
+    try:
+        if not is_sealed(data):
+            raise DamagedFile(name, "it has no seal")
+        return _ledgers().validate_json(unsealed(data, name=name))
+    except ValidationError as error:
+        raise DamagedFile(name, f"not a ledger ({error.errors()[0]['msg']})") from error
+
+
+@cache
+def _ledgers() -> TypeAdapter[Ledger]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Ledger)
