@@ -23,7 +23,7 @@ from pathlib import Path
 from benchmarks.cohorts import MAPS, SAMPLE
 from tests.faults.cluster import BUCKET, dask_cluster, kill_when_under_way, object_store
 from tests.result_tables import ABOUT_RUNS, WHEN_AND_WHERE, exported
-from trace_dag.pipeline.home import WAREHOUSE_FILE
+from trace_dag.flow.workspace import WAREHOUSE_FILE
 from trace_dag.storage import Storage
 
 ROOT = f"s3://{BUCKET}/root"

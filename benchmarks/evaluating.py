@@ -14,10 +14,10 @@ import time
 
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.registry import BASELINES
-from trace_dag.pipeline.evaluations import Limits, Role, evaluate_agents, verified_cases
-from trace_dag.pipeline.executors import available_cores
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.flow.executors import available_cores
+from trace_dag.flow.workspace import Workspace
+from trace_dag.studies.cases import AgentRole, verified_cases
+from trace_dag.studies.evaluations import Limits, evaluate_agents
 
 
 def main() -> None:
@@ -29,10 +29,10 @@ def main() -> None:
 
         root = tempfile.mkdtemp(prefix="trace-dag-evaluating-")
         cli.main(["--root", root, "demo"], standalone_mode=False)
-    pipeline = Home(root, FLOW).pipeline()
-    cases = verified_cases(pipeline, None, ())
+    workspace = Workspace.open(root)
+    cases = verified_cases(workspace, None, ())
     began = time.perf_counter()
-    rows = evaluate_agents(pipeline, cases, BASELINES, (Role.FIRST, Role.SECOND), Conditions(), Limits())
+    rows = evaluate_agents(workspace, cases, BASELINES, (AgentRole.FIRST, AgentRole.SECOND), Conditions(), Limits())
     took_s = time.perf_counter() - began
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     busy_s = used.ru_utime + used.ru_stime

@@ -27,25 +27,24 @@ import numpy as np
 from trace_dag.crash.codes.events import VEHICLE_EVENTS
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Rejection
+from trace_dag.flow.artefacts import EXTRACT, MAP_REPORT
+from trace_dag.flow.workspace import Workspace
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.drivable import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract
-from trace_dag.pipeline.artefacts import EXTRACT, MAP_REPORT
-from trace_dag.pipeline.comparisons import StoredCrash, judged_crashes
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.stages import FLOW
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.street_names import similarity
+from trace_dag.roads.crash_site.street_names import similarity
 from trace_dag.settings import Settings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
+from trace_dag.studies.stored_crashes import StoredCrash, judged_crashes
 from trace_dag.verdict.controls import renumbered
 from trace_dag.verdict.course_facts import course_facts
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.metrics import observe
 from trace_dag.verdict.support import Weight, facts_of, grade_of, supported, weights_of
-from trace_dag.verdict.types import Against, Agreement, Fact, Grade
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
 TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
 PLACES_OF_EACH = 4
@@ -70,8 +69,8 @@ def main() -> None:
     parser.add_argument("root")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    pipeline = Home(arguments.root, FLOW).pipeline()
-    keys = [(cohort, key) for cohort in pipeline.registry.cohorts() for key in pipeline.registry.keys(cohort)]
+    workspace = Workspace.open(arguments.root)
+    keys = [(cohort, key) for cohort in workspace.registry.cohorts() for key in workspace.registry.keys(cohort)]
     tasks = [(arguments.root, cohort, key) for cohort, key in keys]
     with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
         rows = [row for found in pool.imap(_rows_of, tasks) for row in found]
@@ -95,11 +94,11 @@ def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight
         if without in row.keys:
             continue
         for fact in row.facts:
-            if fact.against is Against.RECORD:
+            if fact.against is ComparedWith.RECORD:
                 continue  # essential or a note, not weighed
             if row.kind == "true":
                 true[fact.name][fact.agreement] += 1
-            elif (fact.against is Against.COURSE) == (row.kind == "other report"):
+            elif (fact.against is ComparedWith.COURSE) == (row.kind == "other report"):
                 chance[fact.name][fact.agreement] += 1
     return [
         Weight(
@@ -129,19 +128,19 @@ def print_rates(rows: list[Judged]) -> None:
 # --- one crash ---------------------------------------------------------------------------------------------------
 def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
     root, cohort, key = task
-    pipeline = Home(root, FLOW).pipeline()
-    found = judged_crashes(pipeline, [key])
+    workspace = Workspace.open(root)
+    found = judged_crashes(workspace, [key])
     if not found or not found[0].accepted or found[0].judged.record.first_harmful_event_code not in VEHICLE_EVENTS:
         return []
     own, rng = found[0], np.random.default_rng(int(key.replace("-", "")))
-    others = [other for other in pipeline.registry.keys(cohort) if other != key]
+    others = [other for other in workspace.registry.keys(cohort) if other != key]
     others = [others[index] for index in rng.permutation(len(others))]
     rows = [_true(own, cohort)]
     places = reports = 0
     for other in others:
         if places == PLACES_OF_EACH and reports == REPORTS_OF_EACH:
             break
-        there = next(iter(judged_crashes(pipeline, [other])), None)
+        there = next(iter(judged_crashes(workspace, [other])), None)
         if there is None or not there.accepted:
             continue
         if places < PLACES_OF_EACH:

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.measuring import Figure, cpu_s
-from trace_dag.assets.launch import open_instance, planned
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.registry import ReportSource
-from trace_dag.pipeline.selection import select_stale
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.cohorts.registry import ReportSource
+from trace_dag.flow.selection import select_stale
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+from trace_dag.launch import open_instance, planned
 
 SIZES = (100, 1_000, 10_000)
 
@@ -35,13 +35,12 @@ def _registered(crashes: int) -> float:
     environment = dict(os.environ)
     keys = [f"{2023 - number // 9_999}-{310_001 + number % 9_999}" for number in range(crashes)]
     with tempfile.TemporaryDirectory() as folder:
-        home = Home(f"{folder}/root", FLOW)
-        with open_instance(home) as instance:
+        workspace = Workspace.open(f"{folder}/root", FLOW)
+        with open_instance(workspace) as instance:
             began = cpu_s()
-            pipeline = home.pipeline()
             reports = {key: ReportSource("file", str(Path(folder) / key), "0" * 64) for key in keys}
-            pipeline.registry.register("grown", reports)
-            planned(pipeline, instance, select_stale(pipeline))
+            workspace.registry.register("grown", reports)
+            planned(workspace, instance, select_stale(workspace))
             taken = cpu_s() - began
     os.environ.clear()
     os.environ.update(environment)

@@ -26,10 +26,10 @@ from pathlib import Path
 
 from benchmarks.cohorts import MAPS, repeated_sample
 from tests.result_tables import differences, result_tables
-from trace_dag.errors import Stage
-from trace_dag.pipeline.records import read_records
-from trace_dag.pipeline.registry import Registry
+from trace_dag.cohorts.registry import Registry
+from trace_dag.flow.records import read_records
 from trace_dag.provenance import Outcome
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 LONGEST_WAIT_S = 15.0

@@ -21,10 +21,10 @@ from trace_dag.errors import Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import Site
-from trace_dag.roads.against_report import AGREES, DIFFERS, compare
-from trace_dag.roads.convert import convert
-from trace_dag.roads.crossings import with_kinds
-from trace_dag.roads.placement import place_crash
+from trace_dag.roads.crash_site.agreement import AGREES, DIFFERS, compare
+from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.crash_site.placement import place_crash
+from trace_dag.roads.from_osm.convert import convert
 from trace_dag.settings import CrashSettings, OsmSettings, RoadSettings
 
 Table = dict[str, Counter[str]]

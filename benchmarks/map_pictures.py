@@ -22,11 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from roads import Places, cut, fars_sites, random_sites, virginia
 
-from trace_dag.roads.convert import convert
-from trace_dag.roads.crossings import with_kinds
-from trace_dag.roads.map_measures import crossings
-from trace_dag.roads.network import LaneType, Road, RoadNetwork
-from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.gates.measures import crossings
+from trace_dag.roads.map.model import LaneType, Road
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.scenario.maps import draw_network, draw_side_by_side
 from trace_dag.settings import RoadSettings
 

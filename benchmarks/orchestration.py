@@ -39,26 +39,26 @@ def measure(runs: int) -> Iterator[Figure]:
 def _prepared(folder: str, crashes: int) -> Any:
     import fake_flow
 
-    from trace_dag.pipeline.home import Home
+    from trace_dag.flow.workspace import Workspace
 
-    home = Home(f"{folder}/root", replace(fake_flow.FLOW, picture=None))
+    workspace = Workspace.open(f"{folder}/root", replace(fake_flow.FLOW, picture=None))
     behaviours = {f"2023-{510_000 + number}": "" for number in range(crashes)}
     reports = fake_flow.write_reports(Path(folder) / "reports", behaviours)
-    home.pipeline(SETTINGS).registry.register("fakes", reports)
-    return home
+    workspace.with_settings(SETTINGS).registry.register("fakes", reports)
+    return workspace
 
 
 def _through_dagster(crashes: int) -> None:
-    from trace_dag.assets.launch import open_instance, planned, run_batches
-    from trace_dag.pipeline.selection import select_stale
+    from trace_dag.flow.selection import select_stale
+    from trace_dag.launch import open_instance, planned, run_batches
 
     environment = dict(os.environ)
     with tempfile.TemporaryDirectory() as folder:
-        home = _prepared(folder, crashes)
-        pipeline = home.pipeline(SETTINGS)
-        with open_instance(home) as instance:
-            batches = planned(pipeline, instance, select_stale(pipeline))
-            report = run_batches(home, instance, batches, settings=SETTINGS)
+        workspace = _prepared(folder, crashes)
+        workspace = workspace.with_settings(SETTINGS)
+        with open_instance(workspace) as instance:
+            batches = planned(workspace, instance, select_stale(workspace))
+            report = run_batches(workspace, instance, batches, settings=SETTINGS)
     os.environ.clear()
     os.environ.update(environment)
     if report.errors:
@@ -66,7 +66,9 @@ def _through_dagster(crashes: int) -> None:
 
 
 def _bare(crashes: int) -> None:
+    from trace_dag.flow.batch import run_stages
+
     with tempfile.TemporaryDirectory() as folder:
-        pipeline = _prepared(folder, crashes).pipeline(SETTINGS)
-        for _ in pipeline.run(pipeline.registry.keys(), run_id="bare"):
+        workspace = _prepared(folder, crashes).with_settings(SETTINGS)
+        for _ in run_stages(workspace, workspace.registry.keys(), run_id="bare"):
             pass

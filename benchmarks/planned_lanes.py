@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trace_dag.roads.network import RoadNetwork
-from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.states.json_io import estimate_from_json
 from trace_dag.states.types import ParticipantState
 

@@ -38,14 +38,15 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
-from trace_dag.roads.convert import convert
-from trace_dag.roads.gates import check_map
-from trace_dag.roads.map_comparison import MapComparison
-from trace_dag.roads.network import Road, RoadNetwork
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_writer import write_opendrive
-from trace_dag.roads.osm2odr import convert_with_osm2odr, with_way_tags
-from trace_dag.roads.stored_map import StoredMap
+from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr, with_way_tags
+from trace_dag.roads.gates.against_osm import MapComparison
+from trace_dag.roads.gates.gates import check_map
+from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import OsmSettings, RoadSettings
 
 Result = TypeVar("Result")

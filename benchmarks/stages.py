@@ -24,9 +24,9 @@ from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.convert import convert
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import Settings
 from trace_dag.states.estimate import estimate
 
@@ -132,7 +132,7 @@ def _conversion_and_estimation(runs: int) -> Iterator[Figure]:
 
 
 def _converters(extracts: dict[str, OsmExtract], frames: dict[str, LocalFrame]) -> Iterator[tuple[str, Work]]:
-    from trace_dag.roads.osm2odr import convert_with_osm2odr
+    from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr
 
     yield "Osm2Odr", lambda: [convert_with_osm2odr(extract, frames[key]) for key, extract in extracts.items()]
     netconvert = shutil.which("netconvert") or _in_judges("netconvert")

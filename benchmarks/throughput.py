@@ -12,14 +12,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.cohorts import MAPS, repeated_sample
 from benchmarks.measuring import Figure, cpu_s, medians, wall_s
-from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.executors import InProcessExecutor, ProcessExecutor
-from trace_dag.pipeline.ingest import ingest
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.cohorts.ingest import ingest
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.executors import InProcessExecutor, ProcessExecutor
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
 
 CRASHES = int(os.environ.get("TRACE_DAG_BENCH_CRASHES", "60"))
 NATIONAL_YEAR = 15_000
@@ -69,8 +71,8 @@ def _command() -> Iterator[Figure]:
         bare_root = Path(folder) / "bare"
         _register(bare_root, Path(folder) / "reports", CRASHES)
         cpu = cpu_s()
-        pipeline = Pipeline.open(str(bare_root), FLOW)
-        for _ in pipeline.run(pipeline.registry.keys(), run_id="bare", executor=InProcessExecutor()):
+        workspace = Workspace.open(str(bare_root), FLOW)
+        for _ in run_stages(replace(workspace, executor=InProcessExecutor()), workspace.registry.keys(), run_id="bare"):
             pass
         bare = cpu_s() - cpu
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
@@ -119,7 +121,7 @@ def _register(root: Path, reports: Path, crashes: int) -> None:
 
 def _run(root: Path, executor: ProcessExecutor, crashes: int) -> None:
     _register(root, root.with_name(f"reports-{crashes}"), crashes)
-    pipeline = Pipeline.open(str(root), FLOW)
-    for event in pipeline.run(pipeline.registry.keys(), run_id="benchmark", executor=executor):
+    workspace = Workspace.open(str(root))
+    for event in run_stages(replace(workspace, executor=executor), workspace.registry.keys(), run_id="benchmark"):
         if event.failed:
             raise RuntimeError(f"{event.key} failed in {event.stage}")

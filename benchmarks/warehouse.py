@@ -21,10 +21,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from trace_dag.errors import Stage
-from trace_dag.pipeline.records import Records, read_records, write_record
-from trace_dag.pipeline.registry import Registry, ReportSource
-from trace_dag.pipeline.standing import valid_records
+from trace_dag.cohorts.registry import Registry, ReportSource
+from trace_dag.flow.records import Records, read_records, write_record
+from trace_dag.flow.standing import valid_records
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
 from trace_dag.warehouse.build import BuildReport, build_warehouse
 from trace_dag.warehouse.query import open_warehouse

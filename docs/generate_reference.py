@@ -16,10 +16,11 @@ from mkdocs.structure.files import File, Files
 from pydantic import BaseModel
 
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Reason, Stage
+from trace_dag.errors import Reason
 from trace_dag.schemas import TableSchema
 from trace_dag.settings import Settings
 from trace_dag.sim.log_io import SIMULATION_STEPS
+from trace_dag.stage import Stage
 
 _COMMENT = re.compile(r"COMMENT ON (?P<kind>TABLE|VIEW|COLUMN) (?P<name>[\w.]+) IS '(?P<text>(?:[^']|'')*)'")
 

@@ -13,9 +13,9 @@ from trace_dag.errors import Rejection
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import Site
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.network import RoadNetwork
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import Settings
 

@@ -14,12 +14,12 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from trace_dag.errors import Reason, Rejection, Stage, TransientFailure
-from trace_dag.pipeline.artefacts import Artefact
-from trace_dag.pipeline.flow import CrashFiles, Flow, StageDefinition
-from trace_dag.pipeline.products import StageProduct
-from trace_dag.pipeline.registry import MapFile, ReportSource
-from trace_dag.pipeline.services import Services
+from trace_dag.cohorts.registry import RegisteredMap, ReportSource
+from trace_dag.cohorts.services import Services
+from trace_dag.errors import Reason, Rejection, TransientFailure
+from trace_dag.flow.artefacts import Artefact
+from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition
+from trace_dag.flow.products import StageProduct
 from trace_dag.settings import (
     CrashSettings,
     OsmSettings,
@@ -28,6 +28,7 @@ from trace_dag.settings import (
     StateSettings,
     VerdictSettings,
 )
+from trace_dag.stage import Stage
 
 ORDER = tuple(Stage)
 REASON_OF = {
@@ -95,7 +96,7 @@ def crash_record(key: str, report_text: bytes, services: Services, settings: Cra
 
 def osm_extract(
     record_text: Mapping[str, bytes],
-    maps: Mapping[str, tuple[MapFile, ...]],
+    maps: Mapping[str, tuple[RegisteredMap, ...]],
     services: Services,
     settings: OsmSettings,
 ) -> Mapping[str, StageProduct | Rejection]:
@@ -165,3 +166,8 @@ def write_reports(folder: Path, behaviours: Mapping[str, str]) -> dict[str, Repo
         path.write_text(behaviour + "\n" if behaviour else "")
         sources[key] = ReportSource("file", str(path), sha256=str(hash(behaviour)))
     return sources
+
+
+def broken(key: str) -> StageProduct:
+    """A stage that breaks for every crash."""
+    raise RuntimeError("the simulator is broken")

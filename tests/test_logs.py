@@ -70,14 +70,15 @@ sys.path[:0] = [{str(fake_flow.__file__).rpartition("/")[0]!r}]
 import fake_flow
 from pathlib import Path
 from trace_dag.logs import configure_logging
-from trace_dag.pipeline.home import Home
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.workspace import Workspace
 
 def main():
     configure_logging()
-    pipeline = Home({str(tmp_path / "root")!r}, fake_flow.FLOW).pipeline({{"execution": {{"workers": 2}}}})
+    workspace = Workspace.open({str(tmp_path / "root")!r}, fake_flow.FLOW, {{"execution": {{"workers": 2}}}})
     reports = {{"2023-510001": "", "2023-510002": "fail:road_map"}}
-    pipeline.registry.register("fakes", fake_flow.write_reports(Path({str(tmp_path / "reports")!r}), reports))
-    list(pipeline.run(list(reports), run_id="a run"))
+    workspace.registry.register("fakes", fake_flow.write_reports(Path({str(tmp_path / "reports")!r}), reports))
+    list(run_stages(workspace, list(reports), run_id="a run"))
 
 if __name__ == "__main__":
     main()

@@ -37,7 +37,7 @@ _DECIDES_NOTHING = frozenset(
         "trace_dag",
         "trace_dag.garbage",
         "trace_dag.http",
-        "trace_dag.pipeline.stages",
+        "trace_dag.flow.stages",
         "trace_dag.settings",
         "trace_dag.sealing",
         "trace_dag.storage",

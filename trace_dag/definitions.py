@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from dagster import Definitions, in_process_executor
+from dagster import ConfigurableResource, Definitions, InitResourceContext, in_process_executor
+from pydantic import Field
 
 from trace_dag.assets.after_runs import AFTER_RUNS
 from trace_dag.assets.batch import crashes
@@ -11,18 +12,28 @@ from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.schedules import SCHEDULES
 from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.summaries import benchmark, warehouse
-from trace_dag.resources.home import HomeResource
+from trace_dag.flow.workspace import Workspace, storage_root
 
 
-def build_definitions(home: Any = None) -> Definitions:
-    """The definitions, on a :class:`trace_dag.pipeline.home.Home` or by default on the one the environment names."""
+class WorkspaceResource(ConfigurableResource[Workspace]):
+    """Builds the :class:`Workspace` that assets, checks and sensors work on."""
+
+    root: str = Field(default="", description="Storage root; empty: TRACE_DAG_ROOT, else ./trace_dag_home.")
+
+    def create_resource(self, context: InitResourceContext) -> Workspace:
+        """The home at that root, with the real stages."""
+        return Workspace.open(storage_root(self.root))
+
+
+def build_definitions(workspace: Any = None) -> Definitions:
+    """The definitions, on a workspace, or by default on the one the environment names."""
     return Definitions(
         assets=[crashes, warehouse, benchmark],
         asset_checks=CHECKS,
         jobs=[*STAGE_JOBS, SUMMARY_JOB],
         sensors=[*SENSORS, *AFTER_RUNS],
         schedules=SCHEDULES,
-        resources={"home": home if home is not None else HomeResource()},
+        resources={"workspace": workspace if workspace is not None else WorkspaceResource()},
         # The step is parallel within; a process per step would only add to it.
         executor=in_process_executor,
     )

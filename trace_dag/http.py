@@ -33,7 +33,7 @@ from tenacity import (
 )
 
 from trace_dag.errors import Failure, TransientFailure
-from trace_dag.turns import take_turn
+from trace_dag.rate_limit import take_turn
 
 TRANSIENT_STATUS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 USER_AGENT: Final = "trace-dag (crash reconstruction research)"

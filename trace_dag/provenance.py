@@ -1,7 +1,7 @@
 """What a stage's result was made from, and what came of it.
 
 Belongs here: the fingerprint of a stage (code, settings, inputs) and the outcome record stored beside the artefacts.
-Does not belong here: deciding what to run (:mod:`trace_dag.pipeline`).
+Does not belong here: deciding what to run (:mod:`trace_dag.flow`).
 
 A result is current while its fingerprint is: the same code of everything the stage runs, the same versions of the
 libraries that decide with it, the same section of settings, the same bytes as input. The record of an outcome is
@@ -22,8 +22,9 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from trace_dag.code_versions import CodeVersion, library_version
-from trace_dag.errors import DamagedFile, Reason, Stage
+from trace_dag.errors import DamagedFile, Reason
 from trace_dag.sealing import sealed, unsealed
+from trace_dag.stage import Stage
 from trace_dag.storage import StoredFile
 
 _HISTORY_KEPT = 20

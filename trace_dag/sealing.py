@@ -1,7 +1,7 @@
 """JSON documents that prove themselves whole: their last field is the SHA-256 of what stands before it.
 
 Belongs here: setting and checking that seal. Every other stored file is listed, with size and SHA-256, in a sealed
-document: an outcome record (:mod:`trace_dag.provenance`) or a ledger (:mod:`trace_dag.pipeline.ledgers`). A seal finds
+document: an outcome record (:mod:`trace_dag.provenance`) or a ledger (:mod:`trace_dag.flow.ledgers`). A seal finds
 damage and changes by hand; it is no signature and keeps nobody from sealing anew.
 """
 

@@ -1,7 +1,7 @@
 """The storage root: one folder, local or on an object store, that holds everything the project makes.
 
 Belongs here: reading, writing and listing named files below one root, on any fsspec location. Does not belong here:
-what the files mean (:mod:`trace_dag.provenance`, :mod:`trace_dag.pipeline`).
+what the files mean (:mod:`trace_dag.provenance`, :mod:`trace_dag.flow`).
 
 Every write is atomic: locally into a temporary file of the same folder that is then renamed, on an object store as
 one put. A process killed at any moment leaves at most an orphaned temporary file, never half an artefact. Nothing

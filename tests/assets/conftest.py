@@ -10,11 +10,11 @@ import fake_flow
 import pytest
 from dagster import AssetKey, DagsterInstance
 
-from trace_dag.assets.launch import RunReport, open_instance, planned, run_batches
 from trace_dag.assets.partitions import CRASHES, add_partitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.selection import Selection, select_stale
+from trace_dag.flow.selection import Selection, select_stale
+from trace_dag.flow.workspace import Workspace
+from trace_dag.launch import RunReport, open_instance, planned, run_batches
+from trace_dag.stage import Stage
 
 SETTINGS: dict[str, Any] = {"execution": {"executor": "in_process", "retry_wait_s": 0.0}}
 
@@ -23,16 +23,16 @@ class Campaign:
     """Fake crashes on a root, run through Dagster."""
 
     def __init__(self, folder: Path, behaviours: Mapping[str, str]) -> None:
-        self.home = Home(str(folder / "root"), fake_flow.FLOW)
-        self.pipeline = self.home.pipeline(SETTINGS)
-        self.pipeline.registry.register("fakes", fake_flow.write_reports(folder / "reports", behaviours))
-        self.instance: DagsterInstance = open_instance(self.home)
-        add_partitions(self.instance, self.pipeline.registry.keys())
+        self.workspace = Workspace.open(str(folder / "root"), fake_flow.FLOW)
+        self.workspace = self.workspace.with_settings(SETTINGS)
+        self.workspace.registry.register("fakes", fake_flow.write_reports(folder / "reports", behaviours))
+        self.instance: DagsterInstance = open_instance(self.workspace)
+        add_partitions(self.instance, self.workspace.registry.keys())
 
     def run(self, selection: Selection | None = None, settings: Mapping[str, Any] = SETTINGS) -> RunReport:
-        pipeline = self.home.pipeline(settings)
-        batches = planned(pipeline, self.instance, selection or select_stale(pipeline))
-        return run_batches(self.home, self.instance, batches, settings=settings)
+        workspace = self.workspace.with_settings(settings)
+        batches = planned(workspace, self.instance, selection or select_stale(workspace))
+        return run_batches(self.workspace, self.instance, batches, settings=settings)
 
     def statuses(self) -> dict[tuple[str, str], str]:
         """What Dagster shows for each stage and crash."""

@@ -34,9 +34,9 @@ _LOCATION = """\
 from fake_flow import FLOW
 
 from trace_dag.definitions import build_definitions
-from trace_dag.pipeline.home import Home
+from trace_dag.flow.workspace import Workspace
 
-defs = build_definitions(Home({root!r}, FLOW))
+defs = build_definitions(Workspace.open({root!r}, FLOW))
 """
 _ITERATIONS = 20
 _LAUNCH = """

@@ -11,9 +11,9 @@ from dagster import DagsterRun, build_run_status_sensor_context
 
 from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
 from trace_dag.assets.after_runs import summary_after_runs
-from trace_dag.assets.launch import open_instance
-from trace_dag.errors import Stage
-from trace_dag.pipeline.selection import select_again
+from trace_dag.flow.selection import select_again
+from trace_dag.launch import open_instance
+from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 4)]
 BROKEN = KEYS[1]
@@ -28,14 +28,14 @@ def made(campaign, monkeypatch):
     monkeypatch.setenv("TRACE_DAG_EXECUTION__EXECUTOR", "in_process")
     made = campaign({key: "fail-once:road_map" if key == BROKEN else "" for key in KEYS})
     made.instance.dispose()
-    launch_in_this_process(made.home.dagster_home)
-    made.instance = open_instance(made.home)
+    launch_in_this_process(made.workspace.dagster_home)
+    made.instance = open_instance(made.workspace)
     return made
 
 
 @pytest.fixture
 def ui(made, tmp_path) -> Iterator[DagsterUi]:
-    with dagster_ui(made.instance, made.pipeline.storage.root, tmp_path) as opened:
+    with dagster_ui(made.instance, made.workspace.storage.root, tmp_path) as opened:
         yield opened
 
 
@@ -54,13 +54,13 @@ def test_a_backfill_executed_again_from_failure_computes_what_the_command_would(
     first = ui.materialize(STAGES)
     by_command = {
         (stage.value, key)
-        for key, start in select_again(made.pipeline, failed=True).start.items()
+        for key, start in select_again(made.workspace, failed=True).start.items()
         for stage in start.and_later()
     }
     assert by_command == {(stage.value, BROKEN) for stage in Stage.ROAD_MAP.and_later()}
-    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    before = fake_flow.calls(Path(made.workspace.storage.root))
     again = ui.execute_again_from_failure(first)
-    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    after = fake_flow.calls(Path(made.workspace.storage.root))
     assert {where for where in after if after[where] != before.get(where)} == by_command
     assert set(made.statuses().values()) == {"MATERIALIZED"}
     (run,) = ui.runs_of(again)

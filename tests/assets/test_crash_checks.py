@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from dagster import AssetCheckKey, AssetKey
 
-from trace_dag.errors import Stage
-from trace_dag.pipeline.selection import select_again
+from trace_dag.flow.selection import select_again
+from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 5)]
 GATES = AssetCheckKey(AssetKey("road_map"), "gates")
@@ -47,7 +47,7 @@ def test_what_does_not_hold_warns_with_reason_and_sentence(campaign):
 def test_a_crash_run_again_is_checked_again_and_no_other(campaign):
     made = campaign(dict.fromkeys(KEYS[:2], ""))
     made.run()
-    made.run(select_again(made.pipeline, only=[KEYS[1]], first=Stage.VERDICT))
+    made.run(select_again(made.workspace, only=[KEYS[1]], first=Stage.VERDICT))
     assert set(stands(made, CRITERIA).values()) == {("SUCCEEDED", True)}
     history = made.instance.event_log_storage.get_asset_check_execution_history(CRITERIA, limit=10)
     assert sorted(record.partition for record in history) == [KEYS[0], KEYS[1], KEYS[1]]

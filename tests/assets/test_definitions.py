@@ -8,7 +8,7 @@ import sys
 from dagster import AssetKey
 
 from trace_dag.definitions import defs
-from trace_dag.errors import Stage
+from trace_dag.stage import Stage
 
 SPECS = {spec.key: spec for spec in defs.resolve_all_asset_specs()}
 
@@ -63,11 +63,11 @@ def test_summary_follows_the_last_run_started_in_the_ui_and_no_other(campaign):
     from dagster import DagsterRunStatus, build_run_status_sensor_context
 
     from trace_dag.assets.after_runs import summary_after_runs
-    from trace_dag.assets.launch import PROCESS_TAG
+    from trace_dag.assets.run_requests import PROCESS_TAG
     from trace_dag.definitions import build_definitions
 
     made = campaign({"2023-510010": ""})
-    job = build_definitions(made.home).resolve_job_def("judge_only")
+    job = build_definitions(made.workspace).resolve_job_def("judge_only")
     selected = frozenset({AssetKey("verdict")})
 
     def request_after(tags: dict[str, str], selection: frozenset[AssetKey] | None = selected) -> str:

@@ -24,16 +24,16 @@ from dagster._core.events import AssetMaterializationPlannedData, AssetObservati
 from dagster._core.storage.event_log import SqliteEventLogStorage
 
 from trace_dag.assets.event_log import EventLog
-from trace_dag.assets.launch import open_instance
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+from trace_dag.launch import open_instance
 
 
 @pytest.fixture
 def instance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DagsterInstance:
     monkeypatch.setenv("DAGSTER_HOME", "to be replaced")
     monkeypatch.setenv("TRACE_DAG_ROOT", "to be replaced")
-    with open_instance(Home(str(tmp_path / "root"), FLOW)) as made:
+    with open_instance(Workspace.open(str(tmp_path / "root"), FLOW)) as made:
         yield made
 
 

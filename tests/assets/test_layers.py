@@ -1,10 +1,11 @@
-"""Arrows point one way: domain packages know nothing of Dagster, nor of what comes later in the flow."""
+"""Arrows point one way: a module knows nothing of what stands above it, and only the top knows Dagster."""
 
 from __future__ import annotations
 
 import ast
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -12,48 +13,114 @@ import pytest
 import trace_dag
 
 PACKAGE = Path(trace_dag.__file__).parent
-MAY_KNOW_DAGSTER = {"assets", "resources", "definitions"}
-FLOW = ["crash", "osm", "roads", "states", "sim", "evaluation", "variations", "verdict", "scenario"]
+
+LAYERS = (
+    # the contracts
+    {"units", "stage"},
+    {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
+    {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
+    {"http", "provenance"},
+    # the domain, in the order of the flow
+    {"crash"},
+    {"osm"},
+    {"roads"},
+    {"states"},
+    {"sim"},
+    {"evaluation"},
+    {"variations"},
+    {"verdict"},
+    {"scenario"},
+    # what runs it
+    {"cohorts"},
+    {"flow"},
+    {"studies"},
+    {"warehouse"},
+    {"benchmark"},
+    # Dagster and the command line
+    {"assets"},
+    {"definitions"},
+    {"launch"},
+    {"cli"},
+)
+"""Every package and module at the top, from the lowest up; those of one layer do not know each other."""
+
+ROADS = ("map", "report", "from_osm", "crash_site", "gates", "json_io", "build")
+MAY_KNOW_DAGSTER = {"assets", "definitions", "launch"}
 
 
-def modules(*parts: str) -> list[Path]:
-    return sorted(PACKAGE.joinpath(*parts).rglob("*.py"))
+def name_of(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def imports(path: Path) -> set[str]:
+    """Everything a module imports, within functions and for type checking too."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            found.add(node.module)
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (names & MODULES.keys()) or {node.module}
     return found
 
 
-def test_only_assets_and_resources_import_dagster():
+def top(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
+
+
+def test_every_package_has_its_layer():
+    assert {top(name) for name in MODULES} - {""} == set().union(*LAYERS)
+    assert {name.split(".")[2] for name in MODULES if name.startswith("trace_dag.roads.")} == set(ROADS)
+
+
+@pytest.mark.parametrize("layer", range(len(LAYERS)), ids=lambda number: "+".join(sorted(LAYERS[number])))
+def test_no_arrow_points_up(layer):
+    above = set().union(*LAYERS[layer + 1 :])
+    for own in LAYERS[layer]:
+        beside = LAYERS[layer] - {own}
+        for name, path in MODULES.items():
+            if top(name) == own:
+                wrong = {
+                    each for each in imports(path) if each.startswith("trace_dag.") and top(each) in above | beside
+                }
+                assert not wrong, f"{name} imports {wrong}"
+
+
+@pytest.mark.parametrize("part", ROADS)
+def test_no_arrow_points_up_in_roads(part):
+    above = tuple(f"trace_dag.roads.{each}" for each in ROADS[ROADS.index(part) + 1 :])
+    for name, path in MODULES.items():
+        if name.startswith(f"trace_dag.roads.{part}"):
+            wrong = {each for each in imports(path) if each.startswith(above)}
+            assert not wrong, f"{name} imports {wrong}"
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    graph = {name: imports(path) & MODULES.keys() for name, path in MODULES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_only_assets_and_what_starts_them_import_dagster():
     guilty = {
-        str(path.relative_to(PACKAGE))
-        for path in modules()
-        if any(name.split(".")[0].startswith("dagster") for name in imports(path))
-        and path.relative_to(PACKAGE).parts[0].removesuffix(".py") not in MAY_KNOW_DAGSTER
+        name
+        for name, path in MODULES.items()
+        if any(each.split(".")[0].startswith("dagster") for each in imports(path)) and top(name) not in MAY_KNOW_DAGSTER
     }
     assert guilty == set()
 
 
-@pytest.mark.parametrize("package", FLOW)
-def test_packages_do_not_import_what_comes_later_or_above(package):
-    later = [*FLOW[FLOW.index(package) + 1 :], "pipeline", "assets", "resources", "warehouse", "cli"]
-    for path in modules(package):
-        for name in imports(path):
-            parts = name.split(".")
-            assert not (parts[0] == "trace_dag" and len(parts) > 1 and parts[1] in later), f"{path.name}: {name}"
-
-
 def test_the_whole_flow_runs_without_dagster_being_loaded():
     code = (
-        "import sys, trace_dag.pipeline.batch, trace_dag.pipeline.stages, trace_dag.warehouse.build\n"
-        "from trace_dag.pipeline.tasks import Work\n"
-        "Work.code_versions(trace_dag.pipeline.stages.FLOW)\n"
+        "import sys, trace_dag.flow.batch, trace_dag.flow.stages, trace_dag.benchmark.build\n"
+        "from trace_dag.flow.tasks import Work\n"
+        "Work.code_versions(trace_dag.flow.stages.FLOW)\n"
         "sys.exit(any(name.split('.')[0] == 'dagster' for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

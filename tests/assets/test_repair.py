@@ -8,11 +8,10 @@ import fake_flow
 import pytest
 from dagster import AssetKey
 
-from trace_dag.assets.launch import range_tags
+from trace_dag.assets.run_requests import range_tags
 from trace_dag.definitions import build_definitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.planning import PlannedBatch
-from trace_dag.pipeline.selection import select_again
+from trace_dag.flow.selection import PlannedBatch, select_again
+from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 6)]
 BROKEN = {KEYS[1]: Stage.ROAD_MAP, KEYS[3]: Stage.SIMULATION_LOG}
@@ -22,7 +21,7 @@ REPAIRED = {(stage.value, key) for key, broken in BROKEN.items() for stage in br
 
 def by_command(made) -> None:
     """``trace-dag rerun --failed``."""
-    assert made.run(select_again(made.pipeline, failed=True)).errors == ()
+    assert made.run(select_again(made.workspace, failed=True)).errors == ()
 
 
 def by_failed_pairs(made) -> None:
@@ -39,7 +38,7 @@ def by_failed_partitions(made) -> None:
 
 def in_ui(made, key: str, stages: set[str]) -> None:
     """One run as a backfill of the UI launches it, without anything the command adds."""
-    job = build_definitions(made.home).resolve_job_def("all_stages")
+    job = build_definitions(made.workspace).resolve_job_def("all_stages")
     done = job.execute_in_process(
         run_config={"ops": {"crashes": {"config": {"settings": {"execution": {"executor": "in_process"}}}}}},
         instance=made.instance,
@@ -54,8 +53,8 @@ def test_exactly_the_stages_and_crashes_that_broke_are_computed(campaign, repair
     made = campaign(BEHAVIOURS)
     made.run()
     assert {where for where, status in made.statuses().items() if status != "MATERIALIZED"} == REPAIRED
-    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    before = fake_flow.calls(Path(made.workspace.storage.root))
     repair(made)
-    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    after = fake_flow.calls(Path(made.workspace.storage.root))
     assert {where for where in after if after[where] != before.get(where)} == REPAIRED
     assert set(made.statuses().values()) == {"MATERIALIZED"}

@@ -11,9 +11,12 @@ import fake_flow
 from dagster import AssetKey, DagsterRunStatus
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
-from trace_dag.assets.launch import PROCESS_TAG, open_instance
-from trace_dag.errors import Reason, Stage
-from trace_dag.pipeline.selection import select_again
+from trace_dag.assets.run_requests import PROCESS_TAG
+from trace_dag.errors import Reason
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.selection import select_again
+from trace_dag.launch import open_instance
+from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number}" for number in range(10, 16)]
 
@@ -42,7 +45,7 @@ def test_a_broken_stage_shows_as_failed_for_its_crashes_and_the_stages_after_and
     assert {status for where, status in made.statuses().items() if where not in failed} == {"MATERIALIZED"}
 
     before = counts(made)
-    assert made.run(select_again(made.pipeline, failed=True)).errors == ()
+    assert made.run(select_again(made.workspace, failed=True)).errors == ()
     assert set(made.statuses().values()) == {"MATERIALIZED"}
     assert counts(made) - before == dict.fromkeys(failed, 1)
 
@@ -71,7 +74,7 @@ def test_verdict_carries_its_picture_inline(campaign):
 def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_command_that_replays_it(campaign):
     made = campaign({KEYS[0]: "", KEYS[1]: "reject:road_map"})
     made.run()
-    root = made.pipeline.storage.root
+    root = made.workspace.storage.root
     shown = dict(materializations(made, Stage.VERDICT))
     assert {key: metadata["page"] for key, metadata in shown.items()} == {
         key: f"{root}/benchmark/crashes/{key}.html" for key in KEYS[:2]
@@ -84,32 +87,32 @@ def test_nothing_is_run_when_nothing_changed_and_a_changed_setting_runs_from_its
     made = campaign(dict.fromkeys(KEYS, ""))
     made.run()
     assert made.run().runs == 0
-    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    before = fake_flow.calls(Path(made.workspace.storage.root))
     changed = {"execution": {"executor": "in_process"}, "sim": {"friction": 0.3}}
     assert made.run(settings=changed).runs == 1
     (run,) = made.instance.get_runs(limit=1)
     assert {key.to_user_string() for key in run.asset_selection} == {"simulation_log", "verdict"}
-    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    after = fake_flow.calls(Path(made.workspace.storage.root))
     assert {stage for stage, key in after if after[stage, key] != before[stage, key]} == {"simulation_log"}
 
 
 def test_rejected_crashes_are_examined_again_only_when_asked_for(campaign):
     made = campaign({KEYS[0]: "reject:road_map", KEYS[1]: "reject:verdict", KEYS[2]: ""})
     made.run()
-    before = fake_flow.calls(Path(made.pipeline.storage.root))
-    made.run(select_again(made.pipeline, reason=Reason.CRASH_OFF_ROAD))
-    after = fake_flow.calls(Path(made.pipeline.storage.root))
+    before = fake_flow.calls(Path(made.workspace.storage.root))
+    made.run(select_again(made.workspace, reason=Reason.CRASH_OFF_ROAD))
+    after = fake_flow.calls(Path(made.workspace.storage.root))
     assert {where for where in after if after[where] != before.get(where)} == {("road_map", KEYS[0])}
 
 
 def test_work_done_but_never_told_to_dagster_is_told_without_being_done_again(campaign):
     made = campaign({KEYS[0]: "", KEYS[1]: ""})
-    list(made.pipeline.run(KEYS[:2], run_id="killed before it could say so"))
-    before = fake_flow.calls(Path(made.pipeline.storage.root))
+    list(run_stages(made.workspace, KEYS[:2], run_id="killed before it could say so"))
+    before = fake_flow.calls(Path(made.workspace.storage.root))
     assert set(made.statuses().values()) == {"MISSING"}
     assert made.run().runs == 1
     assert set(made.statuses().values()) == {"MATERIALIZED"}
-    assert fake_flow.calls(Path(made.pipeline.storage.root)) == before
+    assert fake_flow.calls(Path(made.workspace.storage.root)) == before
 
 
 def test_runs_of_dead_processes_are_closed(campaign):
@@ -126,7 +129,7 @@ def test_runs_of_dead_processes_are_closed(campaign):
         made_job(made), tags={STEP_PROCESS_TAG: f"{host}:{dead.pid}:123"}, status=DagsterRunStatus.STARTED
     )
     assert run.tags[STEP_PROCESS_TAG] == run.tags[PROCESS_TAG], "the step says where it runs"
-    with open_instance(made.home) as instance:
+    with open_instance(made.workspace) as instance:
         assert instance.get_run_by_id(orphan.run_id).status is DagsterRunStatus.FAILURE
         assert instance.get_run_by_id(launched.run_id).status is DagsterRunStatus.FAILURE
         assert instance.get_run_by_id(run.run_id).status is DagsterRunStatus.SUCCESS
@@ -135,4 +138,4 @@ def test_runs_of_dead_processes_are_closed(campaign):
 def made_job(made):
     from trace_dag.definitions import build_definitions
 
-    return build_definitions(made.home).resolve_job_def("all_stages")
+    return build_definitions(made.workspace).resolve_job_def("all_stages")

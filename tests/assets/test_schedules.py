@@ -8,20 +8,21 @@ import pytest
 from dagster import AssetKey, RunRequest, SkipReason, build_schedule_context
 from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
-from trace_dag.assets.launch import open_instance, range_tags
 from trace_dag.assets.partitions import add_partitions
+from trace_dag.assets.run_requests import range_tags
 from trace_dag.assets.schedules import newly_released_cases
+from trace_dag.cohorts.choice import Choice
+from trace_dag.cohorts.ingest import ingest
+from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.definitions import build_definitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.choosing import Choice
-from trace_dag.pipeline.flow import Flow
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.ingest import ingest
-from trace_dag.pipeline.planning import PlannedBatch
-from trace_dag.pipeline.records import read_records
-from trace_dag.pipeline.services import crash_api
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.flow.contract import Flow
+from trace_dag.flow.records import read_records
+from trace_dag.flow.selection import PlannedBatch
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+from trace_dag.launch import open_instance
+from trace_dag.stage import Stage
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))
 # The real first stage, which asks the service; the rest does not matter here.
@@ -32,21 +33,21 @@ class Following:
     """A cohort that follows the service, and the schedule's looks at it."""
 
     def __init__(self, root: str, *, watch: bool = True) -> None:
-        self.home = Home(root, ASKING)
-        pipeline = self.home.pipeline()
-        client = crash_api(pipeline.settings.services, pipeline.storage)
-        ingest(pipeline.storage, "nebraska", crash_api=client, choice=CHOICE, watch=watch)
-        self.instance = open_instance(self.home)
-        add_partitions(self.instance, pipeline.registry.keys())
+        self.workspace = Workspace.open(root, ASKING)
+        workspace = self.workspace
+        client = crash_api(workspace.settings.services, workspace.storage)
+        ingest(workspace.storage, "nebraska", crash_api=client, choice=CHOICE, watch=watch)
+        self.instance = open_instance(self.workspace)
+        add_partitions(self.instance, workspace.registry.keys())
 
     def look(self) -> list[RunRequest]:
         at = datetime(2026, 1, 5, 6, tzinfo=UTC)
         with build_schedule_context(self.instance, scheduled_execution_time=at) as context:
-            result = newly_released_cases(context, home=self.home)
+            result = newly_released_cases(context, workspace=self.workspace)
         return [] if isinstance(result, SkipReason) else list(result)
 
     def run(self, requests: list[RunRequest]) -> None:
-        job = build_definitions(self.home).resolve_job_def("all_stages")
+        job = build_definitions(self.workspace).resolve_job_def("all_stages")
         for request in requests:
             assert job.execute_in_process(
                 run_config=request.run_config,
@@ -56,8 +57,8 @@ class Following:
             ).success
 
     def reasons(self) -> dict[str, str | None]:
-        pipeline = self.home.pipeline()
-        records = read_records(pipeline.storage, pipeline.registry.keys())
+        workspace = self.workspace
+        records = read_records(workspace.storage, workspace.registry.keys())
         return {
             key: each[Stage.RAW_REPORT].reason and each[Stage.RAW_REPORT].reason.value
             for key, each in records.items()
@@ -84,7 +85,7 @@ def test_cases_listed_since_are_registered_and_run_and_only_once(tmp_path, servi
     service.cases = (VERIFIED[0], VERIFIED[1], NOT_RELEASED)
     requests = following.look()
     keys = [f"2023-{case}" for case in (VERIFIED[1], NOT_RELEASED)]
-    assert following.home.pipeline().registry.keys("nebraska") == sorted([f"2023-{VERIFIED[0]}", *keys])
+    assert following.workspace.registry.keys("nebraska") == sorted([f"2023-{VERIFIED[0]}", *keys])
     assert set(following.instance.get_dynamic_partitions("crashes")) >= set(keys)
     following.run(requests)
     assert following.reasons() == {keys[0]: None, keys[1]: "not_released"}
@@ -110,5 +111,5 @@ def test_cohorts_that_do_not_follow_the_service_are_left_alone(tmp_path, service
     following = Following(str(tmp_path / "root"), watch=False)
     service.cases = VERIFIED
     assert following.look() == []
-    assert following.home.pipeline().registry.keys() == [f"2023-{VERIFIED[0]}"]
+    assert following.workspace.registry.keys() == [f"2023-{VERIFIED[0]}"]
     following.instance.dispose()

@@ -10,14 +10,14 @@ import fake_flow
 import pytest
 from dagster import RunRequest, SkipReason, build_sensor_context
 
-from trace_dag.assets.launch import open_instance
 from trace_dag.assets.sensors import arriving_reports
+from trace_dag.cohorts.ingest import ingest
 from trace_dag.definitions import build_definitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.ingest import ingest
-from trace_dag.pipeline.records import read_records
+from trace_dag.flow.records import read_records
+from trace_dag.flow.workspace import Workspace
+from trace_dag.launch import open_instance
 from trace_dag.provenance import Outcome
+from trace_dag.stage import Stage
 
 REPORTS = Path(__file__).resolve().parents[2] / "data" / "sample" / "reports"
 CASES = ("319003", "319022", "319024")
@@ -29,10 +29,10 @@ class Watched:
     def __init__(self, folder: Path) -> None:
         self.inbox = folder / "inbox"
         self.inbox.mkdir()
-        self.home = Home(str(folder / "root"), fake_flow.FLOW)
-        self.pipeline = self.home.pipeline({"execution": {"executor": "in_process"}})
-        ingest(self.pipeline.storage, "arriving", reports=[self.inbox], watch=True)
-        self.instance = open_instance(self.home)
+        self.workspace = Workspace.open(str(folder / "root"), fake_flow.FLOW)
+        self.workspace = self.workspace.with_settings({"execution": {"executor": "in_process"}})
+        ingest(self.workspace.storage, "arriving", reports=[self.inbox], watch=True)
+        self.instance = open_instance(self.workspace)
         self.cursor = ""
         self.said = ""
 
@@ -42,7 +42,9 @@ class Watched:
         os.utime(path, (time.time() - age_s,) * 2)
 
     def look(self) -> list[RunRequest]:
-        with build_sensor_context(instance=self.instance, cursor=self.cursor, resources={"home": self.home}) as context:
+        with build_sensor_context(
+            instance=self.instance, cursor=self.cursor, resources={"workspace": self.workspace}
+        ) as context:
             result = arriving_reports(context)
         if isinstance(result, SkipReason):
             self.cursor = context.cursor or ""
@@ -69,13 +71,13 @@ def test_what_arrives_is_registered_and_run_and_only_once(watched):
     watched.arrive(CASES[0])
     watched.arrive(CASES[1])
     (request,) = watched.look()
-    assert watched.partitions() == watched.pipeline.registry.keys("arriving") == [f"2023-{case}" for case in CASES[:2]]
+    assert watched.partitions() == watched.workspace.registry.keys("arriving") == [f"2023-{case}" for case in CASES[:2]]
     assert watched.look() == []
 
-    job = build_definitions(watched.home).resolve_job_def("all_stages")
+    job = build_definitions(watched.workspace).resolve_job_def("all_stages")
     config = {"ops": {"crashes": {"config": {"settings": {"execution": {"executor": "in_process"}}}}}}
     assert job.execute_in_process(run_config=config, instance=watched.instance, tags=request.tags).success
-    records = read_records(watched.pipeline.storage, watched.partitions())
+    records = read_records(watched.workspace.storage, watched.partitions())
     assert {each[Stage.VERDICT].outcome for each in records.values()} == {Outcome.ACCEPTED}
 
     watched.arrive(CASES[2])
@@ -86,10 +88,10 @@ def test_what_arrives_is_registered_and_run_and_only_once(watched):
 def test_a_report_that_changed_is_run_again(watched):
     watched.arrive(CASES[0])
     watched.look()
-    before = watched.pipeline.registry.sources([f"2023-{CASES[0]}"])[f"2023-{CASES[0]}"].report.sha256
+    before = watched.workspace.registry.sources([f"2023-{CASES[0]}"])[f"2023-{CASES[0]}"].report.sha256
     watched.arrive(CASES[0], content=(REPORTS / f"crash_{CASES[0]}.xml").read_bytes() + b"\n", age_s=30.0)
     assert len(watched.look()) == 1
-    assert watched.pipeline.registry.sources([f"2023-{CASES[0]}"])[f"2023-{CASES[0]}"].report.sha256 != before
+    assert watched.workspace.registry.sources([f"2023-{CASES[0]}"])[f"2023-{CASES[0]}"].report.sha256 != before
 
 
 def test_files_still_written_to_wait_for_the_next_look(watched):
@@ -119,10 +121,10 @@ def test_what_is_no_report_and_a_folder_that_is_gone_stop_nothing(watched):
 def test_without_a_watched_folder_it_says_how_to_get_one(tmp_path, monkeypatch):
     for name in ("DAGSTER_HOME", "TRACE_DAG_ROOT"):
         monkeypatch.setenv(name, "to be replaced")
-    home = Home(str(tmp_path / "root"), fake_flow.FLOW)
+    workspace = Workspace.open(str(tmp_path / "root"), fake_flow.FLOW)
     with (
-        open_instance(home) as instance,
-        build_sensor_context(instance=instance, resources={"home": home}) as context,
+        open_instance(workspace) as instance,
+        build_sensor_context(instance=instance, resources={"workspace": workspace}) as context,
     ):
         result = arriving_reports(context)
     assert isinstance(result, SkipReason)

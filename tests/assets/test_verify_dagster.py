@@ -7,24 +7,25 @@ from dataclasses import replace
 from dagster import AssetKey, AssetRecordsFilter
 
 from trace_dag.assets.verify import repair_dagster, verify_dagster
-from trace_dag.errors import Stage
-from trace_dag.pipeline.records import read_records, write_record
-from trace_dag.pipeline.registry import ReportSource
-from trace_dag.pipeline.verify import Kind
+from trace_dag.cohorts.registry import ReportSource
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.records import read_records, write_record
+from trace_dag.flow.verify import DisagreementKind
 from trace_dag.provenance import Outcome
+from trace_dag.stage import Stage
 
 GOOD, REJECTED, FAILED = "2023-510001", "2023-510002", "2023-510003"
 BEHAVIOURS = {GOOD: "", REJECTED: "reject:road_map", FAILED: "fail-once:state_estimate"}
 
 
 def look(made):
-    records = read_records(made.pipeline.storage, made.pipeline.registry.keys())
+    records = read_records(made.workspace.storage, made.workspace.registry.keys())
     return records, verify_dagster(made.instance, records)
 
 
 def repaired(made):
     records, found = look(made)
-    repair_dagster(made.instance, made.pipeline.storage, records, found)
+    repair_dagster(made.instance, made.workspace.storage, records, found)
     return look(made)[1]
 
 
@@ -40,8 +41,8 @@ def test_after_a_run_dagster_says_what_is_stored(campaign):
 
 def test_results_of_a_run_that_could_not_log_them_are_told_with_their_outcome(campaign):
     made = campaign({GOOD: "", REJECTED: "reject:road_map"})
-    list(made.pipeline.run([GOOD, REJECTED], run_id="killed before it said anything"))
-    expected = {(Kind.NOT_LOGGED, key, stage) for key in (GOOD, REJECTED) for stage in Stage}
+    list(run_stages(made.workspace, [GOOD, REJECTED], run_id="killed before it said anything"))
+    expected = {(DisagreementKind.NOT_LOGGED, key, stage) for key in (GOOD, REJECTED) for stage in Stage}
     assert found_of(look(made)[1]) == expected
     assert repaired(made) == []
     assert set(made.statuses().values()) == {"MATERIALIZED"}
@@ -55,26 +56,26 @@ def test_results_of_a_run_that_could_not_log_them_are_told_with_their_outcome(ca
 def test_an_earlier_result_is_not_taken_for_the_present_one(campaign):
     made = campaign({GOOD: ""})
     made.run()
-    changed = made.home.pipeline({"sim": {"friction": 0.4}, "execution": {"executor": "in_process"}})
-    list(changed.run([GOOD], run_id="killed before it said anything"))
-    assert found_of(look(made)[1]) == {(Kind.NOT_LOGGED, GOOD, Stage.SIMULATION_LOG)}
+    changed = made.workspace.with_settings({"sim": {"friction": 0.4}, "execution": {"executor": "in_process"}})
+    list(run_stages(changed, [GOOD], run_id="killed before it said anything"))
+    assert found_of(look(made)[1]) == {(DisagreementKind.NOT_LOGGED, GOOD, Stage.SIMULATION_LOG)}
     assert repaired(made) == []
 
 
 def test_a_failure_shown_as_an_earlier_success_is_named(campaign):
     made = campaign({FAILED: ""})
     made.run()
-    record = read_records(made.pipeline.storage, [FAILED])[FAILED][Stage.SIMULATION_LOG]
-    write_record(made.pipeline.storage, replace(record, outcome=Outcome.FAILED, artefacts=()))
+    record = read_records(made.workspace.storage, [FAILED])[FAILED][Stage.SIMULATION_LOG]
+    write_record(made.workspace.storage, replace(record, outcome=Outcome.FAILED, artefacts=()))
     later = Stage.SIMULATION_LOG.and_later()
-    assert found_of(look(made)[1]) == {(Kind.FAILURE_NOT_LOGGED, FAILED, stage) for stage in later}
+    assert found_of(look(made)[1]) == {(DisagreementKind.FAILURE_NOT_LOGGED, FAILED, stage) for stage in later}
 
 
 def test_a_result_that_is_gone_is_named(campaign):
     made = campaign({GOOD: ""})
     made.run()
-    made.pipeline.storage.delete(f"verdict/{GOOD}.outcome.json")
-    assert found_of(look(made)[1]) == {(Kind.NO_RESULT, GOOD, Stage.VERDICT)}
+    made.workspace.storage.delete(f"verdict/{GOOD}.outcome.json")
+    assert found_of(look(made)[1]) == {(DisagreementKind.NO_RESULT, GOOD, Stage.VERDICT)}
     made.run()
     assert look(made)[1] == []
 
@@ -82,11 +83,11 @@ def test_a_result_that_is_gone_is_named(campaign):
 def test_partitions_follow_the_registered_crashes(campaign):
     made = campaign({GOOD: "", REJECTED: "reject:road_map"})
     made.run()
-    made.pipeline.registry.register("more", {"2023-510009": ReportSource("file", "/not/run", "0")})
-    made.pipeline.registry.remove("fakes", [REJECTED])
+    made.workspace.registry.register("more", {"2023-510009": ReportSource("file", "/not/run", "0")})
+    made.workspace.registry.remove("fakes", [REJECTED])
     assert found_of(look(made)[1]) == {
-        (Kind.NO_PARTITION, "2023-510009", None),
-        (Kind.STRAY_PARTITION, REJECTED, None),
+        (DisagreementKind.NO_PARTITION, "2023-510009", None),
+        (DisagreementKind.STRAY_PARTITION, REJECTED, None),
     }
     assert repaired(made) == []
     assert list(made.instance.get_dynamic_partitions("crashes")) == [GOOD, "2023-510009"]

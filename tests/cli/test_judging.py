@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sample_runs import trace_dag
 
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 
 VERIFIED = "SELECT key FROM verdicts WHERE accepted ORDER BY key"
 

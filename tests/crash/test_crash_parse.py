@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from trace_dag.crash.derive import impact_area, implied_impact_of_damage
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.record import CrashRecord, Movement, VehicleClass
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings
 
@@ -162,10 +162,13 @@ def test_areas_that_are_no_side_of_the_body(code: int | None) -> None:
 
 @pytest.mark.parametrize(
     ("acc_type", "movement"),
-    [(68, Movement.TURNING_LEFT), (78, Movement.TURNING_RIGHT), (21, Movement.STOPPED), (46, Movement.CHANGING_LANES),
-     (86, Movement.GOING_STRAIGHT), (13, Movement.GOING_STRAIGHT)],
+    [(68, PreCrashMovement.TURNING_LEFT),
+     (78, PreCrashMovement.TURNING_RIGHT),
+     (21, PreCrashMovement.STOPPED),
+     (46, PreCrashMovement.CHANGING_LANES),
+     (86, PreCrashMovement.GOING_STRAIGHT), (13, PreCrashMovement.GOING_STRAIGHT)],
 )  # fmt: skip
-def test_movement_from_the_crash_type(acc_type: int, movement: Movement, settings: CrashSettings) -> None:
+def test_movement_from_the_crash_type(acc_type: int, movement: PreCrashMovement, settings: CrashSettings) -> None:
     vehicle = read(report(vehicles=[{"P_CRASH1": 99, "ACC_TYPE": acc_type}]), settings).vehicles[0]
     assert vehicle.movement is movement
     assert "movement" in vehicle.implied
@@ -173,12 +176,12 @@ def test_movement_from_the_crash_type(acc_type: int, movement: Movement, setting
 
 def test_going_straight_on_a_curve_is_following_it(settings: CrashSettings) -> None:
     vehicle = read(report(vehicles=[{"P_CRASH1": None, "ACC_TYPE": 50, "VALIGN": 3}]), settings).vehicles[0]
-    assert vehicle.movement is Movement.NEGOTIATING_CURVE
+    assert vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE
 
 
 def test_reported_movements_are_kept(settings: CrashSettings) -> None:
     vehicle = read(report(vehicles=[{"P_CRASH1": 3, "ACC_TYPE": 68}]), settings).vehicles[0]
-    assert vehicle.movement is Movement.ACCELERATING
+    assert vehicle.movement is PreCrashMovement.ACCELERATING
     assert vehicle.implied == ()
 
 

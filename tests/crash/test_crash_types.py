@@ -6,8 +6,8 @@ import pytest
 
 from trace_dag.crash.crash_types import (
     CRASH_TYPES,
+    EncounterRole,
     Relation,
-    Role,
     Side,
     Turn,
     critical_event,
@@ -48,7 +48,10 @@ LEFT_TURNS, RIGHT_TURNS, NO_TURNS = (22, 26, 68, 72, 76, 82), (23, 27, 70, 78, 8
 def test_partners_agree(first, second):
     one, two = CRASH_TYPES[first], CRASH_TYPES[second]
     assert one.relation is two.relation
-    assert {one.role, two.role} in ({Role.STRIKING, Role.STRUCK}, {Role.ENCROACHING, Role.STEADY})
+    assert {one.role, two.role} in (
+        {EncounterRole.STRIKING, EncounterRole.STRUCK},
+        {EncounterRole.ENCROACHING, EncounterRole.STEADY},
+    )
     if one.relation is Relation.CROSSING and one.turn is None:
         assert {one.other_from, two.other_from} == {Side.LEFT, Side.RIGHT}
 

@@ -9,7 +9,7 @@ from tests.verdict.crashes import CROSSROADS, STREET
 from trace_dag.evaluation.agents import Agent
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.types import Participant

@@ -12,7 +12,7 @@ from tests.sim.motions import CAR
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Action, AgentFault, Motion, Observation, Scenario
 from trace_dag.evaluation.evaluate import Conditions
-from trace_dag.evaluation.metrics import Outcome
+from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.observation import Sensing, Sensor
 from trace_dag.evaluation.registry import make_agent, offered, resolve
 from trace_dag.sim.driving import BodyState, Pedals
@@ -55,7 +55,7 @@ class Answers:
 
 def test_the_example_agent_avoids_a_rear_end_crash():
     found = drive(rear_end(), CarefulFollower())
-    assert found.outcome is Outcome.AVOIDED
+    assert found.outcome is DriveOutcome.AVOIDED
     assert found.metrics is not None
     assert found.metrics.max_deceleration_mps2 < 7.0  # full brakes would be 7.35
 
@@ -80,7 +80,7 @@ def test_the_example_agent_avoids_a_rear_end_crash():
 )
 def test_a_faulty_answer_is_a_result_that_says_what_was_wrong(answer, said):
     found = drive(rear_end(), Answers(answer))
-    assert found.outcome is Outcome.FAULTY
+    assert found.outcome is DriveOutcome.FAULTY
     assert said in found.fault
     assert found.metrics is None
 

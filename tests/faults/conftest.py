@@ -1,5 +1,5 @@
-"""The storage root with fake crashes that the pipeline's tests use."""
+"""The storage root with fake crashes that the flow's tests use."""
 
-from pipeline.conftest import make_pipeline
+from flow.conftest import make_workspace
 
-__all__ = ["make_pipeline"]
+__all__ = ["make_workspace"]

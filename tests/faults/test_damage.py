@@ -12,18 +12,19 @@ import duckdb
 import pytest
 from sample_runs import finished, trace_dag
 
+from trace_dag.benchmark.export import export, verified_keys
+from trace_dag.benchmark.release import build_release
+from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.pipeline.comparisons import negative_controls, replay
-from trace_dag.pipeline.evaluations import all_rows
-from trace_dag.pipeline.exporting import export, verified_keys
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.ledgers import not_as_listed, read_ledger, read_listed, write_ledger
-from trace_dag.pipeline.registry import Registry
-from trace_dag.pipeline.releasing import build_release
-from trace_dag.pipeline.stages import FLOW
-from trace_dag.pipeline.verify import Kind, repair_storage, verify_storage
+from trace_dag.flow.ledgers import not_as_listed, read_ledger, read_listed, write_ledger
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.verify import DisagreementKind, repair_storage, verify_storage
+from trace_dag.flow.workspace import Workspace
 from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
+from trace_dag.studies.controls import negative_controls
+from trace_dag.studies.evaluations import all_rows
+from trace_dag.studies.replays import replay
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query
 from trace_dag.warehouse.verify import verify_warehouse
@@ -102,17 +103,17 @@ def test_a_damaged_ledger_lets_nothing_out(tmp_path: Path, damage: Damage) -> No
 # --- what goes out -------------------------------------------------------------------------------------------------
 @DAMAGES
 def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, damage: Damage) -> None:
-    pipeline = Home(str(root), FLOW).pipeline()
+    workspace = Workspace.open(str(root), FLOW)
     damage(root / f"road_map/{KEY}.xodr")
     heard: list[str] = []
-    others = [key for key in verified_keys(pipeline) if key != KEY]
-    export(pipeline, [KEY, others[0]], tmp_path / "out", "packages", complain=lambda each: heard.append(str(each)))
+    others = [key for key in verified_keys(workspace) if key != KEY]
+    export(workspace, [KEY, others[0]], tmp_path / "out", "packages", complain=lambda each: heard.append(str(each)))
     assert [folder.name for folder in (tmp_path / "out").iterdir()] == others[:1]
-    rows = negative_controls(pipeline, "sample", most=2, complain=lambda each: heard.append(str(each)))
+    rows = negative_controls(workspace, "sample", most=2, complain=lambda each: heard.append(str(each)))
     assert all(row.key != KEY for row in rows)
     assert all(f"--only {KEY} --from road_map" in said for said in heard)
     with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr: damaged"):
-        replay(pipeline, KEY, "html")
+        replay(workspace, KEY, "html")
 
 
 def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Path, tmp_path: Path) -> None:
@@ -127,24 +128,24 @@ def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Pa
     assert remedy == ["run", "--only", KEY, "--from", "road_map"]
     assert trace_dag(root, *remedy).returncode == 0
     assert (root / f"road_map/{KEY}.xodr").read_bytes() == whole
-    assert KEY in verified_keys(Home(str(root), FLOW).pipeline())
+    assert KEY in verified_keys(Workspace.open(str(root), FLOW))
     assert trace_dag(root, "verify", "--contents").returncode == 0
 
 
 @DAMAGES
 def test_no_damaged_package_is_released(root: Path, tmp_path: Path, packages: dict[str, bytes], damage: Damage) -> None:
     damage(root / PACKAGE)
-    home = Home(str(root), FLOW)
-    made = build_release(home.pipeline(), home.warehouse, "1.0", tmp_path)
+    workspace = Workspace.open(str(root), FLOW)
+    made = build_release(workspace, "1.0", tmp_path)
     assert {path.stem: path.read_bytes() for path in (made.folder / "packages").iterdir()} == packages
     assert (root / PACKAGE).read_bytes() == packages[KEY], "made again"
 
 
 def test_a_finished_release_is_put_right_before_it_is_archived(root: Path, tmp_path: Path, packages) -> None:
-    home = Home(str(root), FLOW)
-    made = build_release(home.pipeline(), home.warehouse, "1.0", tmp_path)
+    workspace = Workspace.open(str(root), FLOW)
+    made = build_release(workspace, "1.0", tmp_path)
     flip(made.folder / "packages" / f"{KEY}.zip")
-    again = build_release(home.pipeline(), home.warehouse, "1.0", tmp_path, archive="zip")
+    again = build_release(workspace, "1.0", tmp_path, archive="zip")
     assert again.written == 1
     assert again.archive is not None
     with zipfile.ZipFile(again.archive) as archive:
@@ -153,12 +154,12 @@ def test_a_finished_release_is_put_right_before_it_is_archived(root: Path, tmp_p
 
 def test_a_release_waits_for_a_crash_that_cannot_be_packed(root: Path, tmp_path: Path, packages) -> None:
     flip(root / f"verdict/{KEY}.json")
-    home = Home(str(root), FLOW)
-    built = build_warehouse(home.pipeline().storage, root)
+    workspace = Workspace.open(str(root), FLOW)
+    built = build_warehouse(workspace.storage, root)
     assert built.incomplete_crashes == {KEY}
     heard: list[Failure] = []
     unknown = built.incomplete_crashes
-    made = build_release(home.pipeline(), home.warehouse, "1.0", tmp_path, unknown=unknown, complain=heard.append)
+    made = build_release(workspace, "1.0", tmp_path, unknown=unknown, complain=heard.append)
     assert all(f"verdict/{KEY}.json: damaged" in str(each) for each in heard)
     assert (made.missing, made.packages) == (1, len(packages) - 1)
     assert not (made.folder / "SHA256SUMS").exists()
@@ -183,7 +184,7 @@ def test_a_warehouse_that_is_not_as_it_was_built_says_nothing_and_is_built_again
     with pytest.raises(DamagedFile, match="trace-dag verify --repair builds it again"):
         query(warehouse, sql)
     (found,) = verify_warehouse(warehouse, verify_storage(storage, root).records)
-    assert found.kind is Kind.WAREHOUSE
+    assert found.kind is DisagreementKind.WAREHOUSE
     build_warehouse(storage, root)
     assert query(warehouse, sql) == before
     assert verify_warehouse(warehouse, verify_storage(storage, root).records) == []
@@ -202,22 +203,22 @@ def test_both_remedies_for_a_corrupt_warehouse_work(root: Path, remedy: tuple[st
 
 # --- verify --------------------------------------------------------------------------------------------------------
 EVERYTHING = (
-    (f"raw_report/{KEY}.xml", Kind.DAMAGED_ARTEFACT),
-    (f"crash_record/{KEY}.parquet", Kind.DAMAGED_ARTEFACT),
-    (f"osm_extract/{KEY}.osm", Kind.DAMAGED_ARTEFACT),
-    (f"road_map/{KEY}.json", Kind.DAMAGED_ARTEFACT),
-    (f"state_estimate/{KEY}.json", Kind.DAMAGED_ARTEFACT),
-    (f"simulation_log/{KEY}.parquet", Kind.DAMAGED_ARTEFACT),
-    (f"verdict/{KEY}.json", Kind.DAMAGED_ARTEFACT),
-    (f"verdict/{OTHER}.outcome.json", Kind.UNREADABLE_RECORD),
-    (f"pictures/{KEY}.png", Kind.DAMAGED_ARTEFACT),
-    (PACKAGE, Kind.DAMAGED_PAGE),
-    (f"benchmark/crashes/{KEY}.html", Kind.DAMAGED_PAGE),
-    (f"benchmark/replays/{KEY}.html", Kind.DAMAGED_PAGE),
-    (f"benchmark/pictures/{KEY}.png", Kind.DAMAGED_PAGE),
-    (f"benchmark/files/{KEY}/map.xodr", Kind.DAMAGED_PAGE),
-    ("benchmark/index.html", Kind.DAMAGED_PAGE),
-    ("ledgers/benchmark.json", Kind.DAMAGED_PAGE),
+    (f"raw_report/{KEY}.xml", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"crash_record/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"osm_extract/{KEY}.osm", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"road_map/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"state_estimate/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"simulation_log/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"verdict/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"verdict/{OTHER}.outcome.json", DisagreementKind.UNREADABLE_RECORD),
+    (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_ARTEFACT),
+    (PACKAGE, DisagreementKind.DAMAGED_PAGE),
+    (f"benchmark/crashes/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
+    (f"benchmark/replays/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
+    (f"benchmark/pictures/{KEY}.png", DisagreementKind.DAMAGED_PAGE),
+    (f"benchmark/files/{KEY}/map.xodr", DisagreementKind.DAMAGED_PAGE),
+    ("benchmark/index.html", DisagreementKind.DAMAGED_PAGE),
+    ("ledgers/benchmark.json", DisagreementKind.DAMAGED_PAGE),
 )
 
 
@@ -229,7 +230,9 @@ def test_a_flipped_bit_in_any_kind_of_file_is_found_and_mended(root: Path) -> No
     assert {name: found.get(name) for name, _ in EVERYTHING[:-1]} == dict(EVERYTHING[:-1])
     flip(root / "ledgers/benchmark.json")
     report = verify_storage(Storage(root), root, contents=True)
-    assert {each.file: each.kind for each in report.disagreements}["ledgers/benchmark.json"] is Kind.DAMAGED_PAGE
+    assert {each.file: each.kind for each in report.disagreements}[
+        "ledgers/benchmark.json"
+    ] is DisagreementKind.DAMAGED_PAGE
     repair_storage(Storage(root), report)
     assert trace_dag(root, "run").returncode == 0
     done = trace_dag(root, "verify", "--contents")

@@ -8,8 +8,8 @@ from faults.cluster import BUCKET, dask_cluster, kill_when_under_way, object_sto
 from result_tables import differences
 from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag
 
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
 from trace_dag.storage import Storage
 
 ROOT = f"s3://{BUCKET}/root"
@@ -33,7 +33,7 @@ def test_a_cohort_on_a_cluster_with_a_killed_worker_gives_the_tables_of_a_local_
             said, _ = run.communicate(timeout=900)
             assert run.returncode == 0, said
         assert f"{len(KEYS)} in all" in said
-        warehouse = Home(ROOT, FLOW).warehouse
+        warehouse = Workspace.open(ROOT, FLOW).warehouse
         assert differences(here / "warehouse.duckdb", warehouse) == {}
         done = trace_dag(ROOT, "verify", "--contents")
         assert done.returncode == 0, done.stdout

@@ -12,11 +12,12 @@ import httpx
 import pytest
 
 from trace_dag.errors import TransientFailure
+from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.records import read_records
+from trace_dag.flow.verify import verify_storage
 from trace_dag.http import HttpClient, HttpPolicy
-from trace_dag.pipeline.records import read_records
-from trace_dag.pipeline.verify import verify_storage
 from trace_dag.provenance import Outcome
-from trace_dag.turns import take_turn
+from trace_dag.rate_limit import take_turn
 
 HOUR_S = 3600.0
 
@@ -59,21 +60,21 @@ def test_a_service_silent_for_an_hour_costs_each_crash_one_wait_and_answers_when
     assert len(asked) == failed + 4 + (1000 - failed)
 
 
-def test_a_clock_that_jumps_changes_neither_outcome_nor_what_is_current(make_pipeline, monkeypatch):
-    pipeline = make_pipeline({"2023-510010": "", "2023-510011": "fail-once:verdict"})
-    keys = pipeline.registry.keys()
+def test_a_clock_that_jumps_changes_neither_outcome_nor_what_is_current(make_workspace, monkeypatch):
+    workspace = make_workspace({"2023-510010": "", "2023-510011": "fail-once:verdict"})
+    keys = workspace.registry.keys()
     moments = iter([timedelta(0), timedelta(days=400), timedelta(days=-400), timedelta(hours=-3)] * 100)
     monkeypatch.setattr(
-        "trace_dag.pipeline.worker.now", lambda: (datetime(2026, 1, 1, tzinfo=UTC) + next(moments)).isoformat()
+        "trace_dag.flow.worker.now", lambda: (datetime(2026, 1, 1, tzinfo=UTC) + next(moments)).isoformat()
     )
-    list(pipeline.run(keys, run_id="first"))
-    events = list(pipeline.run(keys, run_id="second"))
+    list(run_stages(workspace, keys, run_id="first"))
+    events = list(run_stages(workspace, keys, run_id="second"))
     assert not any(event.failed for event in events)
-    records = read_records(pipeline.storage, keys)
+    records = read_records(workspace.storage, keys)
     assert {record.run_id for record in records["2023-510010"].values()} == {"first"}
-    assert pipeline.first_stale(keys) == {}
+    assert first_stale(workspace, keys) == {}
     assert all(0.0 <= record.duration_s < 60.0 for of_crash in records.values() for record in of_crash.values())
-    assert verify_storage(pipeline.storage, Path(pipeline.storage.root), contents=True).disagreements == ()
+    assert verify_storage(workspace.storage, Path(workspace.storage.root), contents=True).disagreements == ()
 
 
 def test_turns_follow_a_clock_that_cannot_be_set(tmp_path, monkeypatch):
@@ -86,24 +87,25 @@ RIVAL = """
 import sys
 sys.path.insert(0, {tests!r})
 import fake_flow
-from trace_dag.pipeline.batch import Pipeline
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.workspace import Workspace
 settings = {{"execution": {{"executor": "in_process"}}, "sim": {{"friction": {friction}}}}}
-pipeline = Pipeline.open({root!r}, fake_flow.FLOW, settings)
-events = list(pipeline.run(pipeline.registry.keys(), run_id={run_id!r}))
+workspace = Workspace.open({root!r}, fake_flow.FLOW, settings)
+events = list(run_stages(workspace, workspace.registry.keys(), run_id={run_id!r}))
 sys.exit(any(event.failed for event in events))
 """
 
 
-def test_two_runs_on_the_same_crashes_leave_one_whole_result_of_each(make_pipeline, tmp_path):
+def test_two_runs_on_the_same_crashes_leave_one_whole_result_of_each(make_workspace, tmp_path):
     behaviours = {f"2023-5100{number}": "slow:simulation_log" for number in range(10, 16)}
-    pipeline = make_pipeline(behaviours)
+    workspace = make_workspace(behaviours)
     rivals = [
         subprocess.Popen(
             [
                 *(sys.executable, "-c"),
                 RIVAL.format(
                     tests=str(Path(fake_flow.__file__).parent),
-                    root=pipeline.storage.root,
+                    root=workspace.storage.root,
                     friction=friction,
                     run_id=f"run-{friction}",
                 ),
@@ -112,7 +114,7 @@ def test_two_runs_on_the_same_crashes_leave_one_whole_result_of_each(make_pipeli
         for friction in (0.4, 0.6)
     ]
     assert [rival.wait() for rival in rivals] == [0, 0]
-    report = verify_storage(pipeline.storage, tmp_path / "root", contents=True)
+    report = verify_storage(workspace.storage, tmp_path / "root", contents=True)
     assert report.disagreements == ()
     for of_crash in report.records.values():
         assert len(of_crash) == 7

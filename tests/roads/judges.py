@@ -22,7 +22,8 @@ import pytest
 from lxml import etree
 
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import LaneType, RoadNetwork
+from trace_dag.roads.map.model import LaneType
+from trace_dag.roads.map.network import RoadNetwork
 
 _REPOSITORY = Path(__file__).resolve().parents[2]
 _CHECKER = Path(__file__).with_name("official_checker.py")

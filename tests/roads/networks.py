@@ -7,7 +7,7 @@ import math
 from hypothesis import strategies as st
 
 from trace_dag.geometry import LocalFrame
-from trace_dag.roads.network import (
+from trace_dag.roads.map.model import (
     Connection,
     ContactPoint,
     Cubic,
@@ -18,9 +18,9 @@ from trace_dag.roads.network import (
     PlanElement,
     Road,
     RoadLink,
-    RoadNetwork,
 )
-from trace_dag.roads.reference_line import ReferenceLine
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.reference_line import ReferenceLine
 
 FRAME = LocalFrame(38.8951, -77.0364)
 WIDTH_M = 3.5

@@ -14,8 +14,8 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.roads.build import RoadMap, build_road_map
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_writer import Marks
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import Marks
 from trace_dag.settings import RoadSettings
 
 

@@ -9,9 +9,9 @@ from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajecto
 from trace_dag.crash.record import CrashRecord, VehicleClass, VehicleRecord
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay
-from trace_dag.roads.convert import convert
-from trace_dag.roads.crossings import with_kinds
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import RoadSettings
 from trace_dag.units import mph_to_mps
 

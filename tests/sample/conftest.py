@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trace_dag.pipeline.truth import SampleTruth, load_truth
+from trace_dag.studies.truth import SampleTruth, load_truth
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
 sys.path.insert(0, str(SAMPLE))  # make_sample.py finds its modules beside itself, as when it is run

@@ -12,8 +12,8 @@ import pytest
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Reason
-from trace_dag.pipeline.truth import SampleTruth
 from trace_dag.settings import CrashSettings
+from trace_dag.studies.truth import SampleTruth
 
 # The coverage table of the published paper, by code (FARS Analytical User's Manual); everything else is "others".
 MANNERS = {

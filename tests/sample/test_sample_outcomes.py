@@ -13,15 +13,15 @@ from trace_dag.crash.parse import read_report
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import Site
-from trace_dag.pipeline.truth import SampleTruth, score_truth
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.opendrive_reader import read_opendrive
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import RoadSettings, Settings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
+from trace_dag.studies.truth import SampleTruth, score_truth
 from trace_dag.verdict.judge import judge
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"

@@ -17,17 +17,8 @@ from numpy.typing import NDArray
 
 from tests.roads.networks import FRAME, crossroads, one_road
 from trace_dag.geometry import LocalFrame
-from trace_dag.roads.network import (
-    Cubic,
-    Lane,
-    LaneSection,
-    LaneType,
-    PlanElement,
-    Road,
-    RoadMark,
-    RoadNetwork,
-    Signal,
-)
+from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario import maps
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES

@@ -12,7 +12,8 @@ import pytest
 from tests.scenario.player import Scenario
 from tests.sim.motions import CAR, TRUCK, driven, participant, straight
 from tests.verdict.crashes import CROSSROADS, STREET, record, vehicle
-from trace_dag.roads.network import Cubic, RoadNetwork
+from trace_dag.roads.map.model import Cubic
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios, entity_name
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation

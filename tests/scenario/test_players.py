@@ -16,7 +16,7 @@ from tests.scenario import esmini
 from tests.scenario.player import Collision, Scenario
 from tests.sim.motions import meeting
 from tests.verdict.crashes import STREET, record, vehicle
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios, entity_name
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation

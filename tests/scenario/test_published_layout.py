@@ -13,7 +13,8 @@ import pytest
 from tests.sim.motions import CAR, TRUCK, driven, participant, straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.errors import UserError
-from trace_dag.roads.network import Cubic, RoadNetwork
+from trace_dag.roads.map.model import Cubic
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.published_layout import write_published
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation

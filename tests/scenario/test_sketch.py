@@ -10,7 +10,7 @@ import pytest
 import sample_runs
 from lxml import etree
 
-from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.scenario.sketch import MOST_CHARACTERS, data_url, draw_sketch
 from trace_dag.sim.log_io import logs_from_files
 

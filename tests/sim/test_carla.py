@@ -18,7 +18,7 @@ from tests.sim.motions import CAR, TRUCK, driven, participant, straight  # noqa:
 from trace_dag.crash.record import VehicleClass  # noqa: E402
 from trace_dag.errors import Failure, TransientFailure, UserError  # noqa: E402
 from trace_dag.geometry import LocalFrame, Pose  # noqa: E402
-from trace_dag.roads.network import RoadNetwork  # noqa: E402
+from trace_dag.roads.map.network import RoadNetwork  # noqa: E402
 from trace_dag.settings import SimSettings  # noqa: E402
 from trace_dag.sim.carla_backend import CarlaBackend  # noqa: E402
 from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint  # noqa: E402
@@ -347,7 +347,7 @@ def test_an_unknown_library_is_a_failure() -> None:
 def test_a_real_server_runs_a_crash() -> None:
     """With CARLA at TRACE_DAG_SIM__CARLA_HOST, on one straight road of our own writing."""
     from tests.verdict.crashes import STREET
-    from trace_dag.roads.opendrive_writer import write_opendrive
+    from trace_dag.roads.map.writer import write_opendrive
 
     backend = CarlaBackend(SETTINGS)
     crash = (

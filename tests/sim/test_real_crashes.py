@@ -12,7 +12,7 @@ from trace_dag.crash.parse import read_report
 from trace_dag.errors import Rejection
 from trace_dag.osm.xml import read_osm
 from trace_dag.roads.build import build_road_map
-from trace_dag.roads.opendrive_reader import read_opendrive
+from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.settings import Settings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.plan import tracking_errors

@@ -19,16 +19,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from trace_dag.crash.crash_types import CRASH_TYPES
-from trace_dag.crash.record import ImpactArea, Movement, VehicleClass
+from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.errors import Failure, Reason, Rejection
 from trace_dag.geometry import rectangle_corners
-from trace_dag.pipeline.truth import SampleTruth, load_truth
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
 from trace_dag.states.types import Hypothesis, SpeedSource, StateEstimate
+from trace_dag.studies.truth import SampleTruth, load_truth
 from trace_dag.units import clock_to_bearing_rad
 from trace_dag.verdict.judge import judge
 
@@ -52,7 +52,7 @@ def truth() -> SampleTruth:
 
 
 def test_approach_lane_and_impact_of_the_sample_are_found(sample, truth):
-    from trace_dag.pipeline.truth import score_truth
+    from trace_dag.studies.truth import score_truth
 
     summary = score_truth(truth, sample).summary
     assert summary.estimated >= 30
@@ -165,7 +165,7 @@ def test_order_of_vehicles_in_the_record_does_not_matter():
 def test_two_standing_vehicles_are_no_crash():
     case = sample_case("2023-319022")
     standing = tuple(
-        dataclasses.replace(vehicle, travel_speed_mps=0.0, movement=Movement.STOPPED)
+        dataclasses.replace(vehicle, travel_speed_mps=0.0, movement=PreCrashMovement.STOPPED)
         for vehicle in case.record.vehicles
     )
     with pytest.raises(Rejection, match="in none do the bodies touch") as caught:
@@ -189,7 +189,7 @@ bodies = st.sampled_from(
 )
 vehicles = st.tuples(
     codes,
-    st.sampled_from(list(Movement)),
+    st.sampled_from(list(PreCrashMovement)),
     areas,
     st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 67)),
     bodies,
@@ -247,7 +247,7 @@ def event_of(rejection: Rejection) -> None:
 def test_a_map_without_roads_is_a_rejection():
     case = sample_case("2023-319022")
     empty = RoadNetwork(case.network.frame, ())
-    for movement in (Movement.GOING_STRAIGHT, Movement.BACKING):
+    for movement in (PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.BACKING):
         vehicles = tuple(dataclasses.replace(vehicle, movement=movement) for vehicle in case.record.vehicles)
         record = dataclasses.replace(case.record, vehicles=vehicles)
         with pytest.raises(Rejection, match="no lane of the map passes the crash"):

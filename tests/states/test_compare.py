@@ -7,8 +7,8 @@ import dataclasses
 import pytest
 from cases import SETTINGS, sample_case
 
-from trace_dag.roads.network import LaneRef
-from trace_dag.states.compare import Against, Attempt, EstimatorRow, compare_estimators, summarise
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.states.compare import EstimateErrors, EstimatorAttempt, EstimatorRow, compare_estimators, summarise
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import EstimatorRun, StateEstimate
 
@@ -21,24 +21,24 @@ def analytic() -> StateEstimate:
     return estimate(case.record, case.network, case.report, SETTINGS.states)
 
 
-def attempt(made: StateEstimate, lane: LaneRef | None = None, **changes: object) -> Attempt:
+def attempt(made: StateEstimate, lane: LaneRef | None = None, **changes: object) -> EstimatorAttempt:
     """A model's estimate: the same, but that the first vehicle starts in ``lane``."""
     best = made.best
     if lane is not None:
         first, *rest = best.participants
         moved = dataclasses.replace(first, initial_lane=dataclasses.replace(first.initial_lane, lane=lane))
         best = dataclasses.replace(best, participants=(moved, *rest))
-    return Attempt(dataclasses.replace(made, hypotheses=(best,), run=RUN), RUN, **changes)
+    return EstimatorAttempt(dataclasses.replace(made, hypotheses=(best,), run=RUN), RUN, **changes)
 
 
-def compared(one: Attempt, two: Attempt) -> tuple[EstimatorRow, ...]:
+def compared(one: EstimatorAttempt, two: EstimatorAttempt) -> tuple[EstimatorRow, ...]:
     return compare_estimators("k", {"analytic": one, "llm": two}, reference="analytic")
 
 
 def test_agreement_is_with_the_reference(analytic):
     lane = analytic.best.participants[0].initial_lane.lane
     same, beside, facing = (
-        compared(Attempt(analytic, analytic.run), attempt(analytic, changed))
+        compared(EstimatorAttempt(analytic, analytic.run), attempt(analytic, changed))
         for changed in (None, lane._replace(lane_id=lane.lane_id * 2), lane._replace(lane_id=-lane.lane_id))
     )
     agreement = [(rows[1].approach_agrees, rows[1].lane_agrees) for rows in (same, beside, facing)]
@@ -48,8 +48,8 @@ def test_agreement_is_with_the_reference(analytic):
 
 
 def test_what_came_of_no_estimate_is_a_row_too(analytic):
-    refused = Attempt(None, RUN, "no usable answer in 3 attempts")
-    broken = Attempt(None, detail="the provider is down", failed=True)
+    refused = EstimatorAttempt(None, RUN, "no usable answer in 3 attempts")
+    broken = EstimatorAttempt(None, detail="the provider is down", failed=True)
     rows = compared(refused, broken)
     assert [(row.outcome, row.detail, row.attempts) for row in rows] == [
         ("rejected", "no usable answer in 3 attempts", 3),
@@ -62,11 +62,16 @@ def test_what_came_of_no_estimate_is_a_row_too(analytic):
 
 
 def test_the_summary_adds_up(analytic):
-    right = Against(True, True, 0.5, 3.0, 1.0)
-    wrong = Against(False, False, 2.5, 5.0, None)
+    right = EstimateErrors(True, True, 0.5, 3.0, 1.0)
+    wrong = EstimateErrors(False, False, 2.5, 5.0, None)
     rows = (
-        *compared(Attempt(analytic, analytic.run, accepted=True, truth=right), attempt(analytic, accepted=False)),
-        *compared(Attempt(analytic, analytic.run, accepted=False, truth=wrong), Attempt(None, RUN, "refused")),
+        *compared(
+            EstimatorAttempt(analytic, analytic.run, accepted=True, truth=right), attempt(analytic, accepted=False)
+        ),
+        *compared(
+            EstimatorAttempt(analytic, analytic.run, accepted=False, truth=wrong),
+            EstimatorAttempt(None, RUN, "refused"),
+        ),
     )
     one, two = summarise(rows)
     assert (one.estimator, one.crashes, one.estimated, one.accepted) == ("analytic", 2, 2, 0.5)

@@ -10,16 +10,16 @@ import pytest
 from cases import SETTINGS, Case, sample_case
 
 from trace_dag.crash.crash_types import CRASH_TYPES, Relation, Turn
-from trace_dag.crash.record import Movement
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState
 
 FOUR_WAY = "2023-319003"
 MOVEMENT = {
-    None: Movement.GOING_STRAIGHT,
-    Turn.LEFT: Movement.TURNING_LEFT,
-    Turn.RIGHT: Movement.TURNING_RIGHT,
-    Turn.U_TURN: Movement.U_TURN,
+    None: PreCrashMovement.GOING_STRAIGHT,
+    Turn.LEFT: PreCrashMovement.TURNING_LEFT,
+    Turn.RIGHT: PreCrashMovement.TURNING_RIGHT,
+    Turn.U_TURN: PreCrashMovement.U_TURN,
 }
 PAIRS = [
     *((20, 21), (24, 25), (28, 29), (34, 35), (38, 39), (44, 45), (46, 47)),
@@ -72,7 +72,7 @@ def test_a_pair_of_crash_types_moves_as_its_diagram_shows(case, first, second):
     for code in (first, second):
         crash_type = CRASH_TYPES[code]
         speed_mps = 0.0 if crash_type.stopped else 6.0 if crash_type.turn else 14.0 if code == first else 12.0
-        movement = Movement.STOPPED if crash_type.stopped else MOVEMENT[crash_type.turn]
+        movement = PreCrashMovement.STOPPED if crash_type.stopped else MOVEMENT[crash_type.turn]
         reported.append({"crash_type_code": code, "movement": movement, "travel_speed_mps": speed_mps})
     best = reconstructed(case, *reported)
     low, high = APPROACH_DEG[CRASH_TYPES[first].relation]
@@ -89,8 +89,8 @@ def test_a_pair_of_crash_types_moves_as_its_diagram_shows(case, first, second):
 def test_a_u_turn_goes_around_to_the_left(case):
     best = reconstructed(
         case,
-        {"crash_type_code": 98, "movement": Movement.U_TURN, "travel_speed_mps": 4.0},
-        {"crash_type_code": 98, "movement": Movement.GOING_STRAIGHT, "travel_speed_mps": 15.0},
+        {"crash_type_code": 98, "movement": PreCrashMovement.U_TURN, "travel_speed_mps": 4.0},
+        {"crash_type_code": 98, "movement": PreCrashMovement.GOING_STRAIGHT, "travel_speed_mps": 15.0},
     )
     assert best.participants[0].manoeuvre is Manoeuvre.U_TURN
     assert turned_deg(best.participants[0]) == pytest.approx(180, abs=25)
@@ -99,8 +99,8 @@ def test_a_u_turn_goes_around_to_the_left(case):
 def test_backing_goes_backward(case):
     best = reconstructed(
         case,
-        {"crash_type_code": 92, "movement": Movement.BACKING, "travel_speed_mps": 2.0},
-        {"crash_type_code": 93, "movement": Movement.GOING_STRAIGHT, "travel_speed_mps": 12.0},
+        {"crash_type_code": 92, "movement": PreCrashMovement.BACKING, "travel_speed_mps": 2.0},
+        {"crash_type_code": 93, "movement": PreCrashMovement.GOING_STRAIGHT, "travel_speed_mps": 12.0},
     )
     state = best.participants[0]
     assert state.manoeuvre is Manoeuvre.BACKING
@@ -112,9 +112,9 @@ def test_backing_goes_backward(case):
 @pytest.mark.parametrize(
     ("movement", "codes", "manoeuvres"),
     [
-        (Movement.CHANGING_LANES, (46, 47), {Manoeuvre.LANE_CHANGE_LEFT, Manoeuvre.LANE_CHANGE_RIGHT}),
-        (Movement.PASSING, (24, 25), {Manoeuvre.PASS}),
-        (Movement.MERGING, (24, 25), {Manoeuvre.MERGE}),
+        (PreCrashMovement.CHANGING_LANES, (46, 47), {Manoeuvre.LANE_CHANGE_LEFT, Manoeuvre.LANE_CHANGE_RIGHT}),
+        (PreCrashMovement.PASSING, (24, 25), {Manoeuvre.PASS}),
+        (PreCrashMovement.MERGING, (24, 25), {Manoeuvre.MERGE}),
     ],
 )
 def test_movements_have_their_manoeuvres(case, movement, codes, manoeuvres):
@@ -122,7 +122,7 @@ def test_movements_have_their_manoeuvres(case, movement, codes, manoeuvres):
     best = reconstructed(
         case,
         {"crash_type_code": one, "movement": movement, "travel_speed_mps": 16.0},
-        {"crash_type_code": two, "movement": Movement.GOING_STRAIGHT, "travel_speed_mps": 11.0},
+        {"crash_type_code": two, "movement": PreCrashMovement.GOING_STRAIGHT, "travel_speed_mps": 11.0},
     )
     assert best.participants[0].manoeuvre in manoeuvres
     assert between_deg(best) < 30
@@ -133,10 +133,15 @@ def test_a_vehicle_reported_from_a_driveway_comes_from_the_side(case):
         case,
         {
             "crash_type_code": 86,
-            "movement": Movement.GOING_STRAIGHT,
+            "movement": PreCrashMovement.GOING_STRAIGHT,
             "travel_speed_mps": 12.0,
             "critical_event_code": 73,
         },
-        {"crash_type_code": 87, "movement": Movement.GOING_STRAIGHT, "travel_speed_mps": 3.0, "trafficway_code": 0},
+        {
+            "crash_type_code": 87,
+            "movement": PreCrashMovement.GOING_STRAIGHT,
+            "travel_speed_mps": 3.0,
+            "trafficway_code": 0,
+        },
     )
     assert 60 <= between_deg(best) <= 120

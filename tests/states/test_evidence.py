@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from trace_dag.states.evidence import Crossing, crossing_terms, driveway_speed_terms, street_terms
+from trace_dag.states.evidence import CrossingVehicle, crossing_terms, driveway_speed_terms, street_terms
 
 STOP_SIGN, SIGNAL = 20, 3
 
 
-def crossing(highway: str, speed_mps: float, control: int | None = None) -> Crossing:
+def crossing(highway: str, speed_mps: float, control: int | None = None) -> CrossingVehicle:
     stream = SimpleNamespace(road=SimpleNamespace(highway=highway))
-    return Crossing(SimpleNamespace(traffic_control_code=control), stream, speed_mps)
+    return CrossingVehicle(SimpleNamespace(traffic_control_code=control), stream, speed_mps)
 
 
 def test_whoever_crosses_a_greater_road_is_not_the_faster_one():

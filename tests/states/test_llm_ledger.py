@@ -14,7 +14,7 @@ from model_server import COST_USD, KEY, knowing, llm_settings
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.settings import StateSettings
 from trace_dag.states.estimate import estimate, llm_client
-from trace_dag.states.llm.ledger import FOLDER, Ledger
+from trace_dag.states.llm.ledger import FOLDER, SpendingLedger
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
 
@@ -34,10 +34,10 @@ class Time:
         return self.now_s
 
 
-def ledgers(files: Storage, count: int, time: Time | None = None, **changes: object) -> list[Ledger]:
+def ledgers(files: Storage, count: int, time: Time | None = None, **changes: object) -> list[SpendingLedger]:
     """The ledgers of several processes of one run."""
     time = time or Time()
-    return [Ledger(files=files, sleep=time.sleep, clock=time.clock, **changes) for _ in range(count)]
+    return [SpendingLedger(files=files, sleep=time.sleep, clock=time.clock, **changes) for _ in range(count)]
 
 
 @pytest.fixture(params=["a folder", "an object store"])
@@ -111,7 +111,7 @@ except Failure:
 def test_processes_that_spend_at_once_stop_at_the_budget(tmp_path):
     running = [subprocess.Popen([sys.executable, "-c", SPENDING, str(tmp_path)]) for _ in range(3)]
     assert [process.wait(60) for process in running] == [0, 0, 0]
-    spent = Ledger(files=Storage(tmp_path)).spent_usd()
+    spent = SpendingLedger(files=Storage(tmp_path)).spent_usd()
     assert 0.5 <= spent <= 0.5 + 3 * 0.01 + 1e-9
     assert len(list((tmp_path / FOLDER / "run").iterdir())) == 3
 

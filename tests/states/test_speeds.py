@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Turn
-from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.states.speeds import SpeedProfile, speed_profile, travel_speed
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import mph_to_mps
@@ -40,7 +40,7 @@ def test_distance_is_the_integral_of_speed_and_the_impact_is_a_sample(initial, s
 @settings(deadline=None)
 @given(st.floats(0.1, 67))
 def test_a_reported_speed_is_the_initial_speed_exactly(speed):
-    for movement in Movement:
+    for movement in PreCrashMovement:
         vehicle = car(travel_speed_mps=speed, movement=movement, avoidance_code=16, traffic_control_code=20)
         found = travel_speed(vehicle, CRASH_TYPES[68], Turn.LEFT, None, crossing=True)
         assert (found.speed_mps, found.source) == (speed, SpeedSource.REPORTED)
@@ -48,7 +48,7 @@ def test_a_reported_speed_is_the_initial_speed_exactly(speed):
 
 
 def test_constant_unless_the_record_says_otherwise():
-    assert speed_profile(car(movement=Movement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
+    assert speed_profile(car(movement=PreCrashMovement.TURNING_LEFT), 15.0) == SpeedProfile(15.0, 15.0)
     assert speed_profile(car(avoidance_code=6), 15.0) == SpeedProfile(15.0, 15.0)
 
 
@@ -59,7 +59,7 @@ def test_braking_reported_is_braking_done(avoidance):
 
 
 def test_starting_begins_at_rest():
-    vehicle = car(movement=Movement.STARTING)
+    vehicle = car(movement=PreCrashMovement.STARTING)
     found = travel_speed(vehicle, CrashType(), None, None, crossing=False)
     assert found.speed_mps == 0
     assert speed_profile(vehicle, 0.0).impact_mps > 3
@@ -68,7 +68,7 @@ def test_starting_begins_at_rest():
 @pytest.mark.parametrize(
     ("vehicle", "crash_type", "turn", "expected", "source"),
     [
-        (car(movement=Movement.STOPPED), CrashType(), None, 0.0, SpeedSource.INFERRED_MANOEUVRE),
+        (car(movement=PreCrashMovement.STOPPED), CrashType(), None, 0.0, SpeedSource.INFERRED_MANOEUVRE),
         (CAR, CRASH_TYPES[21], None, 0.0, SpeedSource.INFERRED_MANOEUVRE),
         (car(speed_limit_mps=mph_to_mps(45)), CrashType(), None, mph_to_mps(45), SpeedSource.INFERRED_LIMIT),
         (car(speed_limit_mps=mph_to_mps(45)), CrashType(), Turn.LEFT, mph_to_mps(15), SpeedSource.INFERRED_MANOEUVRE),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.cases import BACKEND, crossing, rear_end
-from trace_dag.variations.family import Criteria, Kind, family
+from trace_dag.variations.family import Criteria, VariationKind, family
 from trace_dag.variations.motion import perturbed
 from trace_dag.variations.perturbation import Bounds, Perturbation, VehiclePerturbation, draw
 
@@ -68,7 +68,7 @@ def test_a_family_holds_what_meets_the_criteria():
     for variation in kept:
         contact, recorded = variation.case.contact, of.contact
         assert recorded is not None
-        if variation.kind is Kind.COLLISION:
+        if variation.kind is VariationKind.COLLISION:
             assert contact is not None
             apart_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
             assert apart_m <= criteria.max_contact_shift_m

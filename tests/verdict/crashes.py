@@ -9,9 +9,10 @@ import numpy as np
 
 from tests.sim.motions import CAR
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, Movement, VehicleClass, VehicleRecord
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.geometry import LocalFrame, Pose
-from trace_dag.roads.network import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadNetwork
+from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participants
@@ -53,7 +54,7 @@ def vehicle(
     number: int,
     clock_h: int | None,
     crash_type: int | None = None,
-    movement: Movement = Movement.GOING_STRAIGHT,
+    movement: PreCrashMovement = PreCrashMovement.GOING_STRAIGHT,
     speed_mps: float | None = None,
 ) -> VehicleRecord:
     """A car as reported."""

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from tests.sim.motions import CAR, driven, straight
 from tests.verdict.crashes import CROSSROADS, STREET, area, estimate, moved, record, simulated, vehicle
-from trace_dag.crash.record import EventRecord, ImpactArea, Movement
+from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement
 from trace_dag.errors import Failure, Reason
 from trace_dag.geometry import LocalFrame, Pose, contact_clock_h
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.settings import SimSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedBackend
@@ -89,7 +89,7 @@ def test_a_side_impact_as_reported_is_accepted() -> None:
         (
             HEAD_ON,
             STREET,
-            record(vehicle(1, 12, None, Movement.TURNING_LEFT), vehicle(2, 12)),
+            record(vehicle(1, 12, None, PreCrashMovement.TURNING_LEFT), vehicle(2, 12)),
             Reason.WRONG_DIRECTION,
         ),
     ],
@@ -116,17 +116,17 @@ def left_turn(late_s: float = 0.0) -> tuple:
 
 
 def test_a_vehicle_hit_in_the_middle_of_its_turn_was_turning() -> None:
-    turning = record(vehicle(1, 2, 68, Movement.TURNING_LEFT), vehicle(2, 12, 69))
+    turning = record(vehicle(1, 2, 68, PreCrashMovement.TURNING_LEFT), vehicle(2, 12, 69))
     hypothesis, log = simulated(*left_turn())
     assert log.first_contact is not None
     measured = compare(observe(CROSSROADS, hypothesis, log), turning)
     assert measured.vehicles[0].turn_deg == pytest.approx(90.0, abs=15.0)
     assert measured.vehicles[1].turn_deg == pytest.approx(0.0, abs=3.0)
     assert measured.relation_error_deg == pytest.approx(0.0, abs=5.0)
-    wrong = record(vehicle(1, 2, 68, Movement.TURNING_RIGHT), vehicle(2, 12, 69))
+    wrong = record(vehicle(1, 2, 68, PreCrashMovement.TURNING_RIGHT), vehicle(2, 12, 69))
     right = compare(observe(CROSSROADS, hypothesis, log), wrong).vehicles[0].turn_error_deg
     assert right < 45.0  # ACC_TYPE says left, P_CRASH1 right: a report that contradicts itself allows both
-    only_right = record(vehicle(1, 2, None, Movement.TURNING_RIGHT), vehicle(2, 12))
+    only_right = record(vehicle(1, 2, None, PreCrashMovement.TURNING_RIGHT), vehicle(2, 12))
     assert compare(observe(CROSSROADS, hypothesis, log), only_right).vehicles[0].turn_error_deg > 135.0
 
 

@@ -12,15 +12,15 @@ import pytest
 from cases import SAMPLE, SETTINGS
 
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.record import Movement
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay, Site
-from trace_dag.pipeline.perturbed import has_same_map
 from trace_dag.roads.build import build_road_map
+from trace_dag.studies.perturbed import has_same_map
 from trace_dag.verdict.perturbed.kinds import KINDS, NOTHING, Needs, perturb
 from trace_dag.verdict.perturbed.places import is_same_street, random_point
-from trace_dag.verdict.perturbed.scene import Point, Scene
+from trace_dag.verdict.perturbed.scene import PerturbedScene, Point
 from trace_dag.verdict.perturbed.vehicles import turned
 
 REPORT = b"""<ResponseOfListOfCaseDetail><Count>1</Count><Results><ArrayOfCaseDetail><CaseDetail><CrashResultSet>
@@ -76,9 +76,9 @@ CHANGED = {
 GONE = {b"MODEL"}  # tells of another body; as the labels (...NAME) of codes that were changed
 
 
-def scene(data: bytes = REPORT, seed: int = 1) -> Scene:
+def scene(data: bytes = REPORT, seed: int = 1) -> PerturbedScene:
     record = read_report(data, name="report", settings=SETTINGS.crash)
-    return Scene(record, np.random.default_rng(seed), Point(37.51, -77.5, 1110.0, ("Elm Street",), True))
+    return PerturbedScene(record, np.random.default_rng(seed), Point(37.51, -77.5, 1110.0, ("Elm Street",), True))
 
 
 def elements(data: bytes) -> list[tuple[str, str]]:
@@ -200,7 +200,7 @@ def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> 
     changed = perturb(KINDS["left_for_right"], report, here)
     assert changed is not None
     record = read_report(changed.xml, name="report", settings=SETTINGS.crash)
-    assert record.vehicles[0].movement is Movement.TURNING_RIGHT
+    assert record.vehicles[0].movement is PreCrashMovement.TURNING_RIGHT
     assert list(differences(report, changed.xml)) == ["P_CRASH1 11 10", "P_CRASH2 15 16"]
 
 

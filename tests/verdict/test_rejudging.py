@@ -8,13 +8,15 @@ from typing import Any
 import pytest
 from sample_runs import SAMPLE, reports_of
 
-from trace_dag.errors import Reason, Stage
-from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.ingest import ingest
-from trace_dag.pipeline.records import read_records
-from trace_dag.pipeline.stages import FLOW
-from trace_dag.pipeline.tasks import Action
+from trace_dag.cohorts.ingest import ingest
+from trace_dag.errors import Reason
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.records import read_records
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.tasks import Action
+from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 KEY = "2023-319003"
@@ -30,9 +32,9 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> str:
 def judged(root: str, **verdict: Any) -> tuple[dict[Stage, Action], OutcomeRecord]:
     """What each stage did under some settings of the verdict, and the crash's verdict."""
     overrides = {"execution": {"executor": "in_process", "pictures": False}, "verdict": verdict}
-    pipeline = Pipeline.open(root, FLOW, overrides)
-    done = {event.stage: event.action for event in pipeline.run([KEY], run_id="test")}
-    return done, read_records(pipeline.storage, [KEY])[KEY][Stage.VERDICT]
+    workspace = Workspace.open(root, FLOW, overrides)
+    done = {event.stage: event.action for event in run_stages(workspace, [KEY], run_id="test")}
+    return done, read_records(workspace.storage, [KEY])[KEY][Stage.VERDICT]
 
 
 def test_other_thresholds_judge_again_and_simulate_nothing(root: str) -> None:

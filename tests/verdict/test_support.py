@@ -11,13 +11,13 @@ from tests.sim.motions import CAR, straight
 from tests.verdict.crashes import FRAME, estimate, record, simulated, two_way, vehicle
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.support import LEAST_FACTS, LEAST_SUPPORT, Weight, fitted_weights, grade_of, supported
-from trace_dag.verdict.types import Against, Agreement, Fact, Grade, Verdict
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Verdict
 
 HALF = CAR.length_m / 2
 HEAD_ON = (
@@ -48,7 +48,7 @@ def graded(reported: CrashRecord, *comparisons: Comparison) -> Verdict:
 def fact(
     name: str, agreement: Agreement = Agreement.AGREES, *, essential: bool = False, number: int | None = None
 ) -> Fact:
-    return Fact(name, Against.MAP, agreement, "one", "other", essential, number)
+    return Fact(name, ComparedWith.MAP, agreement, "one", "other", essential, number)
 
 
 def test_a_weight_is_the_log_of_how_much_likelier_a_fact_is_in_a_true_report() -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests.sim.motions import straight
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.record import Movement
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.directions import turn_error_deg
 from trace_dag.verdict.metrics import VehicleMeasures, compare, observe
@@ -39,13 +39,13 @@ def test_a_turn_is_as_wide_as_the_junction_makes_it(
 
 def test_who_is_said_to_back_must_go_backward() -> None:
     hypothesis, log = simulated(*HEAD_ON)
-    backing = record(vehicle(1, 6, 92, Movement.BACKING), vehicle(2, 12, 93))
+    backing = record(vehicle(1, 6, 92, PreCrashMovement.BACKING), vehicle(2, 12, 93))
     assert _first(hypothesis, log, backing).turn_error_deg == 180.0
 
 
 def test_a_bend_is_no_turn_but_at_an_l_reports_call_it_one() -> None:
     hypothesis, log = simulated(*HEAD_ON)
-    turning = record(vehicle(1, 12, 50, Movement.TURNING_LEFT), vehicle(2, 12, 51))
+    turning = record(vehicle(1, 12, 50, PreCrashMovement.TURNING_LEFT), vehicle(2, 12, 51))
     assert _first(hypothesis, log, turning).turn_error_deg == pytest.approx(90.0, abs=5.0)
     at_l = replace(turning, road_topology=RoadTopology.L)
     assert _first(hypothesis, log, at_l).turn_error_deg == pytest.approx(0.0, abs=5.0)

@@ -8,7 +8,7 @@ import pytest
 from cases import SETTINGS, sample_case
 
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.types import VehicleLog

@@ -16,13 +16,15 @@ import pyarrow.parquet as pq
 import pytest
 from lxml import html
 
+from trace_dag.benchmark.build import build_benchmark
+from trace_dag.cohorts.choice import Choice
+from trace_dag.cohorts.ingest import ingest
 from trace_dag.crash.cohorts import CohortFilter
-from trace_dag.errors import Reason, Stage
-from trace_dag.pipeline.benchmark import build_benchmark
-from trace_dag.pipeline.choosing import Choice
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.ingest import ingest
-from trace_dag.pipeline.stages import FLOW
+from trace_dag.errors import Reason
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import rows
 
@@ -40,15 +42,15 @@ def root(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     finished = os.environ.get("TRACE_DAG_FINISHED_ROOT")
     if finished:
         shutil.copytree(finished, root)
-    home = Home(str(root), FLOW)
-    pipeline = home.pipeline(IN_PROCESS)
+    workspace = Workspace.open(str(root), FLOW)
+    workspace = workspace.with_settings(IN_PROCESS)
     if not finished:
         virginia, arizona = shared_data / "va-2023", shared_data / "osm" / "maricopa-az.osm.pbf"
-        ingest(pipeline.storage, "va-2023", reports=[virginia / "reports"], maps=[virginia / "osm"], choice=VIRGINIA)
-        ingest(pipeline.storage, "fars", fars_csv=[shared_data / "fars-csv"], maps=[arizona], choice=MARICOPA)
-        list(pipeline.run(pipeline.registry.keys(), run_id="real"))
-    build_warehouse(pipeline.storage, root)
-    report = build_benchmark(pipeline, home.warehouse)
+        ingest(workspace.storage, "va-2023", reports=[virginia / "reports"], maps=[virginia / "osm"], choice=VIRGINIA)
+        ingest(workspace.storage, "fars", fars_csv=[shared_data / "fars-csv"], maps=[arizona], choice=MARICOPA)
+        list(run_stages(workspace, workspace.registry.keys(), run_id="real"))
+    build_warehouse(workspace.storage, root)
+    report = build_benchmark(workspace)
     assert report.errors == {}
     return root
 

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 import sample_runs
 
+from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.pipeline.registry import Registry, ReportSource
 from trace_dag.storage import Storage
 from trace_dag.warehouse.build import TABLES, build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, rows

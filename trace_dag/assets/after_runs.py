@@ -20,9 +20,9 @@ from dagster._core.execution.backfill import BulkActionStatus
 from dagster._core.storage.tags import BACKFILL_ID_TAG
 
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
-from trace_dag.assets.launch import PROCESS_TAG
+from trace_dag.assets.run_requests import PROCESS_TAG
 from trace_dag.assets.summaries import benchmark, warehouse
-from trace_dag.errors import Stage
+from trace_dag.stage import Stage
 
 _UNFINISHED = [
     DagsterRunStatus.QUEUED,

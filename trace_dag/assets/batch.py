@@ -26,13 +26,14 @@ from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
-from trace_dag.errors import Stage, UserError
-from trace_dag.pipeline.batch import Pipeline
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.run_summary import RunSummary
-from trace_dag.pipeline.tasks import StageEvent
+from trace_dag.errors import UserError
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.run_summary import RunSummary
+from trace_dag.flow.tasks import StageEvent
+from trace_dag.flow.workspace import Workspace
 from trace_dag.processes import this_process
 from trace_dag.settings import ExecutionSettings
+from trace_dag.stage import Stage
 
 COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"
@@ -58,33 +59,31 @@ class BatchConfig(Config):
     specs=[*REPORTS, *ROADS, *SCENARIOS, *VERDICTS],
     check_specs=CRASH_CHECKS,
     can_subset=True,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     backfill_policy=BackfillPolicy.multi_run(max_partitions_per_run=CRASHES_PER_RUN),
     description="The stages of the flow for a batch of crashes.",
 )
 def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any]:
     """Run the selected stages for the run's partitions."""
-    home: Home = context.resources.home
+    workspace: Workspace = context.resources.workspace
     context.instance.add_run_tags(context.run.run_id, {STEP_PROCESS_TAG: this_process()})
     stages = [stage for stage in Stage if AssetKey(stage.value) in context.selected_asset_keys]
     force = [stage for stage in stages if "all" in config.force or stage.value in config.force]
     try:
-        pipeline = home.pipeline(config.settings)
-        context.instance.add_run_tags(context.run.run_id, _tags(pipeline, context.partition_keys))
-        events = pipeline.run(
-            context.partition_keys, stages, run_id=context.run.run_id, force=force, executor=home.executor
-        )
+        workspace = workspace.with_settings(config.settings)
+        context.instance.add_run_tags(context.run.run_id, _tags(workspace, context.partition_keys))
+        events = run_stages(workspace, context.partition_keys, stages, run_id=context.run.run_id, force=force)
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
         for event in events:
             if event.failed:
                 failed.setdefault(event.key, event)
             else:
-                context.log_event(materialization(event, pipeline.storage))
+                context.log_event(materialization(event, workspace.storage))
                 checks.note(event)
             summary.note(event)
-            if home.listener is not None:
-                home.listener(event)
+            if workspace.listener is not None:
+                workspace.listener(event)
         checks.finish()
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error
@@ -99,9 +98,9 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     yield from ()
 
 
-def _tags(pipeline: Pipeline, keys: Sequence[str]) -> dict[str, str]:
+def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:
     """The cohorts a run is for, however it was started."""
-    return {COHORT_TAG: ",".join(sorted({source.cohort for source in pipeline.registry.sources(keys).values()}))}
+    return {COHORT_TAG: ",".join(sorted({source.cohort for source in workspace.registry.sources(keys).values()}))}
 
 
 def _summary(failed: dict[str, StageEvent], total: int) -> str:

@@ -9,15 +9,15 @@ from typing import Any
 from dagster import AssetCheckExecutionContext, AssetCheckResult, AssetCheckSeverity, MetadataValue, asset_check
 
 from trace_dag.assets.summaries import warehouse
-from trace_dag.pipeline.home import Home
+from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse.query import query
 
 _NAMED = 50
 
 
 def _ask(context: AssetCheckExecutionContext, sql: str) -> list[tuple[Any, ...]]:
-    home: Home = context.resources.home
-    return query(home.warehouse, sql)[1]
+    workspace: Workspace = context.resources.workspace
+    return query(workspace.warehouse, sql)[1]
 
 
 def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
@@ -28,7 +28,7 @@ def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
 
 @asset_check(
     asset=warehouse,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="No crash stands failed. The ones that do are named, with the stage and what happened.",
 )
 def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
@@ -42,7 +42,7 @@ def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
 
 @asset_check(
     asset=warehouse,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="Every registered crash is in exactly one final state, and the funnel only narrows.",
 )
 def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
@@ -68,7 +68,7 @@ def everything_adds_up(context: AssetCheckExecutionContext) -> AssetCheckResult:
 
 @asset_check(
     asset=warehouse,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="Every accepted road map passes every gate.",
 )
 def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResult:
@@ -90,7 +90,7 @@ def maps_pass_their_gates(context: AssetCheckExecutionContext) -> AssetCheckResu
 
 @asset_check(
     asset=warehouse,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="How each criterion that decides does over all verdicts. Rejections are data, so this only warns when "
     "a criterion could be evaluated for no crash at all.",
 )

@@ -24,9 +24,9 @@ from dagster._core.definitions.asset_checks.asset_check_evaluation import AssetC
 from dagster._utils.warnings import PreviewWarning
 
 from trace_dag.assets.partitions import CRASHES
-from trace_dag.errors import Stage
-from trace_dag.pipeline.tasks import Action, StageEvent
+from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
 
 _LOGGED_AT_ONCE = 50
 

@@ -4,7 +4,7 @@ from dagster import AssetSelection, define_asset_job, in_process_executor
 
 from trace_dag.assets.checks import CHECKS
 from trace_dag.assets.summaries import benchmark, warehouse
-from trace_dag.errors import Stage
+from trace_dag.stage import Stage
 
 ALL_STAGES = "all_stages"
 SUMMARY = "summary"

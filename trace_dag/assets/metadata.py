@@ -9,11 +9,12 @@ from typing import Any
 
 from dagster import AssetMaterialization, MetadataValue
 
-from trace_dag.errors import DamagedFile, Stage
-from trace_dag.pipeline.benchmark import page_name
-from trace_dag.pipeline.tasks import Action, StageEvent
+from trace_dag.benchmark.build import page_name
+from trace_dag.errors import DamagedFile
+from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.scenario.sketch import data_url
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 DATA_VERSION = "dagster/data_version"

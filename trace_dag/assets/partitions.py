@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
 from trace_dag.assets.event_log import EventLog
-from trace_dag.pipeline.registry import in_order
+from trace_dag.cohorts.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
 

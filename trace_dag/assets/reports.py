@@ -2,7 +2,7 @@
 
 from trace_dag.assets.specs import stage_spec
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Stage
+from trace_dag.stage import Stage
 
 REPORTS = (
     stage_spec(

@@ -11,13 +11,12 @@ from dagster import (
 )
 
 from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
-from trace_dag.assets.launch import range_tags
 from trace_dag.assets.partitions import add_partitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.home import Home
-from trace_dag.pipeline.planning import plan
-from trace_dag.pipeline.selection import Selection
-from trace_dag.pipeline.watching import register_arrivals
+from trace_dag.assets.run_requests import range_tags
+from trace_dag.cohorts.watched_folders import register_arrivals
+from trace_dag.flow.selection import Selection, plan
+from trace_dag.flow.workspace import Workspace
+from trace_dag.stage import Stage
 
 _INTERVAL_S = 30
 
@@ -29,10 +28,11 @@ _INTERVAL_S = 30
     description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
     "runs them through all stages. What is no report is named in the tick.",
 )
-def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]) -> SensorResult | SkipReason:
+def arriving_reports(
+    context: SensorEvaluationContext, workspace: ResourceParam[Workspace]
+) -> SensorResult | SkipReason:
     """Register what arrived since the last look, and request runs for it."""
-    pipeline = home.pipeline()
-    arrivals = register_arrivals(pipeline.storage, context.cursor or "")
+    arrivals = register_arrivals(workspace.storage, context.cursor or "")
     if not arrivals.folders:
         return SkipReason("No cohort watches a folder; trace-dag ingest --reports DIR --watch makes one.")
     if arrivals.unread:
@@ -43,7 +43,7 @@ def arriving_reports(context: SensorEvaluationContext, home: ResourceParam[Home]
     add_partitions(context.instance, arrivals.keys)
     selection = Selection(arrivals.keys, dict.fromkeys(arrivals.keys, Stage.RAW_REPORT))
     partitions = context.instance.get_dynamic_partitions("crashes")
-    batches = plan(partitions, selection, size=pipeline.settings.execution.batch_size)
+    batches = plan(partitions, selection, size=workspace.settings.execution.batch_size)
     return SensorResult(
         run_requests=[
             RunRequest(run_key=f"{arrivals.state}-{number}", tags=range_tags(batch))

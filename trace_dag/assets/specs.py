@@ -11,7 +11,8 @@ from dagster import AssetSpec, TableColumn, TableSchema
 
 from trace_dag import schemas
 from trace_dag.assets.partitions import CRASHES
-from trace_dag.errors import Reason, Stage
+from trace_dag.errors import Reason
+from trace_dag.stage import Stage
 
 OWNERS = ["team:crash-reconstruction"]
 

@@ -5,9 +5,9 @@ from typing import Any
 from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataValue, TableColumn, TableSchema, asset
 
 from trace_dag.assets.specs import OWNERS, as_markdown
-from trace_dag.errors import Stage
-from trace_dag.pipeline.benchmark import INDEX, build_benchmark
-from trace_dag.pipeline.home import Home
+from trace_dag.benchmark.build import INDEX, build_benchmark
+from trace_dag.flow.workspace import Workspace
+from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, query
 
@@ -21,16 +21,16 @@ DAMAGED = "damaged"  # metadata of a warehouse that lacks what is damaged: a sen
     group_name="warehouse",
     kinds={"duckdb", "sql"},
     owners=OWNERS,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="All crashes in one DuckDB file: where each stands, what every stage said, vehicles, maps, estimates, "
     "contacts, criteria, and as views the funnel, the reasons, the coverage and its gaps.",
 )
 def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     """Build the warehouse beside the old one and put it in its place."""
-    home: Home = context.resources.home
-    report = build_warehouse(home.pipeline().storage, home.local_folder)
+    workspace: Workspace = context.resources.workspace
+    report = build_warehouse(workspace.storage, workspace.local_folder)
     metadata: dict[str, Any] = {
-        "file": MetadataValue.path(str(home.warehouse)),
+        "file": MetadataValue.path(str(workspace.warehouse)),
         "size_bytes": report.size,
         "duration_s": round(report.duration_s, 2),
         "crashes": report.rows["crashes"],
@@ -39,8 +39,8 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     if report.damaged:
         metadata[DAMAGED] = MetadataValue.json([str(damaged) for damaged in report.damaged])
     for view in _SHOWN:
-        metadata[view] = MetadataValue.md(_markdown(*query(home.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
-    with open_warehouse(home.warehouse) as connection:
+        metadata[view] = MetadataValue.md(_markdown(*query(workspace.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
+    with open_warehouse(workspace.warehouse) as connection:
         columns = [
             TableColumn(f"{table}.{name}", type=kind.lower(), description=as_markdown(comment))
             for table, documented in table_documentation(connection).items()
@@ -55,15 +55,14 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     group_name="benchmark",
     kinds={"html", "openscenario"},
     owners=OWNERS,
-    required_resource_keys={"home"},
+    required_resource_keys={"workspace"},
     description="A scenario package for every verified crash, and a static page about all of them that opens from a "
     "file.",
 )
 def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
     """Bring packages and pages up to date."""
-    home: Home = context.resources.home
-    pipeline = home.pipeline()
-    report = build_benchmark(pipeline, home.warehouse, home.executor, tell=home.page_listener)
+    workspace: Workspace = context.resources.workspace
+    report = build_benchmark(workspace)
     if report.errors:
         named = list(report.errors.items())[:_ERRORS_NAMED]
         raise Failure(
@@ -73,7 +72,7 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
         )
     return MaterializeResult(
         metadata={
-            "index": MetadataValue.path(pipeline.storage.path(INDEX)),
+            "index": MetadataValue.path(workspace.storage.path(INDEX)),
             "packages": report.packages,
             "pages": report.pages,
             "made_now": report.made,

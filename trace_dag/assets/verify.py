@@ -11,13 +11,13 @@ from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterIns
 
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
-from trace_dag.errors import Stage
-from trace_dag.pipeline.progress import Progress, untold
-from trace_dag.pipeline.records import Records
-from trace_dag.pipeline.standing import valid_records
-from trace_dag.pipeline.tasks import Action, StageEvent
-from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.flow.records import Records
+from trace_dag.flow.standing import valid_records
+from trace_dag.flow.tasks import Action, StageEvent
+from trace_dag.flow.verify import Disagreement, DisagreementKind
+from trace_dag.progress import Progress, silent
 from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 _MATERIALIZED = "MATERIALIZED"
@@ -28,12 +28,12 @@ def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) ->
     partitions = instance.get_dynamic_partitions("crashes")
     known = set(partitions)
     found = [
-        Disagreement(Kind.NO_PARTITION, "it is registered and Dagster has no partition for it", key)
+        Disagreement(DisagreementKind.NO_PARTITION, "it is registered and Dagster has no partition for it", key)
         for key in records
         if key not in known
     ]
     found += [
-        Disagreement(Kind.STRAY_PARTITION, "Dagster has a partition for it and it is not registered", key)
+        Disagreement(DisagreementKind.STRAY_PARTITION, "Dagster has a partition for it and it is not registered", key)
         for key in partitions
         if key not in records
     ]
@@ -56,7 +56,7 @@ def repair_dagster(
     storage: Storage,
     records: Mapping[str, Records],
     disagreements: Iterable[Disagreement],
-    tell: Progress = untold,
+    tell: Progress = silent,
 ) -> None:
     """Add and take away partitions, and log the materializations that are not held.
 
@@ -64,9 +64,13 @@ def repair_dagster(
     many of how many.
     """
     wrong = list(disagreements)
-    add_partitions(instance, [each.key for each in wrong if each.kind is Kind.NO_PARTITION and each.key])
-    remove_partitions(instance, {each.key for each in wrong if each.kind is Kind.STRAY_PARTITION and each.key})
-    unlogged = [(each.key, each.stage) for each in wrong if each.kind is Kind.NOT_LOGGED and each.key and each.stage]
+    add_partitions(instance, [each.key for each in wrong if each.kind is DisagreementKind.NO_PARTITION and each.key])
+    remove_partitions(
+        instance, {each.key for each in wrong if each.kind is DisagreementKind.STRAY_PARTITION and each.key}
+    )
+    unlogged = [
+        (each.key, each.stage) for each in wrong if each.kind is DisagreementKind.NOT_LOGGED and each.key and each.stage
+    ]
     told = {key: last_word(records[key]) for key in {key for key, _ in unlogged}}
     for done, (key, stage) in enumerate(unlogged, 1):
         record = told[key].get(stage)
@@ -94,16 +98,16 @@ def _of_stage(
 ) -> Iterator[Disagreement]:
     if record is None:
         if shown == _MATERIALIZED:
-            yield Disagreement(Kind.NO_RESULT, "Dagster shows a result and none is stored", key, stage)
+            yield Disagreement(DisagreementKind.NO_RESULT, "Dagster shows a result and none is stored", key, stage)
     elif record.outcome is Outcome.FAILED:
         if shown == _MATERIALIZED:
             detail = f"{record.stage} failed and Dagster shows an earlier result"
-            yield Disagreement(Kind.FAILURE_NOT_LOGGED, detail, key, stage)
+            yield Disagreement(DisagreementKind.FAILURE_NOT_LOGGED, detail, key, stage)
     elif shown != _MATERIALIZED:
         detail = f"{record.outcome} at {record.stage}, and Dagster shows it as {shown.lower()}"
-        yield Disagreement(Kind.NOT_LOGGED, detail, key, stage)
+        yield Disagreement(DisagreementKind.NOT_LOGGED, detail, key, stage)
     elif version != data_version(record):
-        yield Disagreement(Kind.NOT_LOGGED, "Dagster shows an earlier result", key, stage)
+        yield Disagreement(DisagreementKind.NOT_LOGGED, "Dagster shows an earlier result", key, stage)
 
 
 def _materialization(key: str, stage: Stage, record: OutcomeRecord, storage: Storage) -> AssetMaterialization:

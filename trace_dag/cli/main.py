@@ -8,19 +8,25 @@ import sys
 import click
 
 from trace_dag import __version__
-from trace_dag.cli.asking import sql, status
-from trace_dag.cli.cohorts import cohort
-from trace_dag.cli.comparing import compare
-from trace_dag.cli.evaluating import evaluate
-from trace_dag.cli.exporting import export, release
-from trace_dag.cli.ingesting import ingest
-from trace_dag.cli.judging import controls, peer, replay
+from trace_dag.cli.cohort import cohort
+from trace_dag.cli.compare import compare
+from trace_dag.cli.controls import controls
+from trace_dag.cli.demo import demo
+from trace_dag.cli.evaluate import evaluate
+from trace_dag.cli.export import export
+from trace_dag.cli.ingest import ingest
 from trace_dag.cli.options import examples
-from trace_dag.cli.running import rerun, run
-from trace_dag.cli.sample import demo, score_truth
-from trace_dag.cli.serving import ui
-from trace_dag.cli.varying import vary
-from trace_dag.cli.verifying import verify
+from trace_dag.cli.peer import peer
+from trace_dag.cli.release import release
+from trace_dag.cli.replay import replay
+from trace_dag.cli.rerun import rerun
+from trace_dag.cli.run import run
+from trace_dag.cli.score_truth import score_truth
+from trace_dag.cli.sql import sql
+from trace_dag.cli.status import status
+from trace_dag.cli.ui import ui
+from trace_dag.cli.vary import vary
+from trace_dag.cli.verify import verify
 from trace_dag.errors import Failure, UserError
 from trace_dag.logs import configure_logging
 
@@ -45,7 +51,7 @@ def cli(context: click.Context, root: str | None) -> None:
     Register crashes with ingest, run them, and see where each stands with status. Everything is kept below one
     storage root.
     """
-    from trace_dag.pipeline.home import storage_root
+    from trace_dag.flow.workspace import storage_root
 
     context.obj = storage_root(root)
 

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from trace_dag.errors import Stage
+from trace_dag.stage import Stage
 
 F = TypeVar("F", bound=Callable[..., Any])
 

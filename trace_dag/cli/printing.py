@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from trace_dag.pipeline.standing import Standing
+    from trace_dag.flow.standing import Standing
 
 
 def print_standings(crashes: Mapping[str, Standing]) -> None:
     """The funnel beside the published one, the final states, and why crashes were rejected."""
-    from trace_dag.pipeline.standing import FinalState, funnel
+    from trace_dag.flow.standing import FinalState, funnel
 
     states = Counter(crash.final_state for crash in crashes.values())
     click.echo()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from trace_dag.pipeline.progress import Progress as Told
+    from trace_dag.progress import Progress as Told
 
 
 @contextmanager

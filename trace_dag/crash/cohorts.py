@@ -1,8 +1,8 @@
 """Choosing crashes: filters, a reproducible random sample, and one that fills the coverage classes.
 
-Pure functions over listings; naming, storing and extending cohorts is the pipeline's. A sample depends on the seed
-and the crashes alone, not on the order in which a source lists them, and the first 50 of a sample of 100 are the
-sample of 50.
+Pure functions over listings; cohorts are named, stored and extended in :mod:`trace_dag.cohorts`. A sample depends on
+the seed and the crashes alone, not on the order in which a source lists them, and the first 50 of a sample of 100 are
+the sample of 50.
 """
 
 from __future__ import annotations

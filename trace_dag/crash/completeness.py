@@ -18,7 +18,7 @@ from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
 from trace_dag.crash.kind import another_kind, untold_meeting
-from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.schemas import Column, ColumnType
@@ -121,7 +121,7 @@ def number_of_vehicles(wanted: int) -> Rule:
 def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
     """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's."""
     return (
-        vehicle.movement not in (*UNSAID_MOVEMENTS, Movement.NO_DRIVER)
+        vehicle.movement not in (*UNSAID_MOVEMENTS, PreCrashMovement.NO_DRIVER)
         or not vehicle.in_transport
         or _names_a_path(vehicle.crash_type_code)
         or vehicle.critical_event_code in _TELLING_EVENTS
@@ -187,8 +187,8 @@ def _said(code: int | None) -> str:
     return "not reported" if code is None else str(code)
 
 
-def _movement(movement: Movement) -> str:
-    return "unknown" if movement is Movement.UNKNOWN else str(int(movement))
+def _movement(movement: PreCrashMovement) -> str:
+    return "unknown" if movement is PreCrashMovement.UNKNOWN else str(int(movement))
 
 
 KINDS: Final[tuple[Rule, ...]] = (

@@ -27,18 +27,18 @@ from trace_dag.crash.derive import (
     implied_movement,
     is_near,
 )
-from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, Movement, VehicleRecord, first_contact
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
 from trace_dag.crash.summary import event_in_words
 from trace_dag.units import mps_to_mph
 
-_TURNS: Final = frozenset({Movement.TURNING_LEFT, Movement.TURNING_RIGHT})
-_STILL: Final = frozenset({Movement.STOPPED, Movement.PARKED_IN_LANE})
+_TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
+_STILL: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
 _MAY_STAND: Final = _STILL | {
-    Movement.NO_DRIVER,
-    Movement.STARTING,
-    Movement.DECELERATING,
-    Movement.LEAVING_PARKING,
-    Movement.ENTERING_PARKING,
+    PreCrashMovement.NO_DRIVER,
+    PreCrashMovement.STARTING,
+    PreCrashMovement.DECELERATING,
+    PreCrashMovement.LEAVING_PARKING,
+    PreCrashMovement.ENTERING_PARKING,
 }
 _TWO_WAY_UNDIVIDED: Final = frozenset({1, 5})  # VTRAFWAY
 _INTERSTATE_CLASS: Final = 1  # FUNC_SYS
@@ -280,7 +280,7 @@ def _turn_away_from_junctions(record: CrashRecord) -> Iterator[str]:
     if record.junction_relation_code != AWAY_FROM_JUNCTION:
         return
     pair = record.colliding_pair or ()
-    if any(vehicle.movement is Movement.U_TURN for vehicle in pair):
+    if any(vehicle.movement is PreCrashMovement.U_TURN for vehicle in pair):
         return  # one can turn round anywhere
     for vehicle in pair:
         if vehicle.crash_type_code in JUNCTION_TYPES:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 
 
 class Relation(StrEnum):
@@ -24,7 +24,7 @@ class Relation(StrEnum):
     CROSSING = "crossing"  # from the left or the right
 
 
-class Role(StrEnum):
+class EncounterRole(StrEnum):
     """Which part of the encounter the vehicle played."""
 
     STRIKING = "striking"  # with its front, by the diagram
@@ -58,7 +58,7 @@ class CrashType:
     """
 
     relation: Relation | None = None
-    role: Role = Role.UNDETERMINED
+    role: EncounterRole = EncounterRole.UNDETERMINED
     turn: Turn | None = None
     other_from: Side | None = None
     stopped: bool = False
@@ -67,7 +67,7 @@ class CrashType:
 
 def _table() -> dict[int, CrashType]:
     same_lane, same, opposite, crossing = Relation
-    striking, struck, encroaching, steady, _ = Role
+    striking, struck, encroaching, steady, _ = EncounterRole
     left, right = Side.LEFT, Side.RIGHT
     table = {code: CrashType() for code in (0, *range(1, 17), 98, 99)}
     for code in (20, 24, 28):  # configuration D, rear end
@@ -119,9 +119,9 @@ CRASH_TYPES: dict[int, CrashType] = _table()
 
 
 _MOVEMENT_TURN: Final = {
-    Movement.TURNING_LEFT: Turn.LEFT,
-    Movement.TURNING_RIGHT: Turn.RIGHT,
-    Movement.U_TURN: Turn.U_TURN,
+    PreCrashMovement.TURNING_LEFT: Turn.LEFT,
+    PreCrashMovement.TURNING_RIGHT: Turn.RIGHT,
+    PreCrashMovement.U_TURN: Turn.U_TURN,
 }
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
-from trace_dag.crash.record import EventRecord, ImpactArea, Movement, VehicleRecord, first_contact
+from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
 from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
 
 HOUR_RAD: Final = math.pi / 6
@@ -98,23 +98,27 @@ def _pair(
 
 # --- movement ------------------------------------------------------------------------------------------------------
 
-_STRAIGHT, _LEFT, _RIGHT = Movement.GOING_STRAIGHT, Movement.TURNING_LEFT, Movement.TURNING_RIGHT
-_MOVEMENT_OF_CRASH_TYPE: Final[Mapping[int, Movement]] = {
+_STRAIGHT, _LEFT, _RIGHT = (
+    PreCrashMovement.GOING_STRAIGHT,
+    PreCrashMovement.TURNING_LEFT,
+    PreCrashMovement.TURNING_RIGHT,
+)
+_MOVEMENT_OF_CRASH_TYPE: Final[Mapping[int, PreCrashMovement]] = {
     **dict.fromkeys(range(1, 17), _STRAIGHT),
     **dict.fromkeys((20, 24, 25, 28), _STRAIGHT),
-    **dict.fromkeys((21, 22, 23), Movement.STOPPED),
+    **dict.fromkeys((21, 22, 23), PreCrashMovement.STOPPED),
     **dict.fromkeys((26, 30, 72, 76, 82), _LEFT),
     **dict.fromkeys((27, 31, 70, 78, 80), _RIGHT),
-    29: Movement.DECELERATING,
+    29: PreCrashMovement.DECELERATING,
     **dict.fromkeys(range(34, 46), _STRAIGHT),
-    **dict.fromkeys((46, 47), Movement.CHANGING_LANES),
+    **dict.fromkeys((46, 47), PreCrashMovement.CHANGING_LANES),
     **dict.fromkeys(range(50, 68), _STRAIGHT),
     68: _LEFT,
     **dict.fromkeys((69, 71, 73, 77, 79, 81, 83), _STRAIGHT),
     **dict.fromkeys(range(86, 92), _STRAIGHT),
-    92: Movement.BACKING,
+    92: PreCrashMovement.BACKING,
 }
-_MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, Movement]] = {
+_MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, PreCrashMovement]] = {
     10: _STRAIGHT,
     11: _STRAIGHT,
     12: _STRAIGHT,
@@ -122,22 +126,22 @@ _MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, Movement]] = {
     15: _LEFT,
     16: _RIGHT,
     17: _STRAIGHT,
-    18: Movement.DECELERATING,
-    20: Movement.BACKING,
-    21: Movement.U_TURN,
+    18: PreCrashMovement.DECELERATING,
+    20: PreCrashMovement.BACKING,
+    21: PreCrashMovement.U_TURN,
 }
-UNSAID_MOVEMENTS: Final = frozenset({Movement.OTHER, Movement.UNKNOWN})
+UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UNKNOWN})
 
 
-def implied_movement(vehicle: VehicleRecord) -> Movement | None:
+def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
     """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does."""
     movement = _MOVEMENT_OF_CRASH_TYPE.get(vehicle.crash_type_code or 0)
     if movement is None:
         movement = _MOVEMENT_OF_CRITICAL_EVENT.get(vehicle.critical_event_code or 0)
     if movement is None and vehicle.travel_speed_mps == 0:
-        movement = Movement.STOPPED
-    if movement is Movement.GOING_STRAIGHT and vehicle.alignment_code in CURVED:
-        return Movement.NEGOTIATING_CURVE
+        movement = PreCrashMovement.STOPPED
+    if movement is PreCrashMovement.GOING_STRAIGHT and vehicle.alignment_code in CURVED:
+        return PreCrashMovement.NEGOTIATING_CURVE
     return movement
 
 

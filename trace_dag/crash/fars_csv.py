@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.fars_files import Release, find_releases
+from trace_dag.crash.fars_files import FarsRelease, find_releases
 from trace_dag.crash.keys import crash_key, parse_key, state_of
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
@@ -60,7 +60,7 @@ _BATCH: Final = 1000
 class FarsCsvSource:
     """The crashes of every release at one path. Tables are read when they are first needed, and then kept."""
 
-    def __init__(self, releases: Iterable[Release]) -> None:
+    def __init__(self, releases: Iterable[FarsRelease]) -> None:
         self._releases = tuple(_ReleaseTables(release) for release in releases)
 
     @classmethod
@@ -126,7 +126,7 @@ class _SortedTable:
 class _ReleaseTables:
     """The tables of one release, of one case year."""
 
-    def __init__(self, release: Release) -> None:
+    def __init__(self, release: FarsRelease) -> None:
         self._release = release
         self._tables: dict[str, _SortedTable | None] = {}
 

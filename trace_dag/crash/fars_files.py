@@ -82,7 +82,7 @@ class CsvFile:
 
 
 @dataclass(frozen=True)
-class Release:
+class FarsRelease:
     """The tables of one release: a folder's files by lower-case stem, and the year its path names, if any."""
 
     files: dict[str, CsvFile] = field(default_factory=dict)
@@ -105,7 +105,7 @@ class Release:
         return None if file is None else read_table(file)
 
 
-def find_releases(path: Path) -> tuple[Release, ...]:
+def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     """Every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
 
     Raises UserError if there is none, or if one lacks a table nothing works without.
@@ -117,7 +117,7 @@ def find_releases(path: Path) -> tuple[Release, ...]:
         stem = PurePosixPath(file.member or file.path.as_posix()).stem.lower()
         if stem in TABLES:
             folders.setdefault(file.folder, {}).setdefault(stem, file)
-    releases = tuple(Release(files) for _, files in sorted(folders.items()) if "accident" in files)
+    releases = tuple(FarsRelease(files) for _, files in sorted(folders.items()) if "accident" in files)
     if not releases:
         raise UserError(f"{path}: no accident.csv found; expected the files of a FARS national release")
     for release in releases:

@@ -14,7 +14,7 @@ from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajecto
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, VEHICLE_CONTACTS
 
 
-class Movement(IntEnum):
+class PreCrashMovement(IntEnum):
     """``P_CRASH1``, the movement before the critical event; the value is the FARS code."""
 
     NO_DRIVER = 0
@@ -93,7 +93,7 @@ class VehicleRecord:
     profile_code: int | None = None  # VPROFILE
     surface_condition_code: int | None = None  # VSURCOND
     traffic_control_code: int | None = None  # VTRAFCON
-    movement: Movement = Movement.UNKNOWN  # P_CRASH1
+    movement: PreCrashMovement = PreCrashMovement.UNKNOWN  # P_CRASH1
     critical_event_code: int | None = None  # P_CRASH2
     avoidance_code: int | None = None  # P_CRASH3
     stability_code: int | None = None  # PCRASH4

@@ -17,8 +17,8 @@ from trace_dag.crash.record import (
     CrashRecord,
     EventRecord,
     ImpactArea,
-    Movement,
     NonMotorist,
+    PreCrashMovement,
     VehicleClass,
     VehicleRecord,
 )
@@ -103,7 +103,7 @@ def _vehicle(vehicle: VehicleRecord) -> str:
     if not vehicle.in_transport:
         return f"{head} was not in transport{_impact(vehicle)}."
     movement = codes.P_CRASH1.meaning(vehicle.movement) or "was moving in an unknown way"
-    if vehicle.movement is Movement.UNKNOWN and vehicle.crash_type_code is None:
+    if vehicle.movement is PreCrashMovement.UNKNOWN and vehicle.crash_type_code is None:
         movement = "moved in a way that is not reported"
     sentences = [f"{head} {movement}{_speed(vehicle)}{_road(vehicle)}{_impact(vehicle)}."]
     sentences += [

@@ -12,7 +12,7 @@ from trace_dag.crash.codes.bodies import BODY_TYP, BodyEvidence, body_of
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
-from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.units import mph_to_mps
 
 HIGHEST_REPORTED_MPH: Final = 151
@@ -72,7 +72,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         profile_code=fields.known_code(codes.VPROFILE),
         surface_condition_code=fields.known_code(codes.VSURCOND),
         traffic_control_code=fields.known_code(codes.VTRAFCON),
-        movement=Movement.UNKNOWN if movement is None else Movement(movement),
+        movement=PreCrashMovement.UNKNOWN if movement is None else PreCrashMovement(movement),
         critical_event_code=fields.known_code(codes.P_CRASH2),
         avoidance_code=fields.known_code(codes.P_CRASH3),
         stability_code=_stability(fields),

@@ -10,7 +10,7 @@ import numpy as np
 from trace_dag.evaluation.agents import Scenario
 from trace_dag.evaluation.lane_map import LaneMap
 from trace_dag.geometry import Pose
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Contact, Participant, SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.paths import Path, straight, through_points

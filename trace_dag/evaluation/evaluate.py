@@ -9,7 +9,7 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.loop import AgentDriver
-from trace_dag.evaluation.metrics import Metrics, Outcome, measure, outcome_of
+from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.evaluation.observation import Sensing, Sensor
 from trace_dag.sim.types import Simulation, SimulationLog
 
@@ -58,7 +58,7 @@ class Evaluation:
     case_id: str
     key: str
     ego: int
-    outcome: Outcome
+    outcome: DriveOutcome
     metrics: Metrics | None = None
     fault: str = ""
 
@@ -68,7 +68,7 @@ def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulat
     try:
         log = run(case, ego, agent, conditions, simulation, after_contact_s=_AFTER_CONTACT_S)
     except AgentFault as fault:
-        return Evaluation(case.case_id, case.key, ego, Outcome.FAULTY, fault=str(fault))
+        return Evaluation(case.case_id, case.key, ego, DriveOutcome.FAULTY, fault=str(fault))
     metrics = measure(case, ego, log)
     return Evaluation(case.case_id, case.key, ego, outcome_of(metrics), metrics)
 

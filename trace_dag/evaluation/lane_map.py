@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.roads.network import LaneMatch, LaneRef, RoadNetwork
-from trace_dag.roads.paths import trace_forward
+from trace_dag.roads.map.model import LaneMatch, LaneRef
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.paths import trace_forward
 from trace_dag.states.paths import Path, from_points, through_points
 
 _LANE_REACH_M = 2.0  # a body's centre this far beside a lane still counts as being in it

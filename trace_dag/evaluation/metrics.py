@@ -21,7 +21,7 @@ OFF_ROAD_S = 0.5
 _SAME_REL, _SAME_MPS = 0.1, 0.5
 
 
-class Outcome(StrEnum):
+class DriveOutcome(StrEnum):
     """What became of the crash. Severity is the larger delta-v of the two that collide first."""
 
     AVOIDED = "avoided"  # nobody touched anybody
@@ -61,14 +61,14 @@ class Metrics:
     max_jerk_mps3: float
 
 
-def outcome_of(metrics: Metrics) -> Outcome:
+def outcome_of(metrics: Metrics) -> DriveOutcome:
     """The word for a run."""
     if not metrics.collided:
-        return Outcome.AVOIDED
+        return DriveOutcome.AVOIDED
     more_mps = metrics.delta_v_mps - metrics.recorded_delta_v_mps
     if abs(more_mps) <= max(_SAME_MPS, _SAME_REL * metrics.recorded_delta_v_mps):
-        return Outcome.SAME
-    return Outcome.WORSE if more_mps > 0 else Outcome.SOFTENED
+        return DriveOutcome.SAME
+    return DriveOutcome.WORSE if more_mps > 0 else DriveOutcome.SOFTENED
 
 
 def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.roads.network import LaneMatch, LaneType, RoadNetwork
+from trace_dag.roads.map.model import LaneMatch, LaneType
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
 
 _STEP_S = 0.2

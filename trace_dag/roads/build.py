@@ -10,15 +10,16 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
-from trace_dag.roads.against_report import NOT_COMPARABLE, compare
-from trace_dag.roads.convert import WayHints, convert
-from trace_dag.roads.crossings import with_kinds
-from trace_dag.roads.gap_filling import fill_gaps
-from trace_dag.roads.gates import OSM2ODR_LIMITS, check_map, require
-from trace_dag.roads.network import RoadNetwork
-from trace_dag.roads.opendrive_writer import write_opendrive
-from trace_dag.roads.osm2odr import convert_with_osm2odr
-from trace_dag.roads.placement import place_crash
+from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
+from trace_dag.roads.crash_site.crossings import with_kinds
+from trace_dag.roads.crash_site.gap_filling import fill_gaps
+from trace_dag.roads.crash_site.placement import place_crash
+from trace_dag.roads.from_osm.convert import WayHints, convert
+from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr
+from trace_dag.roads.gates.gates import OSM2ODR_LIMITS, check_map, require
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.stored_map import StoredMap
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import (
     STRUCTURES_WITHIN_M,
     Comparison,
@@ -27,7 +28,6 @@ from trace_dag.roads.report import (
     MapReport,
     Structure,
 )
-from trace_dag.roads.stored_map import StoredMap
 from trace_dag.settings import RoadSettings
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from trace_dag.roads.network import LaneMatch
+from trace_dag.roads.map.model import LaneMatch
 
 STRUCTURES_WITHIN_M: Final = 100.0
 """How near a bridge or tunnel is noted; the published study left crashes out that were this near to one."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.network import LaneType
+from trace_dag.roads.map.model import LaneType
 from trace_dag.scenario.map_marks import WHITE
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import SeenSection, Shapes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.network import RoadMark
+from trace_dag.roads.map.model import RoadMark
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import SeenSection, Shapes
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
-from trace_dag.roads.lane_geometry import CENTRE_STEP_M
+from trace_dag.roads.map.lane_geometry import CENTRE_STEP_M
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, Window, inside
 

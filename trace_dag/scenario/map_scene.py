@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.lane_geometry import CENTRE_STEP_M
-from trace_dag.roads.network import LaneRef
+from trace_dag.roads.map.lane_geometry import CENTRE_STEP_M
+from trace_dag.roads.map.model import LaneRef
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
-    from trace_dag.roads.lane_geometry import LaneGeometry
-    from trace_dag.roads.network import Road, RoadNetwork
+    from trace_dag.roads.map.lane_geometry import LaneGeometry
+    from trace_dag.roads.map.model import Road
+    from trace_dag.roads.map.network import RoadNetwork
 
 Window = tuple[float, float, float, float]
 """West, south, east and north border, metres."""

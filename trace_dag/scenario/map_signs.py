@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.network import Signal
+from trace_dag.roads.map.model import Signal
 from trace_dag.scenario.map_marks import WHITE
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, inside

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.roads.network import LaneType
+from trace_dag.roads.map.model import LaneType
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Shapes
 from trace_dag.scenario.paving import paved_gaps

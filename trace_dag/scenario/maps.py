@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.map_arrows import Arrows
 from trace_dag.scenario.map_marks import Marks
 from trace_dag.scenario.map_names import Names

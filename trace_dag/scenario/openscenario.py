@@ -27,8 +27,8 @@ from lxml import etree
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import RoadNetwork
-from trace_dag.scenario.openscenario_motion import SAME_TIME_S, Motion, motion
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.openscenario_motion import SAME_TIME_S, TimedPoses, motion
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import SimulationLog, VehicleLog
@@ -220,7 +220,7 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     return group
 
 
-def _positions(motion: Motion) -> list[xosc.WorldPosition]:
+def _positions(motion: TimedPoses) -> list[xosc.WorldPosition]:
     from scenariogeneration import xosc
 
     places = (_rounded(values, 5) for values in (motion.x_m, motion.y_m, motion.z_m))

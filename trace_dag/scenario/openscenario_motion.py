@@ -28,7 +28,7 @@ SAME_TIME_S = 1e-5  # moments closer together than this are one
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TimedPoses:
     """Poses over time, arrays of equal length n, of a point of the body at road level.
 
     ``heading_rad`` runs on past a full turn, without jumps. ``pitch_rad`` is positive nose down and ``roll_rad``
@@ -44,7 +44,7 @@ class Motion:
     roll_rad: FloatArray
 
 
-def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> Motion:
+def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> TimedPoses:
     """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on."""
     centres, seen_s = _with_contacts(log, vehicle)
     time, x, y, z, heading = centres.T
@@ -61,7 +61,7 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
             np.arctan(bank),
         ]
     )
-    return Motion(*kept_by_filters(vertices, seen_s).T)
+    return TimedPoses(*kept_by_filters(vertices, seen_s).T)
 
 
 def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:

@@ -19,8 +19,8 @@ from typing import NamedTuple
 from trace_dag import __version__
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.rights import Rights
-from trace_dag.roads.network import RoadNetwork
-from trace_dag.roads.opendrive_writer import write_opendrive
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios

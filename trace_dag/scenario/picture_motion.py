@@ -30,7 +30,7 @@ class _Body:
     alpha: float
 
 
-class Motion:
+class DrawnMotion:
     """What vehicles do: as planned by ``hypothesis``, as driven in ``log``, of what is known."""
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.picture_legend import INK, Words, draw_legend, headline, write
-from trace_dag.scenario.picture_motion import Motion, draw_reported_point
+from trace_dag.scenario.picture_motion import DrawnMotion, draw_reported_point
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.types import Verdict
@@ -58,7 +58,7 @@ def draw_crash(
     canvas = FigureCanvasAgg(figure)
     approach = _approach_window(hypothesis, log)
     impact = _square(_impact_centre(hypothesis, log), _IMPACT_HALF_WINDOW_M)
-    drawing, motion = MapDrawing(network, _around(approach, impact)), Motion(hypothesis, log)
+    drawing, motion = MapDrawing(network, _around(approach, impact)), DrawnMotion(hypothesis, log)
     words = headline(record, verdict)
     right_in = _WIDTH_IN - _PANEL_IN - _EDGE_IN
     for left_in, title, window in ((_EDGE_IN, "Approach", approach), (right_in, "Impact", impact)):

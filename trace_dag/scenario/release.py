@@ -3,7 +3,7 @@
 A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
 with a row per package, ``README.md``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12),
 2021), ``LICENSES.md``, ``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
-Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.pipeline.releasing`).
+Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.benchmark.release`).
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ _EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
 
 
 @dataclass(frozen=True, eq=False)
-class Release:
+class BenchmarkRelease:
     """What a release is made of: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
     (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`."""
 
@@ -110,7 +110,7 @@ class Release:
         return Rights.of(str(row["map_attribution"]) for row in self.packages)
 
 
-def release_documents(release: Release) -> dict[str, bytes]:
+def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
     """The files beside the packages by name, all but the checksums."""
     return {
         "README.md": _rendered("release_readme.md.jinja", release),
@@ -154,7 +154,7 @@ def write_archive(folder: Path, names: Iterable[str], target: Path, archive_form
 
 
 # --- documents ---------------------------------------------------------------------------------------------------
-def _index_json(release: Release) -> bytes:
+def _index_json(release: BenchmarkRelease) -> bytes:
     content = {
         "name": NAME,
         "version": release.version,
@@ -165,7 +165,7 @@ def _index_json(release: Release) -> bytes:
     return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def _index_parquet(release: Release) -> bytes:
+def _index_parquet(release: BenchmarkRelease) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -174,7 +174,7 @@ def _index_parquet(release: Release) -> bytes:
     return stream.getvalue()
 
 
-def _rendered(template: str, release: Release) -> bytes:
+def _rendered(template: str, release: BenchmarkRelease) -> bytes:
     return render_document(
         template,
         release=release,
@@ -199,20 +199,20 @@ def _rendered(template: str, release: Release) -> bytes:
     )
 
 
-def _by_class(release: Release, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
+def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:
     """Each class with its crashes registered and packed; those that occur nowhere left out."""
     registered = Counter(crash[name] for crash in release.crashes)
     packed = Counter(row[name] for row in release.packages)
     return [(each.value, registered[each.value], packed[each.value]) for each in values if registered[each.value]]
 
 
-def _reasons(release: Release) -> list[tuple[str, str, int]]:
+def _reasons(release: BenchmarkRelease) -> list[tuple[str, str, int]]:
     """Why registered crashes are not in it: stage, reason, crashes."""
     rejected = Counter(crash["reason"] for crash in release.crashes if crash["final_state"] == "rejected")
     return [(reason.stage.value, reason.value, rejected[reason.value]) for reason in Reason if rejected[reason.value]]
 
 
-def _figures(release: Release) -> list[tuple[str, str, int, float, float, float]]:
+def _figures(release: BenchmarkRelease) -> list[tuple[str, str, int, float, float, float]]:
     """What the scenarios measure: column, unit, how many have it, least, median and largest."""
     rows = []
     for column in RELEASE_INDEX.columns:

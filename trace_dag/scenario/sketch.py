@@ -13,7 +13,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
-from trace_dag.roads.network import LaneRef, RoadNetwork
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import vehicle_colour
 from trace_dag.sim.types import SimulationLog
 

@@ -22,7 +22,7 @@ from trace_dag.sim.carla_frame import (
 )
 from trace_dag.sim.driving import BodyState, Pedals
 from trace_dag.sim.outlines import Outline, separation
-from trace_dag.sim.plan import Plan, resample
+from trace_dag.sim.plan import SampledTrajectory, resample
 from trace_dag.sim.types import Body, BodyKind, Participant, VehicleLog
 
 _SPAWN_ABOVE_M = 0.3
@@ -46,7 +46,7 @@ class CarlaActor:
     carla: Any
     world: Any
     participant: Participant
-    plan: Plan
+    plan: SampledTrajectory
     actor: Any
     body: Body
     step_s: float

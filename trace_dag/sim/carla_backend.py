@@ -16,7 +16,7 @@ import socket
 from typing import Any
 
 from trace_dag.errors import Failure, UserError
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.carla_simulation import BACKEND_NAME, CarlaSimulation, server_errors
 from trace_dag.sim.types import Simulation

@@ -10,7 +10,7 @@ import math
 
 from trace_dag.sim.driving import Pedals
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.plan import Plan
+from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.types import Participant
 from trace_dag.sim.vehicles import VehicleModel
 
@@ -31,7 +31,7 @@ class CommandedVehicle(Vehicle):
         self,
         participant: Participant,
         model: VehicleModel,
-        plan: Plan,
+        plan: SampledTrajectory,
         *,
         friction: float,
         locked_wheels: float,

@@ -23,7 +23,7 @@ import sys
 from trace_dag.crash.record import VehicleClass
 from trace_dag.sim.driving import BodyState
 from trace_dag.sim.outlines import Outline
-from trace_dag.sim.plan import Plan
+from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import Participant
 from trace_dag.sim.vehicles import VehicleModel
@@ -81,7 +81,13 @@ class Vehicle:
     )
 
     def __init__(
-        self, participant: Participant, model: VehicleModel, plan: Plan, *, friction: float, locked_wheels: float
+        self,
+        participant: Participant,
+        model: VehicleModel,
+        plan: SampledTrajectory,
+        *,
+        friction: float,
+        locked_wheels: float,
     ) -> None:
         pose, speed = participant.initial_pose, participant.initial_speed_mps
         c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.commanded import CommandedVehicle
 from trace_dag.sim.driving import Driver

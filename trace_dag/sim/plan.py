@@ -18,7 +18,7 @@ _AT_A_TIME = 32  # points whose distance from a path is measured together
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class SampledTrajectory:
     """A trajectory sampled at every step from 0 to its end, for the body's centre of gravity.
 
     ``rows[k]``: x, y (m), velocity x, y (m/s), acceleration x, y (m/s2), speed along the body (m/s, negative
@@ -77,7 +77,7 @@ def _check_plan(participant: Participant) -> None:
         raise Failure(f"{who}: its trajectory begins at {t.time_s[0]} s; it must cover time 0")
 
 
-def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float) -> Plan:
+def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float) -> SampledTrajectory:
     """The plan on steps of ``step_s``, by Hermite splines through positions and velocities.
 
     ``cg_ahead_m`` moves it from the body's centre to its centre of gravity.
@@ -89,7 +89,7 @@ def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahea
         stands = float(t.heading_rad[0])
         x = float(t.x_m[0]) + cg_ahead_m * math.cos(stands)
         y = float(t.y_m[0]) + cg_ahead_m * math.sin(stands)
-        return Plan([(x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, stands, float(t.z_m[0]))], 0.0)
+        return SampledTrajectory([(x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, stands, float(t.z_m[0]))], 0.0)
     heading = np.unwrap(t.heading_rad)
     at = np.interp(times, t.time_s, np.arange(len(t.time_s)))
     index = np.clip(at.astype(int), 0, len(t.time_s) - 2)
@@ -124,7 +124,7 @@ def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahea
         course,
         z,
     )
-    return Plan(list(zip(*(column.tolist() for column in columns), strict=True)), end_s)
+    return SampledTrajectory(list(zip(*(column.tolist() for column in columns), strict=True)), end_s)
 
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.types import Backend, Body, BodyKind, Participant, SimulationLog, Termination
 from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate

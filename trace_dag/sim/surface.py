@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 
 _SAMPLE_STEP_M = 2.0
 _LEVEL_GAP_M = 2.5  # surfaces further apart than this are different levels: a bridge and what is under it

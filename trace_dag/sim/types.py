@@ -12,7 +12,7 @@ from typing import Protocol
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.driving import Driver
 from trace_dag.states.types import Trajectory
 

@@ -9,7 +9,7 @@ import math
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.assemble import hypothesis

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.roads.network import LaneMatch, RoadNetwork
+from trace_dag.roads.map.model import LaneMatch
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.checks import check
 from trace_dag.states.encounters import Party
 from trace_dag.states.solver import Placed, Solution

@@ -79,7 +79,7 @@ def _judged(scene: Scene, encounter: Encounter, pair: Pair) -> Candidate:
             terms["one vehicle on each street"] = -1.0
     if encounter.relation is Relation.CROSSING and not any(party.turn or party.backing for party, _ in sides):
         one, two = (
-            evidence.Crossing(party.vehicle, option.stream, speed_mps)
+            evidence.CrossingVehicle(party.vehicle, option.stream, speed_mps)
             for (party, option), speed_mps in zip(sides, speeds, strict=True)
         )
         terms |= evidence.crossing_terms(one, two)

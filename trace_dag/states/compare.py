@@ -1,7 +1,7 @@
 """Estimators side by side: what each made of a crash, who agrees with whom, what it took, what became of it.
 
 Pure: takes what the estimators made and returns rows. Running them, their verdicts and their errors against a known
-truth are :mod:`trace_dag.pipeline.estimators`'s.
+truth are :mod:`trace_dag.studies.estimators`'s.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, S
 
 
 @dataclass(frozen=True)
-class Against:
+class EstimateErrors:
     """Errors of a best hypothesis against the truth, of the worse vehicle: metres, degrees."""
 
     approach_correct: bool
@@ -26,7 +26,7 @@ class Against:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class EstimatorAttempt:
     """What one estimator made of one crash: an estimate and its verdict, or the sentence that says why there is none.
 
     ``failed``: not the crash's doing, but the estimator's or a service's.
@@ -38,7 +38,7 @@ class Attempt:
     failed: bool = False
     accepted: bool | None = None
     reason: str | None = None
-    truth: Against | None = None
+    truth: EstimateErrors | None = None
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class EstimatorRow:
 
     ``outcome``: estimated, rejected or failed, ``detail`` says why. ``approach_agrees``: both vehicles start on the
     same road in the same direction as in the reference's best hypothesis; ``lane_agrees``: in the same lane too.
-    ``accepted`` and ``reason`` are the verdict's. Errors are against the truth, see :class:`Against`. Distances in
-    metres, costs in US dollars.
+    ``accepted`` and ``reason`` are the verdict's. Errors are against the truth, see :class:`EstimateErrors`. Distances
+    in metres, costs in US dollars.
     """
 
     key: str
@@ -103,7 +103,9 @@ class EstimatorSummary:
     median_initial_position_error_m: float | None
 
 
-def compare_estimators(key: str, attempts: Mapping[str, Attempt], *, reference: str) -> tuple[EstimatorRow, ...]:
+def compare_estimators(
+    key: str, attempts: Mapping[str, EstimatorAttempt], *, reference: str
+) -> tuple[EstimatorRow, ...]:
     """Rows of one crash in the order of ``attempts`` (by estimator); ``reference`` is the one the others are set to."""
     against = attempts[reference].estimate if reference in attempts else None
     return tuple(_row(key, name, attempt, against if name != reference else None) for name, attempt in attempts.items())
@@ -117,7 +119,7 @@ def summarise(rows: Iterable[EstimatorRow]) -> tuple[EstimatorSummary, ...]:
     return tuple(_summary(estimator, own) for estimator, own in by_estimator.items())
 
 
-def _row(key: str, estimator: str, attempt: Attempt, other: StateEstimate | None) -> EstimatorRow:
+def _row(key: str, estimator: str, attempt: EstimatorAttempt, other: StateEstimate | None) -> EstimatorRow:
     run, truth = attempt.run, attempt.truth
     took = {} if run is None else {name: getattr(run, name) for name in _TAKEN_OVER}
     errors = {} if truth is None else vars(truth)

@@ -13,8 +13,8 @@ from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import (
     CrashType,
     CriticalEvent,
+    EncounterRole,
     Relation,
-    Role,
     Side,
     Turn,
     crash_type_of,
@@ -22,7 +22,7 @@ from trace_dag.crash.crash_types import (
     opposite_side,
     turn_of,
 )
-from trace_dag.crash.record import CrashRecord, EventRecord, Movement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement, VehicleRecord
 
 _LEFT_ITS_LANE = frozenset({64, 65, 68})  # SOE: ran off left, cross median, cross centre line
 CROSS_MEDIAN = 65
@@ -56,19 +56,27 @@ class Party:
     @property
     def backing(self) -> bool:
         """Whether it drove backward."""
-        return self.crash_type.backing or self.vehicle.movement is Movement.BACKING
+        return self.crash_type.backing or self.vehicle.movement is PreCrashMovement.BACKING
 
     @property
     def stationary(self) -> bool:
         """Whether it stood still, by its reported speed or, where none is reported, its movement."""
         if self.vehicle.travel_speed_mps is not None:
-            return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not Movement.STARTING
-        return self.crash_type.stopped or self.vehicle.movement in (Movement.STOPPED, Movement.PARKED_IN_LANE)
+            return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not PreCrashMovement.STARTING
+        return self.crash_type.stopped or self.vehicle.movement in (
+            PreCrashMovement.STOPPED,
+            PreCrashMovement.PARKED_IN_LANE,
+        )
 
     @property
     def encroached(self) -> float:
         """Log-odds that this vehicle left its path or struck: from role, critical event and events, 0 if unsaid."""
-        role = {Role.ENCROACHING: 1.0, Role.STRIKING: 1.0, Role.STEADY: -1.0, Role.STRUCK: -1.0}
+        role = {
+            EncounterRole.ENCROACHING: 1.0,
+            EncounterRole.STRIKING: 1.0,
+            EncounterRole.STEADY: -1.0,
+            EncounterRole.STRUCK: -1.0,
+        }
         odds = role.get(self.crash_type.role, 0.0) * -_AGAINST_ROLE
         if self.critical.own is not None:
             odds += (1.0 if self.critical.own else -1.0) * -_AGAINST_EVENT

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import estimate_analytic
@@ -49,7 +49,7 @@ def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger
     Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
     """
     from trace_dag.states.llm.client import LlmClient
-    from trace_dag.states.llm.ledger import Ledger
+    from trace_dag.states.llm.ledger import SpendingLedger
     from trace_dag.states.llm.store import AnswerStore
 
     return LlmClient(
@@ -59,5 +59,7 @@ def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger
         question_time_s=settings.llm_question_time_s,
         max_output_tokens=settings.llm_max_output_tokens,
         store=AnswerStore(files),
-        ledger=Ledger(settings.llm_budget_usd, settings.llm_requests_per_minute, files, settings.llm_ledger or ledger),
+        ledger=SpendingLedger(
+            settings.llm_budget_usd, settings.llm_requests_per_minute, files, settings.llm_ledger or ledger
+        ),
     )

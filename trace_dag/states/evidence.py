@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import Road, RoadNetwork
+from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
-from trace_dag.roads.street_names import SAME_STREET, similarity
 from trace_dag.states.speeds import STOP_CONTROLS, class_speed_mps
 from trace_dag.states.streams import Stream
 from trace_dag.units import mps_to_mph
@@ -122,7 +123,7 @@ def lane_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Ter
         terms["turn from this lane"] = -1.0 * stream.lane_from_left - (0.5 if stream.centre_lane_beside else 0.0)
     elif turn is Turn.RIGHT:
         terms["turn from this lane"] = -1.0 * from_right
-    elif vehicle.movement is Movement.MERGING:
+    elif vehicle.movement is PreCrashMovement.MERGING:
         terms["merging from this lane"] = -1.0 * from_right
     arrows = {arrow for value in stream.lane_turns for arrow in value.split(";") if arrow in _ARROWS}
     if arrows:
@@ -142,7 +143,10 @@ def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Te
     road = stream.road
     if vehicle.travel_speed_mps is None or road is None or turn is not None:
         return {}
-    if vehicle.movement is not Movement.GOING_STRAIGHT and vehicle.movement is not Movement.NEGOTIATING_CURVE:
+    if (
+        vehicle.movement is not PreCrashMovement.GOING_STRAIGHT
+        and vehicle.movement is not PreCrashMovement.NEGOTIATING_CURVE
+    ):
         return {}
     usual_mps, sigma_mph = _usual_speed(road, TRAVEL_SIGMA_MPH)
     apart = mps_to_mph(vehicle.travel_speed_mps - usual_mps) / sigma_mph
@@ -165,7 +169,7 @@ def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
 
 
 @dataclass(frozen=True)
-class Crossing:
+class CrossingVehicle:
     """One of two vehicles whose paths cross: what is reported of it, where it came from and how fast it was."""
 
     vehicle: VehicleRecord
@@ -173,7 +177,7 @@ class Crossing:
     speed_mps: float
 
 
-def crossing_terms(one: Crossing, two: Crossing) -> Terms:
+def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
     """Of two that cross straight, the one on the lesser road stops for the other, or slows down."""
     greater, lesser = sorted((one, two), key=lambda each: _rank(each.stream.road))
     if _rank(greater.stream.road) == _rank(lesser.stream.road):

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field
 
 from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.geometry import Pose
 from trace_dag.states.paths import LateralShift, Path, TurnShape, shifted, turn_start_to_meet, turned
 from trace_dag.states.speeds import (
@@ -96,15 +96,15 @@ def keep_lane(
         manoeuvre = Manoeuvre.WRONG_WAY
     elif stream.road is not None and stream.road.inferred:
         manoeuvre = Manoeuvre.ENTER_FROM_DRIVEWAY
-    elif speed_mps == 0.0 and vehicle.movement not in (Movement.STARTING, Movement.ACCELERATING):
+    elif speed_mps == 0.0 and vehicle.movement not in (PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING):
         manoeuvre = Manoeuvre.STOPPED
-    elif vehicle.movement is Movement.STARTING:
+    elif vehicle.movement is PreCrashMovement.STARTING:
         manoeuvre = Manoeuvre.STARTING
-    elif vehicle.movement is Movement.PASSING:
+    elif vehicle.movement is PreCrashMovement.PASSING:
         manoeuvre = Manoeuvre.PASS
-    elif vehicle.movement is Movement.MERGING:
+    elif vehicle.movement is PreCrashMovement.MERGING:
         manoeuvre = Manoeuvre.MERGE
-    elif vehicle.movement is Movement.NEGOTIATING_CURVE and abs(stream.curve_rad) > CURVE_RAD:
+    elif vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE and abs(stream.curve_rad) > CURVE_RAD:
         manoeuvre = Manoeuvre.CURVE
     else:
         manoeuvre = Manoeuvre.STRAIGHT

@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import LaneRef, RoadNetwork
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
 
 LONGEST_M = 240.0  # an outer radius of 38 m: FHWA gives 20 to 30 m for one lane, 25 to 40 m for two
 _RIGHTWARD_RAD = math.radians(-15)  # a lane that turns right by more leaves the ring

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.streams import Stream

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.crash.crash_types import CrashType, Turn
-from trace_dag.crash.record import Movement, VehicleClass, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.geometry import FloatArray
-from trace_dag.roads.network import Road
+from trace_dag.roads.map.model import Road
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import GRAVITY_MPS2, mph_to_mps
 
@@ -52,8 +52,8 @@ _CLASS_SPEED_MPS = {
 _ANY_ROAD_MPS = mph_to_mps(35)
 STOP_CONTROLS = frozenset({20})  # VTRAFCON: a stop sign
 
-_STOPPED = frozenset({Movement.STOPPED, Movement.PARKED_IN_LANE})
-_STARTING = frozenset({Movement.STARTING, Movement.ACCELERATING, Movement.LEAVING_PARKING})
+_STOPPED = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
+_STARTING = frozenset({PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING, PreCrashMovement.LEAVING_PARKING})
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,11 @@ def travel_speed(
         return TravelSpeed(vehicle.travel_speed_mps, SpeedSource.REPORTED)
     if vehicle.movement in _STOPPED or crash_type.stopped:
         return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
-    if vehicle.movement is Movement.STARTING:
+    if vehicle.movement is PreCrashMovement.STARTING:
         return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
-    if vehicle.movement is Movement.BACKING or crash_type.backing:
+    if vehicle.movement is PreCrashMovement.BACKING or crash_type.backing:
         return TravelSpeed(_BACKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
-    if vehicle.movement in (Movement.LEAVING_PARKING, Movement.ENTERING_PARKING):
+    if vehicle.movement in (PreCrashMovement.LEAVING_PARKING, PreCrashMovement.ENTERING_PARKING):
         return TravelSpeed(_PARKING_SPEED_MPS, SpeedSource.INFERRED_MANOEUVRE)
     if turn is not None:
         return TravelSpeed(_TURN_SPEED_MPS[turn], SpeedSource.INFERRED_MANOEUVRE)
@@ -96,7 +96,7 @@ def class_speed_mps(road: Road | None) -> float:
 
 def brakes(vehicle: VehicleRecord) -> bool:
     """Whether the record says that the vehicle braked before the impact."""
-    return vehicle.movement is Movement.DECELERATING or vehicle.avoidance_code in BRAKING_AVOIDANCE
+    return vehicle.movement is PreCrashMovement.DECELERATING or vehicle.avoidance_code in BRAKING_AVOIDANCE
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:

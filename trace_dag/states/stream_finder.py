@@ -15,7 +15,8 @@ import numpy as np
 
 from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import FloatArray, Pose, arc_lengths
-from trace_dag.roads.network import LaneRef, LaneType, Road, RoadNetwork
+from trace_dag.roads.map.model import LaneRef, LaneType, Road
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.paths import STEP_M, extended, through_points
 from trace_dag.states.rings import ring_through
 from trace_dag.states.streams import Stream

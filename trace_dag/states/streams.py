@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import Pose
-from trace_dag.roads.network import LaneRef, Road
+from trace_dag.roads.map.model import LaneRef, Road
 from trace_dag.states.paths import Path, through_points
 from trace_dag.units import GRAVITY_MPS2
 

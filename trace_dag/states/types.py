@@ -15,7 +15,7 @@ from pydantic import PlainSerializer, PlainValidator
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.roads.network import LaneMatch
+from trace_dag.roads.map.model import LaneMatch
 
 
 class Manoeuvre(StrEnum):

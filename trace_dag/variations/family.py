@@ -23,7 +23,7 @@ _FAR_M = 30.0
 _MAP_REACH_M = 250.0  # beyond it a map may simply end
 
 
-class Kind(StrEnum):
+class VariationKind(StrEnum):
     """What a variation is."""
 
     COLLISION = "collision"
@@ -55,7 +55,7 @@ class Variation:
     variation_id: str
     number: int
     perturbation: Perturbation
-    kind: Kind
+    kind: VariationKind
     gap_m: float  # least distance between the two bodies; 0 for a collision
     case: Case
 
@@ -115,7 +115,7 @@ def _tried(
 
 def _judged(
     case: Case, participants: tuple[Participant, ...], log: SimulationLog, criteria: Criteria
-) -> tuple[Kind, float] | None:
+) -> tuple[VariationKind, float] | None:
     """What a simulated variation is, and the least gap between the pair; None if it does not meet the criteria."""
     if log.termination in (Termination.STARTED_IN_CONTACT, Termination.DIVERGED, Termination.BACKEND_ERROR):
         return None
@@ -125,12 +125,12 @@ def _judged(
         shift_m = math.hypot(contact.x_m - recorded.x_m, contact.y_m - recorded.y_m)
         if {contact.number_1, contact.number_2} != pair or shift_m > criteria.max_contact_shift_m:
             return None
-        kind, gap_m, until_s = Kind.COLLISION, 0.0, contact.time_s
+        kind, gap_m, until_s = VariationKind.COLLISION, 0.0, contact.time_s
     else:
         gap_m, until_s = _nearest(log, pair)
         if gap_m > criteria.near_miss_m:
             return None
-        kind = Kind.NEAR_MISS
+        kind = VariationKind.NEAR_MISS
     for participant, vehicle in zip(participants, log.vehicles, strict=True):
         errors, _ = tracking_errors(participant.trajectory, vehicle, until_s)
         if len(errors) and float(errors.max()) > criteria.max_path_error_m:

@@ -22,7 +22,7 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.errors import Reason
 from trace_dag.geometry import Pose
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate, Trajectory

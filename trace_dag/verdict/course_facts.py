@@ -13,12 +13,12 @@ from typing import Final
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
-from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Relation, Role, Side, Turn, critical_event
-from trace_dag.crash.record import CrashRecord, Movement, VehicleRecord
+from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, EncounterRole, Relation, Side, Turn, critical_event
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.units import clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURNS_BY_MOVEMENT, turn_error_deg
-from trace_dag.verdict.metrics import Observation, ObservedVehicle, clock_error_h, speed_error_rel
-from trace_dag.verdict.types import Against, Agreement, Fact
+from trace_dag.verdict.metrics import FirstContact, ObservedVehicle, clock_error_h, speed_error_rel
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
 _SAME_CLOCK_H: Final = 0.5
 _NEAR_CLOCK_H: Final = 2.0
@@ -35,7 +35,7 @@ _ANY_ANGLE: Final = frozenset(
 _TURNS: Final = {Turn.LEFT: 90.0, Turn.RIGHT: -90.0, Turn.U_TURN: 180.0}
 
 
-def course_facts(record: CrashRecord, observation: Observation) -> Iterator[Fact]:
+def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fact]:
     """Every fact about the course that the report says something of."""
     yield from _first_harm(record)
     one, two = observation.vehicles
@@ -61,7 +61,7 @@ def _first_harm(record: CrashRecord) -> Iterator[Fact]:
     if code is not None:
         agreement = Agreement.AGREES if code in VEHICLE_EVENTS else Agreement.DIFFERS
         found = "two vehicles collide"
-        yield Fact("first harmful event", Against.COURSE, agreement, HARM_EV.meaning(code), found, essential=True)
+        yield Fact("first harmful event", ComparedWith.COURSE, agreement, HARM_EV.meaning(code), found, essential=True)
 
 
 def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> Iterator[Fact]:
@@ -71,7 +71,11 @@ def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> 
         met = parts(one.clock_h, two.clock_h) or parts(two.clock_h, one.clock_h)
         found = f"{one.clock_h:.1f} and {two.clock_h:.1f} o'clock"
         yield Fact(
-            "manner of collision", Against.COURSE, _agreement(met), record.collision_type.value.replace("_", " "), found
+            "manner of collision",
+            ComparedWith.COURSE,
+            _agreement(met),
+            record.collision_type.value.replace("_", " "),
+            found,
         )
 
 
@@ -121,7 +125,7 @@ def _crash_type(
     found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+.0f} deg, struck at "
     found += f"{seen.clock_h:.1f} o'clock"
     reported = f"ACC_TYPE {code}"
-    yield Fact("crash type", Against.COURSE, _agreement(agrees), reported, found, True, vehicle.number)
+    yield Fact("crash type", ComparedWith.COURSE, _agreement(agrees), reported, found, True, vehicle.number)
 
 
 def _relation_deg(seen: ObservedVehicle, other: ObservedVehicle) -> float:
@@ -145,11 +149,11 @@ def _makes_turn(kind: CrashType, seen: ObservedVehicle) -> bool:
 
 
 def _is_struck_so(code: int, kind: CrashType, seen: ObservedVehicle) -> bool:
-    if kind.role is Role.STRIKING:
+    if kind.role is EncounterRole.STRIKING:
         return _is_on(_FRONT, seen.clock_h)
-    if kind.role is Role.STRUCK and kind.relation is Relation.SAME_LANE:
+    if kind.role is EncounterRole.STRUCK and kind.relation is Relation.SAME_LANE:
         return _is_on(_REAR, seen.clock_h)
-    if kind.role is Role.STRUCK:
+    if kind.role is EncounterRole.STRUCK:
         return _is_on(_RIGHT if kind.other_from is Side.RIGHT else _LEFT, seen.clock_h)
     return True
 
@@ -170,7 +174,9 @@ def _critical_event(
         agrees = _is_relation(relation, record, seen, other)
         reported = f"P_CRASH2 {vehicle.critical_event_code}"
         found = f"{_relation_deg(seen, other):.0f} deg between the courses"
-        yield Fact("critical event", Against.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+        yield Fact(
+            "critical event", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number
+        )
 
 
 def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
@@ -179,9 +185,9 @@ def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle
     if "movement" in vehicle.implied:
         return
     found = f"turned {seen.turn_deg:+.0f} deg, {seen.impact_speed_mps:.1f} m/s at the impact"
-    if movement is Movement.BACKING:
+    if movement is PreCrashMovement.BACKING:
         agrees = seen.impact_speed_mps < 0
-    elif movement is Movement.STOPPED:
+    elif movement is PreCrashMovement.STOPPED:
         agrees = abs(seen.impact_speed_mps) <= _STANDING_MPS
     elif movement in TURNS_BY_MOVEMENT or movement in STRAIGHT_MOVEMENTS:
         allowed = {TURNS_BY_MOVEMENT.get(movement, 0.0)}
@@ -192,7 +198,7 @@ def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle
     else:
         return
     reported = movement.name.lower().replace("_", " ")
-    yield Fact("movement", Against.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+    yield Fact("movement", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
 
 
 # --- each vehicle ------------------------------------------------------------------------------------------------
@@ -206,7 +212,7 @@ def _clock(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
     elif error <= _NEAR_CLOCK_H:
         agreement = Agreement.NEAR
     reported, found = f"{vehicle.impact.clock_h:g} o'clock", f"{seen.clock_h:.1f} o'clock"
-    yield Fact("impact", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    yield Fact("impact", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
 def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
@@ -222,7 +228,7 @@ def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
         agreement = Agreement.NEAR
     reported = ", ".join(f"{hour}" for hour in hours) + " o'clock damaged"
     found = f"struck at {seen.clock_h:.1f} o'clock"
-    yield Fact("damage", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    yield Fact("damage", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
 def _speed(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
@@ -231,7 +237,7 @@ def _speed(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
         return
     agreement = _agreement(abs(error) <= _KEPT_REL)
     reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:.1f} m/s"
-    yield Fact("travel speed", Against.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    yield Fact("travel speed", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
 def _agreement(agrees: bool) -> Agreement:

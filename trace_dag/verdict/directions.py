@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.crash.record import Movement, VehicleRecord
+from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.roads.network import LaneRef, RoadNetwork
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
 from trace_dag.states.types import Trajectory
 from trace_dag.units import wrap_angle
@@ -34,18 +35,22 @@ _STANDSTILL_MPS = 0.1
 # --- as reported -------------------------------------------------------------------------------------------------
 STRAIGHT_MOVEMENTS = frozenset(
     {
-        Movement.GOING_STRAIGHT,
-        Movement.DECELERATING,
-        Movement.ACCELERATING,
-        Movement.STARTING,
-        Movement.STOPPED,
-        Movement.PASSING,
-        Movement.NEGOTIATING_CURVE,
-        Movement.CHANGING_LANES,
-        Movement.MERGING,
+        PreCrashMovement.GOING_STRAIGHT,
+        PreCrashMovement.DECELERATING,
+        PreCrashMovement.ACCELERATING,
+        PreCrashMovement.STARTING,
+        PreCrashMovement.STOPPED,
+        PreCrashMovement.PASSING,
+        PreCrashMovement.NEGOTIATING_CURVE,
+        PreCrashMovement.CHANGING_LANES,
+        PreCrashMovement.MERGING,
     }
 )
-TURNS_BY_MOVEMENT = {Movement.TURNING_LEFT: 90.0, Movement.TURNING_RIGHT: -90.0, Movement.U_TURN: 180.0}
+TURNS_BY_MOVEMENT = {
+    PreCrashMovement.TURNING_LEFT: 90.0,
+    PreCrashMovement.TURNING_RIGHT: -90.0,
+    PreCrashMovement.U_TURN: 180.0,
+}
 _LEFT_CRASH_TYPES = frozenset({68, 72, 76, 82})  # ACC_TYPE: turned left across or into the other's path
 _RIGHT_CRASH_TYPES = frozenset({70, 78, 80})
 _STRAIGHT_CRASH_TYPES = frozenset({*range(20, 68), 69, 71, 73, 77, 79, 81, 83, *range(86, 92)})

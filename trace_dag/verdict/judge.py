@@ -8,12 +8,12 @@ from dataclasses import replace
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
-from trace_dag.verdict.metrics import Observation, compare, observe
+from trace_dag.verdict.metrics import FirstContact, compare, observe
 from trace_dag.verdict.rules import criteria, judgement
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
@@ -65,7 +65,7 @@ def judge_hypothesis(
 
 def judge_observation(
     record: CrashRecord,
-    observation: Observation | None,
+    observation: FirstContact | None,
     log: SimulationLog,
     settings: VerdictSettings,
     *,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.record import CrashRecord, ImpactArea, Movement, VehicleRecord, first_contact
+from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
 from trace_dag.geometry import Pose, contact_clock_h
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.plan import tracking_errors
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
 from trace_dag.states.types import Hypothesis, ParticipantState
@@ -103,7 +103,7 @@ class ObservedVehicle:
 
 
 @dataclass(frozen=True)
-class Observation:
+class FirstContact:
     """A simulation's first contact: what happened, before it is set beside any report."""
 
     contact: Contact
@@ -111,7 +111,7 @@ class Observation:
     vehicles: tuple[ObservedVehicle, ObservedVehicle]
 
 
-def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> Observation | None:
+def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> FirstContact | None:
     """The first contact of a simulated hypothesis; None if there was none."""
     contact = log.first_contact
     if contact is None:
@@ -123,10 +123,10 @@ def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) ->
         for side in _sides(contact)
     )
     later = sorted((other for other in log.contacts if other is not contact), key=lambda other: other.time_s)
-    return Observation(contact, tuple(later), (one, two))
+    return FirstContact(contact, tuple(later), (one, two))
 
 
-def compare(observation: Observation, record: CrashRecord) -> CrashMeasures:
+def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
     """Set a contact beside a report, whose location is the origin of the local frame."""
     contact, (one, two) = observation.contact, observation.vehicles
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
@@ -193,9 +193,9 @@ def _turn_error_deg(seen: ObservedVehicle, reported: VehicleRecord, topology: Ro
     calls a turn what on the map is the road's own bend.
     """
     allowed = reported_turns_deg(reported)
-    if reported.movement is Movement.BACKING:
+    if reported.movement is PreCrashMovement.BACKING:
         return 0.0 if seen.impact_speed_mps < 0 else 180.0
-    if topology is RoadTopology.ROUNDABOUT and reported.movement is Movement.NEGOTIATING_CURVE:
+    if topology is RoadTopology.ROUNDABOUT and reported.movement is PreCrashMovement.NEGOTIATING_CURVE:
         return None
     if topology is RoadTopology.L:
         allowed |= {0.0}

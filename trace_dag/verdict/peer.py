@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis

@@ -1,8 +1,8 @@
 """What a report says of the place, beside the map: its streets, the road, the intersection, the point itself.
 
 Lanes, division, control, limit and kind of intersection were compared when the map was built
-(:mod:`trace_dag.roads.against_report`); what only the report says is on the map by the report's word and is no fact
-here.
+(:mod:`trace_dag.roads.crash_site.agreement`); what only the report says is on the map by the report's word and is no
+fact here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.codes.crash import FUNC_SYS, RUR_URB
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.against_report import (
+from trace_dag.roads.crash_site.agreement import (
     AGREES,
     CONTROL,
     DIVISION,
@@ -26,14 +26,15 @@ from trace_dag.roads.against_report import (
     bend_rad,
     streets_at,
 )
-from trace_dag.roads.network import Road, RoadNetwork
-from trace_dag.roads.placement import class_steps, is_at_intersection
+from trace_dag.roads.crash_site.placement import class_steps, is_at_intersection
+from trace_dag.roads.crash_site.reported_road import Trafficway, trafficway_on_map
+from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
-from trace_dag.roads.reported_road import Trafficway, trafficway_on_map
-from trace_dag.roads.street_names import SAME_STREET, parse_street, similarity
 from trace_dag.units import wrap_angle
-from trace_dag.verdict.metrics import Observation, ObservedVehicle
-from trace_dag.verdict.types import Against, Agreement, Fact
+from trace_dag.verdict.metrics import FirstContact, ObservedVehicle
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
 _OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street
 _SAME_CLASS: Final = 1.0  # steps between classes: mapper and agency often differ by one,
@@ -66,7 +67,7 @@ _FACT_OF: Final = {
 
 
 def place_facts(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: Observation | None
+    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: FirstContact | None
 ) -> Iterator[Fact]:
     """Every fact about the place that both the report and the map say something of."""
     streets = streets_at(network, record, report.placement)
@@ -92,7 +93,7 @@ def _street_names(
         agreement = _agreement_of_names(reported, here, around)
         if agreement is not None:
             found = ", ".join(sorted(here)) or "no name"
-            yield Fact(fact, Against.MAP, agreement, reported, found, essential)
+            yield Fact(fact, ComparedWith.MAP, agreement, reported, found, essential)
 
 
 def _names_at(network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets) -> set[str]:
@@ -142,12 +143,12 @@ def _road_class(
             agreement = Agreement.AGREES
         elif steps < _NEAR_CLASS:
             agreement = Agreement.NEAR
-        yield Fact("road class", Against.MAP, agreement, reported, road.highway)
+        yield Fact("road class", ComparedWith.MAP, agreement, reported, road.highway)
     if record.function_class_code == _INTERSTATE:
         ways = {trafficway_on_map(way) for way in streets.own.carriageways}
         agreement = Agreement.DIFFERS if ways == {Trafficway.UNDIVIDED} else Agreement.AGREES
         found = ", ".join(sorted(way.value for way in ways))
-        yield Fact("carriageways", Against.MAP, agreement, reported, found, essential=True)
+        yield Fact("carriageways", ComparedWith.MAP, agreement, reported, found, essential=True)
 
 
 def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> Iterator[Fact]:
@@ -166,7 +167,7 @@ def _land_use(record: CrashRecord, network: RoadNetwork, placement: CrashPlaceme
     elif junctions <= _RURAL_JUNCTIONS:
         agreement = Agreement.DIFFERS if urban else Agreement.AGREES
     found = f"{junctions} junctions within {_NEIGHBOURHOOD_M:.0f} m"
-    yield Fact("land use", Against.MAP, agreement, RUR_URB.meaning(record.rural_urban_code), found)
+    yield Fact("land use", ComparedWith.MAP, agreement, RUR_URB.meaning(record.rural_urban_code), found)
 
 
 def _compared(comparison: Comparison) -> Iterator[Fact]:
@@ -178,7 +179,7 @@ def _compared(comparison: Comparison) -> Iterator[Fact]:
         agreement = Agreement.NEAR
     essential = comparison.attribute in _ESSENTIAL_COMPARISONS
     said, found = reported.replace("_", " "), mapped.replace("_", " ")
-    yield Fact(_FACT_OF[comparison.attribute], Against.MAP, agreement, said, found, essential)
+    yield Fact(_FACT_OF[comparison.attribute], ComparedWith.MAP, agreement, said, found, essential)
 
 
 def _moved(placement: CrashPlacement) -> Fact:
@@ -187,12 +188,12 @@ def _moved(placement: CrashPlacement) -> Fact:
         agreement = Agreement.AGREES
     elif placement.moved_m <= _BESIDE_THE_ROAD_M:
         agreement = Agreement.NEAR
-    return Fact("point", Against.MAP, agreement, "on its road", f"moved by {placement.moved_m:.1f} m")
+    return Fact("point", ComparedWith.MAP, agreement, "on its road", f"moved by {placement.moved_m:.1f} m")
 
 
 # --- alignment ---------------------------------------------------------------------------------------------------
 def _alignment(
-    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, observation: Observation
+    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, observation: FirstContact
 ) -> Iterator[Fact]:
     """``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
     bend = bend_rad(network, placement, _BEND_REACH_M)
@@ -211,7 +212,7 @@ def _alignment(
             agreement = Agreement.NEAR
         words = {0: "straight", -1: "curve to the right", 1: "curve to the left"}
         found = f"{words[mapped]} ({math.degrees(abs(turned)):.0f} deg within {2 * _BEND_REACH_M:.0f} m)"
-        yield Fact("alignment", Against.MAP, agreement, words[curve], found, vehicle_number=seen.number)
+        yield Fact("alignment", ComparedWith.MAP, agreement, words[curve], found, vehicle_number=seen.number)
 
 
 def _bend_seen(bend: float, heading: float, seen: ObservedVehicle) -> float | None:

@@ -17,13 +17,13 @@ from typing import Final
 
 from trace_dag.crash.contradictions import named_contradictions
 from trace_dag.crash.record import CrashRecord
-from trace_dag.roads.network import RoadNetwork
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.verdict.course_facts import course_facts
-from trace_dag.verdict.metrics import Observation
+from trace_dag.verdict.metrics import FirstContact
 from trace_dag.verdict.place_facts import place_facts
 from trace_dag.verdict.support_weights import COUNTS
-from trace_dag.verdict.types import Against, Agreement, Fact, Grade, Support
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Support
 
 LEAST_FACTS: Final = 6
 """Independent facts of map and course that have to agree for a crash to be corroborated."""
@@ -81,7 +81,7 @@ Weights = Mapping[tuple[str, Agreement], float]
 
 
 def facts_of(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: Observation | None
+    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: FirstContact | None
 ) -> tuple[Fact, ...]:
     """Every fact of the report that can be compared with the map, the simulated course or the report itself.
 
@@ -96,7 +96,7 @@ def facts_of(
 def _contradictions(record: CrashRecord) -> Iterator[Fact]:
     for about, sentence in named_contradictions(record):
         essential = about in _ESSENTIAL_CONTRADICTIONS
-        yield Fact(about, Against.RECORD, Agreement.DIFFERS, sentence, "the record contradicts itself", essential)
+        yield Fact(about, ComparedWith.RECORD, Agreement.DIFFERS, sentence, "the record contradicts itself", essential)
 
 
 def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
@@ -111,7 +111,7 @@ def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
     weighed = tuple(
         replace(fact, weight=table.get((fact.name, fact.agreement), 0.0) / times[fact.name]) for fact in given
     )
-    agreeing = {fact.name for fact in weighed if fact.against is not Against.RECORD}
+    agreeing = {fact.name for fact in weighed if fact.against is not ComparedWith.RECORD}
     agreeing -= {fact.name for fact in weighed if fact.agreement is not Agreement.AGREES}
     total = sum(fact.weight for fact in weighed)
     return Support(weighed, total, len(agreeing), _why_not(weighed, total, len(agreeing)))
@@ -129,10 +129,10 @@ def _why_not(facts: tuple[Fact, ...], total: float, agreeing: int) -> str:
 
 
 def _sentence(fact: Fact) -> str:
-    if fact.against is Against.RECORD:
+    if fact.against is ComparedWith.RECORD:
         return fact.reported
     whose = f" of vehicle {fact.vehicle_number}" if fact.vehicle_number is not None else ""
-    where = "the map" if fact.against is Against.MAP else "the simulated course"
+    where = "the map" if fact.against is ComparedWith.MAP else "the simulated course"
     return f"{fact.name}{whose}: reported {fact.reported}, {where} has {fact.found}"
 
 

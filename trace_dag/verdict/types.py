@@ -41,7 +41,7 @@ class Agreement(StrEnum):
     DIFFERS = "differs"
 
 
-class Against(StrEnum):
+class ComparedWith(StrEnum):
     """What a fact is compared with."""
 
     MAP = "map"
@@ -58,7 +58,7 @@ class Fact:
     """
 
     name: str
-    against: Against
+    against: ComparedWith
     agreement: Agreement
     reported: str
     found: str

@@ -18,14 +18,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.code_versions import code_version
-from trace_dag.errors import DamagedFile, Failure, Stage, UserError
-from trace_dag.pipeline.comparisons import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
-from trace_dag.pipeline.home import BUILDING, WAREHOUSE_FILE
-from trace_dag.pipeline.ledgers import Complaint, write_ledger
-from trace_dag.pipeline.records import log_complaint
-from trace_dag.pipeline.registry import Registry
+from trace_dag.cohorts.registry import Registry
+from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.flow.ledgers import Complaint, write_ledger
+from trace_dag.flow.records import log_complaint
+from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.processes import temporary_prefix
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
+from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables

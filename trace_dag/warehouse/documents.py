@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Failure, Stage
+from trace_dag.errors import Failure
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.snapshot import CrashSnapshot
 

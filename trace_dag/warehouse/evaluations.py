@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.evaluation.table import EVALUATIONS
-from trace_dag.pipeline import evaluations, variations
-from trace_dag.pipeline.ledgers import Complaint
+from trace_dag.flow.ledgers import Complaint
 from trace_dag.storage import Storage
+from trace_dag.studies import evaluations, stored_variations
 from trace_dag.variations.table import VARIATIONS
 
 if TYPE_CHECKING:
@@ -25,5 +25,7 @@ def evaluation_tables(storage: Storage, complain: Complaint) -> dict[str, pa.Tab
         "evaluation": pa.Table.from_pylist(
             evaluations.all_rows(storage, complain=complain), schema=EVALUATIONS.arrow()
         ),
-        "variation": pa.Table.from_pylist(variations.all_rows(storage, complain=complain), schema=VARIATIONS.arrow()),
+        "variation": pa.Table.from_pylist(
+            stored_variations.all_rows(storage, complain=complain), schema=VARIATIONS.arrow()
+        ),
     }

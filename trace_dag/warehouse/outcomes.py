@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.pipeline.standing import standing_of_valid
+from trace_dag.flow.standing import standing_of_valid
 from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
 from trace_dag.warehouse.snapshot import CrashSnapshot
 

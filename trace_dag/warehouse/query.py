@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.errors import DamagedFile, UserError
-from trace_dag.pipeline.ledgers import read_ledger
+from trace_dag.flow.ledgers import read_ledger
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.cohorts.listings import listings_of
+from trace_dag.cohorts.registry import Cohort
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
-from trace_dag.errors import Rejection, Stage
-from trace_dag.pipeline.listings import listings_of
-from trace_dag.pipeline.registry import Cohort
+from trace_dag.errors import Rejection
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:

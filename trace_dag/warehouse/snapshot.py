@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from trace_dag.errors import DamagedFile, Stage
-from trace_dag.pipeline.flow import DamagedArtefactError
-from trace_dag.pipeline.ledgers import Complaint
-from trace_dag.pipeline.records import Records, read_records
-from trace_dag.pipeline.standing import valid_records
+from trace_dag.errors import DamagedFile
+from trace_dag.flow.contract import DamagedArtefactError
+from trace_dag.flow.ledgers import Complaint
+from trace_dag.flow.records import Records, read_records
+from trace_dag.flow.standing import valid_records
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 _CRASHES_AT_ONCE = 250

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from trace_dag.errors import DamagedFile, Stage, UserError
-from trace_dag.pipeline.records import Records
-from trace_dag.pipeline.standing import standing, valid_records
-from trace_dag.pipeline.verify import Disagreement, Kind
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.flow.records import Records
+from trace_dag.flow.standing import standing, valid_records
+from trace_dag.flow.verify import Disagreement, DisagreementKind
+from trace_dag.stage import Stage
 from trace_dag.warehouse.build import is_built_by_this_code
 from trace_dag.warehouse.query import query
 
@@ -23,19 +24,21 @@ def verify_warehouse(path: Path, records: Mapping[str, Records]) -> list[Disagre
     """
     if not path.is_file():
         ran = any(records.values())
-        return [Disagreement(Kind.WAREHOUSE, f"{path} is not there", file=str(path))] if ran else []
+        return [Disagreement(DisagreementKind.WAREHOUSE, f"{path} is not there", file=str(path))] if ran else []
     try:
         crashes = {row[0]: row[1:] for row in query(path, _CRASHES)[1]}
         outcomes: dict[str, dict[str, str]] = {}
         for key, stage, fingerprint in query(path, _OUTCOMES)[1]:
             outcomes.setdefault(key, {})[stage] = fingerprint
     except DamagedFile as damaged:
-        return [Disagreement(Kind.WAREHOUSE, f"{path}: {damaged.found}", file=str(path))]
+        return [Disagreement(DisagreementKind.WAREHOUSE, f"{path}: {damaged.found}", file=str(path))]
     except UserError as error:
-        return [Disagreement(Kind.WAREHOUSE, f"{path} cannot be read: {error}", file=str(path))]
+        return [Disagreement(DisagreementKind.WAREHOUSE, f"{path} cannot be read: {error}", file=str(path))]
     found = []
     if not is_built_by_this_code(path):
-        found.append(Disagreement(Kind.WAREHOUSE, f"{path} was built by other code or other SQL", file=str(path)))
+        found.append(
+            Disagreement(DisagreementKind.WAREHOUSE, f"{path} was built by other code or other SQL", file=str(path))
+        )
     for key in sorted(crashes.keys() | records.keys()):
         found += _of_crash(key, records.get(key), crashes.get(key), outcomes.get(key, {}))
     return found
@@ -45,18 +48,20 @@ def _of_crash(
     key: str, records: Records | None, row: tuple[object, ...] | None, outcomes: Mapping[str, str]
 ) -> list[Disagreement]:
     if records is None:
-        return [Disagreement(Kind.WAREHOUSE, "it is in the warehouse and not registered", key)]
+        return [Disagreement(DisagreementKind.WAREHOUSE, "it is in the warehouse and not registered", key)]
     if row is None:
-        return [Disagreement(Kind.WAREHOUSE, "it is registered and not in the warehouse", key)]
+        return [Disagreement(DisagreementKind.WAREHOUSE, "it is registered and not in the warehouse", key)]
     stand = standing(key, records)
     now = (stand.final_state, stand.stage_reached, stand.reason)
     if tuple(row) != now:
         return [
-            Disagreement(Kind.WAREHOUSE, f"stored: {_said(now)}; warehouse: {_said(row)}", key, stand.stage_reached)
+            Disagreement(
+                DisagreementKind.WAREHOUSE, f"stored: {_said(now)}; warehouse: {_said(row)}", key, stand.stage_reached
+            )
         ]
     valid = valid_records(records)
     return [
-        Disagreement(Kind.WAREHOUSE, "the warehouse holds another result of this stage", key, stage)
+        Disagreement(DisagreementKind.WAREHOUSE, "the warehouse holds another result of this stage", key, stage)
         for stage in Stage
         if outcomes.get(stage.value) != (valid[stage].fingerprint if stage in valid else None)
     ]

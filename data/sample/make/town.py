@@ -61,7 +61,7 @@ def _highway() -> list[Road]:
 
 def _downtown() -> list[Road]:
     """The grid: a one-way couplet, residential streets, a five-leg crossing in the north-west."""
-    home = two_way(3.3, maxspeed="25 mph")
+    workspace = two_way(3.3, maxspeed="25 mph")
     home_lanes = two_way(3.3, lanes="2", maxspeed="25 mph", sidewalk="both")
     collector = two_way(3.4, lanes="2", maxspeed="30 mph")
     couplet = one_way(3.4, 2, lanes="2", maxspeed="30 mph")
@@ -76,11 +76,11 @@ def _downtown() -> list[Road]:
         Road.along("cedar", [(0, 260), (0, -260)], [((0, 60), couplet), ((0, 0), couplet_turn), (None, couplet)],
                    name="Cedar Street", ref="NE 97", highway="tertiary", surface="concrete", reported_as="CEDAR ST",
                    trafficway=4),
-        Road.along("dogwood", [(130, -260), (130, 260)], [(None, home)], name="Dogwood Street",
+        Road.along("dogwood", [(130, -260), (130, 260)], [(None, workspace)], name="Dogwood Street",
                    reported_as="DOGWOOD ST", **common),
-        Road.along("tallow", [(-520, -260), (260, -260)], [(None, home)], name="Tallow Avenue",
+        Road.along("tallow", [(-520, -260), (260, -260)], [(None, workspace)], name="Tallow Avenue",
                    reported_as="TALLOW AVE", **common),
-        Road.along("cottonwood", [(-520, -260), (-520, 0)], [(None, home)], name="Cottonwood Lane",
+        Road.along("cottonwood", [(-520, -260), (-520, 0)], [(None, workspace)], name="Cottonwood Lane",
                    reported_as="COTTONWOOD LN", **common),
         Road.along("sumner", [(-260, -130), (260, -130)], [(None, home_lanes)], name="Sumner Avenue",
                    reported_as="SUMNER AVE", **common),
@@ -90,9 +90,9 @@ def _downtown() -> list[Road]:
                    highway="tertiary", surface="asphalt", reported_as="PROSPECT AVE"),
         Road.along("beacon", [(-260, 260), (-620, 620)], [(None, two_way(3.4, lanes="2", maxspeed="40 mph"))],
                    name="Beacon Road", highway="tertiary", surface="asphalt", reported_as="BEACON RD"),
-        Road.along("north_mill", [(-420, 260), (-420, 410)], [(None, home)], name="North Mill Lane",
+        Road.along("north_mill", [(-420, 260), (-420, 410)], [(None, workspace)], name="North Mill Lane",
                    reported_as="N MILL LN", **common),
-        Road.along("south_mill", [(-405, 260), (-405, 110)], [(None, home)], name="South Mill Lane",
+        Road.along("south_mill", [(-405, 260), (-405, 110)], [(None, workspace)], name="South Mill Lane",
                    reported_as="S MILL LN", **common),
     ]  # fmt: skip
 
@@ -102,7 +102,7 @@ def _north() -> list[Road]:
     lane = two_way(3.4, lanes="2", maxspeed="30 mph")
     ring = one_way(5.0, lanes="1", maxspeed="20 mph", junction="roundabout")
     flare = one_way(3.8, lanes="1", maxspeed="30 mph")
-    home = two_way(3.3, maxspeed="25 mph")
+    workspace = two_way(3.3, maxspeed="25 mph")
     linden = {"highway": "tertiary", "name": "Linden Drive", "reported_as": "LINDEN DR", **_SURFACE}
     flares = {"sections": [(None, flare)], "trafficway": 2, **linden}
     # 20 degrees either side of the leg, on the ring of 18 m radius about (260, 480).
@@ -117,7 +117,7 @@ def _north() -> list[Road]:
         Road.along("linden_east", [(316, 480), (560, 480)], [(None, lane)], **linden),
         Road.along("linden_east_in", [(316, 480), (296, 483), (260 + a, 480 + b)], **flares),
         Road.along("linden_east_out", [(260 + a, 480 - b), (296, 477), (316, 480)], **flares),
-        Road.along("gable", [(560, 130), (560, 480)], [(None, home)], name="Gable Street", highway="residential",
+        Road.along("gable", [(560, 130), (560, 480)], [(None, workspace)], name="Gable Street", highway="residential",
                    reported_as="GABLE ST", **_SURFACE),
     ]  # fmt: skip
 

@@ -22,7 +22,7 @@ _PLAUSIBLE_WHEELBASE_IN: Final = (40.0, 300.0)
 
 
 @dataclass(frozen=True)
-class Body:
+class ReportedBody:
     """A body to simulate: its class, dimensions (m) and mass (kg); ``wheelbase_ratio`` is length over wheelbase."""
 
     vehicle_class: VehicleClass
@@ -36,41 +36,41 @@ class Body:
 _CAR, _SUV, _VAN, _PICKUP = VehicleClass.CAR, VehicleClass.SUV, VehicleClass.VAN, VehicleClass.PICKUP
 _TRUCK, _BUS, _CYCLE = VehicleClass.TRUCK, VehicleClass.BUS, VehicleClass.MOTORCYCLE
 
-SEDAN = Body(_CAR, 4.85, 1.84, 1.46, 1600, 1.73)
-COUPE = Body(_CAR, 4.70, 1.87, 1.38, 1600, 1.72)
-HATCHBACK = Body(_CAR, 4.30, 1.79, 1.50, 1350, 1.66)
-WAGON = Body(_CAR, 4.75, 1.83, 1.55, 1650, 1.73)
-LIMOUSINE = Body(_CAR, 7.00, 1.90, 1.60, 2500)
-SUV = Body(_SUV, 4.70, 1.89, 1.71, 1800, 1.73)
-LARGE_SUV = Body(_SUV, 5.30, 2.04, 1.92, 2600, 1.74)
-MINIVAN = Body(_VAN, 5.15, 1.99, 1.77, 2100, 1.71)
-LARGE_VAN = Body(_VAN, 5.70, 2.03, 2.20, 2500, 1.65)
-STEP_VAN = Body(_VAN, 6.50, 2.20, 2.80, 4000)
-COMPACT_PICKUP = Body(_PICKUP, 5.20, 1.85, 1.76, 1850, 1.63)
-PICKUP = Body(_PICKUP, 5.75, 2.03, 1.93, 2350, 1.59)
-HEAVY_PICKUP = Body(_PICKUP, 6.35, 2.05, 2.03, 3400, 1.58)
-LIGHT_TRUCK = Body(VehicleClass.LIGHT_TRUCK, 6.50, 2.20, 2.40, 4000)
-MEDIUM_TRUCK = Body(_TRUCK, 7.30, 2.35, 2.90, 6500)
-LARGE_TRUCK = Body(_TRUCK, 8.20, 2.45, 3.30, 9500)
-HEAVY_TRUCK = Body(_TRUCK, 9.00, 2.50, 3.50, 17000)
-TRACTOR = Body(_TRUCK, 7.00, 2.50, 3.80, 8300)
-TRACTOR_TRAILER = Body(VehicleClass.TRACTOR_TRAILER, 21.00, 2.59, 4.10, 25000)
-SMALL_BUS = Body(_BUS, 7.50, 2.35, 2.90, 5800)
-SCHOOL_BUS = Body(_BUS, 11.00, 2.44, 3.20, 12000)
-TRANSIT_BUS = Body(_BUS, 12.20, 2.59, 3.10, 14000)
-COACH = Body(_BUS, 13.70, 2.59, 3.60, 18000)
-MOTOR_HOME = Body(_TRUCK, 9.50, 2.50, 3.60, 8500)
-MOTORCYCLE = Body(_CYCLE, 2.20, 0.85, 1.20, 320)
-MOPED = Body(_CYCLE, 1.85, 0.70, 1.15, 190)
-THREE_WHEELER = Body(_CYCLE, 2.60, 1.40, 1.30, 520)
-ALL_TERRAIN = Body(VehicleClass.OTHER, 2.20, 1.20, 1.20, 400)
-SIDE_BY_SIDE = Body(VehicleClass.OTHER, 3.00, 1.60, 1.90, 750)
-GOLF_CART = Body(VehicleClass.OTHER, 2.40, 1.25, 1.80, 500)
-MACHINE = Body(VehicleClass.OTHER, 5.50, 2.50, 3.00, 7000)
+SEDAN = ReportedBody(_CAR, 4.85, 1.84, 1.46, 1600, 1.73)
+COUPE = ReportedBody(_CAR, 4.70, 1.87, 1.38, 1600, 1.72)
+HATCHBACK = ReportedBody(_CAR, 4.30, 1.79, 1.50, 1350, 1.66)
+WAGON = ReportedBody(_CAR, 4.75, 1.83, 1.55, 1650, 1.73)
+LIMOUSINE = ReportedBody(_CAR, 7.00, 1.90, 1.60, 2500)
+SUV = ReportedBody(_SUV, 4.70, 1.89, 1.71, 1800, 1.73)
+LARGE_SUV = ReportedBody(_SUV, 5.30, 2.04, 1.92, 2600, 1.74)
+MINIVAN = ReportedBody(_VAN, 5.15, 1.99, 1.77, 2100, 1.71)
+LARGE_VAN = ReportedBody(_VAN, 5.70, 2.03, 2.20, 2500, 1.65)
+STEP_VAN = ReportedBody(_VAN, 6.50, 2.20, 2.80, 4000)
+COMPACT_PICKUP = ReportedBody(_PICKUP, 5.20, 1.85, 1.76, 1850, 1.63)
+PICKUP = ReportedBody(_PICKUP, 5.75, 2.03, 1.93, 2350, 1.59)
+HEAVY_PICKUP = ReportedBody(_PICKUP, 6.35, 2.05, 2.03, 3400, 1.58)
+LIGHT_TRUCK = ReportedBody(VehicleClass.LIGHT_TRUCK, 6.50, 2.20, 2.40, 4000)
+MEDIUM_TRUCK = ReportedBody(_TRUCK, 7.30, 2.35, 2.90, 6500)
+LARGE_TRUCK = ReportedBody(_TRUCK, 8.20, 2.45, 3.30, 9500)
+HEAVY_TRUCK = ReportedBody(_TRUCK, 9.00, 2.50, 3.50, 17000)
+TRACTOR = ReportedBody(_TRUCK, 7.00, 2.50, 3.80, 8300)
+TRACTOR_TRAILER = ReportedBody(VehicleClass.TRACTOR_TRAILER, 21.00, 2.59, 4.10, 25000)
+SMALL_BUS = ReportedBody(_BUS, 7.50, 2.35, 2.90, 5800)
+SCHOOL_BUS = ReportedBody(_BUS, 11.00, 2.44, 3.20, 12000)
+TRANSIT_BUS = ReportedBody(_BUS, 12.20, 2.59, 3.10, 14000)
+COACH = ReportedBody(_BUS, 13.70, 2.59, 3.60, 18000)
+MOTOR_HOME = ReportedBody(_TRUCK, 9.50, 2.50, 3.60, 8500)
+MOTORCYCLE = ReportedBody(_CYCLE, 2.20, 0.85, 1.20, 320)
+MOPED = ReportedBody(_CYCLE, 1.85, 0.70, 1.15, 190)
+THREE_WHEELER = ReportedBody(_CYCLE, 2.60, 1.40, 1.30, 520)
+ALL_TERRAIN = ReportedBody(VehicleClass.OTHER, 2.20, 1.20, 1.20, 400)
+SIDE_BY_SIDE = ReportedBody(VehicleClass.OTHER, 3.00, 1.60, 1.90, 750)
+GOLF_CART = ReportedBody(VehicleClass.OTHER, 2.40, 1.25, 1.80, 500)
+MACHINE = ReportedBody(VehicleClass.OTHER, 5.50, 2.50, 3.00, 7000)
 UNKNOWN_LIGHT = SEDAN
 """A vehicle of unknown kind is taken for the most frequent one, and the record marks that as implied."""
 
-_BODY_TYPES: Final[dict[int, tuple[str, Body]]] = {
+_BODY_TYPES: Final[dict[int, tuple[str, ReportedBody]]] = {
     1: ("convertible", COUPE),
     2: ("two-door car", COUPE),
     3: ("hatchback", HATCHBACK),
@@ -154,13 +154,13 @@ BODY_TYP = table(
     until={30: 2016, 31: 2016, 32: 2017},
 )
 
-_VPIC_BODY_CLASS: Final[dict[int, Body]] = {
+_VPIC_BODY_CLASS: Final[dict[int, ReportedBody]] = {
     1: COUPE, 2: MINIVAN, 3: COUPE, 5: HATCHBACK, 7: SUV, 8: SUV, 9: LARGE_VAN, 10: COUPE, 11: LARGE_TRUCK,
     12: MOTORCYCLE, 13: SEDAN, 15: WAGON, 16: TRANSIT_BUS, 60: PICKUP, 66: TRACTOR, 73: SCHOOL_BUS, 80: MOTORCYCLE,
 }  # fmt: skip
 """``VPICBODYCLASS``, the classes a reconstruction tells apart."""
 
-_MODEL_RANGES: Final[tuple[tuple[int, int, Body], ...]] = (
+_MODEL_RANGES: Final[tuple[tuple[int, int, ReportedBody], ...]] = (
     (1, 399, SEDAN),
     (401, 419, SUV),
     (421, 430, LARGE_SUV),
@@ -198,7 +198,7 @@ class BodyEvidence:
     wheelbase_in: float | None = None  # vPIC WheelBaseIN_from
 
 
-def body_of(evidence: BodyEvidence) -> tuple[Body, bool]:
+def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
     """The body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``)."""
     known = BODY_TYP.known(evidence.body_type)
     body = _BODY_TYPES[known][1] if known in _BODY_TYPES else _implied_kind(evidence)
@@ -207,7 +207,7 @@ def body_of(evidence: BodyEvidence) -> tuple[Body, bool]:
     return _refined(body, evidence), known is None
 
 
-def _implied_kind(evidence: BodyEvidence) -> Body:
+def _implied_kind(evidence: BodyEvidence) -> ReportedBody:
     if evidence.vpic_body_class in _VPIC_BODY_CLASS:
         return _VPIC_BODY_CLASS[evidence.vpic_body_class]
     for first, last, body in _MODEL_RANGES:
@@ -221,7 +221,7 @@ def _implied_kind(evidence: BodyEvidence) -> Body:
     return UNKNOWN_LIGHT
 
 
-def _refined(body: Body, evidence: BodyEvidence) -> Body:
+def _refined(body: ReportedBody, evidence: BodyEvidence) -> ReportedBody:
     """The kind's typical body with what the VIN says about this one."""
     if evidence.wheelbase_in is not None and body.wheelbase_ratio is not None:
         low, high = _PLAUSIBLE_WHEELBASE_IN

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from trace_dag.errors import Failure, TransientFailure
-from trace_dag.states.llm.ledger import Ledger
+from trace_dag.states.llm.ledger import SpendingLedger
 from trace_dag.states.llm.prompt import Message
 from trace_dag.states.llm.store import AnswerStore, StoredAnswer, question_key
 
@@ -48,7 +48,7 @@ class LlmClient:
     question_time_s: float = 300.0
     max_output_tokens: int | None = None
     store: AnswerStore = field(default_factory=AnswerStore)
-    ledger: Ledger = field(default_factory=Ledger)
+    ledger: SpendingLedger = field(default_factory=SpendingLedger)
     sleep: Callable[[float], None] = time.sleep
     _warned_of_price: bool = field(default=False, init=False, repr=False)
 

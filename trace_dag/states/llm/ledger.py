@@ -59,7 +59,7 @@ _pages = TypeAdapter(Page)
 
 
 @dataclass
-class Ledger:
+class SpendingLedger:
     """Budget (US dollars, None has no limit) and rate of one run. ``sleep`` and ``clock`` (epoch seconds) for tests.
 
     Ledgers with the same ``files`` and ``name`` count together, in one process or many.

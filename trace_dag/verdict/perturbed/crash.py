@@ -14,7 +14,7 @@ from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_VEHICLE
 from trace_dag.geometry import LocalFrame
 from trace_dag.verdict.perturbed.report import ChangedReport, add, code_in, keep, put
-from trace_dag.verdict.perturbed.scene import Scene
+from trace_dag.verdict.perturbed.scene import PerturbedScene
 
 TREE: Final = 42
 _NO_MOTOR_VEHICLE_AREA: Final = 77
@@ -25,14 +25,14 @@ _MIRRORED_ALIGNMENT: Final = {2: 3, 3: 2}
 
 
 # --- place -----------------------------------------------------------------------------------------------------------
-def move(report: ChangedReport, scene: Scene, *, east_m: float, north_m: float) -> str | None:
+def move(report: ChangedReport, scene: PerturbedScene, *, east_m: float, north_m: float) -> str | None:
     """The position, so far from the reported one."""
     frame = LocalFrame(scene.record.latitude_deg, scene.record.longitude_deg)
     latitude_deg, longitude_deg = frame.to_geographic(np.array([east_m, north_m])).tolist()
     return _put_place(report, latitude_deg, longitude_deg)
 
 
-def at_point(report: ChangedReport, scene: Scene) -> str | None:
+def at_point(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """The position, at the point drawn for the scene."""
     point = scene.point
     if point is None:
@@ -50,7 +50,7 @@ def _put_place(report: ChangedReport, latitude_deg: float, longitude_deg: float)
     return f"at {latitude_deg:.6f}, {longitude_deg:.6f}"
 
 
-def set_down(report: ChangedReport, scene: Scene, *, named_here: bool) -> str | None:
+def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) -> str | None:
     """Another crash's report at the place of this one, with its own street names or (``named_here``) this one's."""
     record = scene.record
     where = _put_place(report, record.latitude_deg, record.longitude_deg)
@@ -62,7 +62,7 @@ def set_down(report: ChangedReport, scene: Scene, *, named_here: bool) -> str | 
 
 
 # --- streets ---------------------------------------------------------------------------------------------------------
-def made_up_names(report: ChangedReport, scene: Scene, *, elements: tuple[str, ...]) -> str | None:
+def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tuple[str, ...]) -> str | None:
     """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported."""
     words = scene.rng.permutation(_MADE_UP)
     names = [f"{word} {scene.rng.choice(_TYPES)}" for word in words[: len(elements)]]
@@ -75,12 +75,12 @@ def made_up_names(report: ChangedReport, scene: Scene, *, elements: tuple[str, .
     return " and ".join(name for _, name in given)
 
 
-def name_street(report: ChangedReport, scene: Scene, *, name: str) -> str | None:
+def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> str | None:
     """``TWAY_ID``."""
     return name if scene.record.trafficway_1 and put(report.crash, "TWAY_ID", name) else None
 
 
-def set_intersection(report: ChangedReport, scene: Scene, *, kind: int, junction: int) -> str | None:
+def set_intersection(report: ChangedReport, scene: PerturbedScene, *, kind: int, junction: int) -> str | None:
     """``TYP_INT``, and ``RELJCT2`` so that it says the same."""
     if not put(report.crash, "TYP_INT", kind):
         return None
@@ -91,7 +91,7 @@ def set_intersection(report: ChangedReport, scene: Scene, *, kind: int, junction
 # --- road ------------------------------------------------------------------------------------------------------------
 def set_road(
     report: ChangedReport,
-    scene: Scene,
+    scene: PerturbedScene,
     *,
     interstate: bool = False,
     lanes: int | None = None,
@@ -112,17 +112,17 @@ def set_road(
     return ", ".join(word for word in said if word)
 
 
-def mirror_alignment(report: ChangedReport, scene: Scene) -> str | None:
+def mirror_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """``VALIGN``: a curve to the left for one to the right, and the other way round."""
     return _align(report, scene, _MIRRORED_ALIGNMENT, "curves the other way")
 
 
-def other_alignment(report: ChangedReport, scene: Scene) -> str | None:
+def other_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """``VALIGN``: a curve to the right for a straight road, straight for a curve."""
     return _align(report, scene, _ALIGNMENT, "curved for straight, straight for curved")
 
 
-def _align(report: ChangedReport, scene: Scene, to: dict[int, int], words: str) -> str | None:
+def _align(report: ChangedReport, scene: PerturbedScene, to: dict[int, int], words: str) -> str | None:
     changed = False
     for vehicle in _pair(report, scene):
         code = code_in(vehicle, "VALIGN")
@@ -131,25 +131,25 @@ def _align(report: ChangedReport, scene: Scene, to: dict[int, int], words: str) 
     return words if changed else None
 
 
-def _pair(report: ChangedReport, scene: Scene) -> list[etree._Element]:
+def _pair(report: ChangedReport, scene: PerturbedScene) -> list[etree._Element]:
     found = [report.vehicle(number) for number in scene.pair]
     return [vehicle for vehicle in found if vehicle is not None]
 
 
 # --- what happened ---------------------------------------------------------------------------------------------------
-def set_manner(report: ChangedReport, scene: Scene, *, code: int) -> str | None:
+def set_manner(report: ChangedReport, scene: PerturbedScene, *, code: int) -> str | None:
     """``MAN_COLL`` of the crash and where its vehicles repeat it."""
     report.everywhere("MAN_COLL", code)
     return f"MAN_COLL {code}"
 
 
-def tree_as_first_harm(report: ChangedReport, scene: Scene) -> str | None:
+def tree_as_first_harm(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """``HARM_EV`` a tree, of the crash and where its vehicles repeat it; the events stay."""
     report.everywhere("HARM_EV", TREE)
     return "HARM_EV: a tree"
 
 
-def tree_as_first_event(report: ChangedReport, scene: Scene, *, partner_stays: bool = False) -> str | None:
+def tree_as_first_event(report: ChangedReport, scene: PerturbedScene, *, partner_stays: bool = False) -> str | None:
     """The first event a tree: in the crash's sequence, in the vehicles' copies of it and in their own sequences.
 
     Its second party is then none, unless ``partner_stays``: a slip in the code alone.
@@ -170,7 +170,7 @@ def tree_as_first_event(report: ChangedReport, scene: Scene, *, partner_stays: b
     return "first event: a tree" if changed else None
 
 
-def blank(report: ChangedReport, scene: Scene, *, head_on: bool = False, named: bool = False) -> str | None:
+def blank(report: ChangedReport, scene: PerturbedScene, *, head_on: bool = False, named: bool = False) -> str | None:
     """Nothing left but the place (position, kind of intersection) and that the two vehicles collided.
 
     With ``named`` the street names stay too, with ``head_on`` both crash types say head-on (50 and 51).

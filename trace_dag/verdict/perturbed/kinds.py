@@ -8,12 +8,12 @@ from enum import StrEnum
 from functools import partial
 from typing import Final, TypeAlias
 
-from trace_dag.crash.record import Movement
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.verdict.perturbed import crash, vehicles
 from trace_dag.verdict.perturbed.report import ChangedReport
-from trace_dag.verdict.perturbed.scene import Scene
+from trace_dag.verdict.perturbed.scene import PerturbedScene
 
-Change: TypeAlias = Callable[[ChangedReport, Scene], str | None]
+Change: TypeAlias = Callable[[ChangedReport, PerturbedScene], str | None]
 """Changes a report in place and says in words what was changed; None where that does not apply to the crash."""
 
 
@@ -27,7 +27,7 @@ class Needs(StrEnum):
 
 
 @dataclass(frozen=True)
-class Kind:
+class PerturbationKind:
     """One perturbation. ``drawn``: another draw gives another report. ``moves``: the place is another one."""
 
     name: str
@@ -46,7 +46,7 @@ class Changed:
     detail: str
 
 
-def perturb(kind: Kind, report: bytes, scene: Scene) -> Changed | None:
+def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Changed | None:
     """The changed report; None where the perturbation does not apply or changes nothing.
 
     ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.errors.Rejection` for data that
@@ -61,52 +61,56 @@ def perturb(kind: Kind, report: bytes, scene: Scene) -> Changed | None:
     return Changed(after, detail)
 
 
-def _nothing(_report: ChangedReport, _scene: Scene) -> str:
+def _nothing(_report: ChangedReport, _scene: PerturbedScene) -> str:
     """The report as it is: the control of the controls."""
     return "nothing"
 
 
-NOTHING: Final = Kind("nothing", "nothing", _nothing)
-_STRAIGHT: Final = (Movement.GOING_STRAIGHT, Movement.NEGOTIATING_CURVE)
+NOTHING: Final = PerturbationKind("nothing", "nothing", _nothing)
+_STRAIGHT: Final = (PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.NEGOTIATING_CURVE)
 
 
-def _clocks() -> Iterator[Kind]:
+def _clocks() -> Iterator[PerturbationKind]:
     turn = vehicles.turn_clocks
     for hours in (1, 2, 3, 4, 6):
-        yield Kind(f"clock_{hours}h", f"clock of vehicle 1 by {hours} h", partial(turn, hours=hours, both=False))
+        yield PerturbationKind(
+            f"clock_{hours}h", f"clock of vehicle 1 by {hours} h", partial(turn, hours=hours, both=False)
+        )
     for hours in (3, 4, 6):
-        yield Kind(f"clocks_{hours}h", f"clocks of both by {hours} h", partial(turn, hours=hours, both=True))
-    yield Kind("clocks_swapped", "clocks swapped", vehicles.swap_clocks)
-    yield Kind("clocks_mirrored", "clocks mirrored", vehicles.mirror_clocks)
-    yield Kind("clocks_random", "clocks random", vehicles.random_clocks, drawn=True)
+        yield PerturbationKind(
+            f"clocks_{hours}h", f"clocks of both by {hours} h", partial(turn, hours=hours, both=True)
+        )
+    yield PerturbationKind("clocks_swapped", "clocks swapped", vehicles.swap_clocks)
+    yield PerturbationKind("clocks_mirrored", "clocks mirrored", vehicles.mirror_clocks)
+    yield PerturbationKind("clocks_random", "clocks random", vehicles.random_clocks, drawn=True)
 
 
-def _movements() -> Iterator[Kind]:
-    left, right = Movement.TURNING_LEFT, Movement.TURNING_RIGHT
+def _movements() -> Iterator[PerturbationKind]:
+    left, right = PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT
     for name, title, to in (
         ("left_for_right", "left for right", {left: right, right: left}),
-        ("straight_for_left", "straight for left", dict.fromkeys((left, right), Movement.GOING_STRAIGHT)),
+        ("straight_for_left", "straight for left", dict.fromkeys((left, right), PreCrashMovement.GOING_STRAIGHT)),
         ("left_for_straight", "left for straight", dict.fromkeys(_STRAIGHT, left)),
-        ("both_u_turn", "both U-turn", dict.fromkeys(Movement, Movement.U_TURN)),
-        ("both_backing", "both backing", dict.fromkeys(Movement, Movement.BACKING)),
+        ("both_u_turn", "both U-turn", dict.fromkeys(PreCrashMovement, PreCrashMovement.U_TURN)),
+        ("both_backing", "both backing", dict.fromkeys(PreCrashMovement, PreCrashMovement.BACKING)),
     ):
-        yield Kind(name, title, partial(vehicles.change_movements, to=to))
+        yield PerturbationKind(name, title, partial(vehicles.change_movements, to=to))
 
 
-def _speeds() -> Iterator[Kind]:
-    yield Kind("speeds_swapped", "speeds swapped", vehicles.swap_speeds)
+def _speeds() -> Iterator[PerturbationKind]:
+    yield PerturbationKind("speeds_swapped", "speeds swapped", vehicles.swap_speeds)
     for mph in (0, 1, 150):
-        yield Kind(f"speeds_{mph}", f"speeds {mph} mph", partial(vehicles.set_speeds, mph=mph))
+        yield PerturbationKind(f"speeds_{mph}", f"speeds {mph} mph", partial(vehicles.set_speeds, mph=mph))
 
 
-def _places() -> Iterator[Kind]:
+def _places() -> Iterator[PerturbationKind]:
     for far_m in (10, 30, 100, 300, 1000):
         for way, east, north in (("n", 0, 1), ("e", 1, 0), ("s", 0, -1), ("w", -1, 0)):
             change = partial(crash.move, east_m=far_m * east, north_m=far_m * north)
-            yield Kind(f"moved_{far_m}m_{way}", f"moved {far_m} m {way.upper()}", change, moves=True)
+            yield PerturbationKind(f"moved_{far_m}m_{way}", f"moved {far_m} m {way.upper()}", change, moves=True)
 
 
-def _crash_types() -> Iterator[Kind]:
+def _crash_types() -> Iterator[PerturbationKind]:
     for name, title, codes in (
         ("single", "single vehicle, both", (1, 1)),
         ("head_on", "head-on", (50, 51)),
@@ -115,25 +119,25 @@ def _crash_types() -> Iterator[Kind]:
         ("crossing_left", "crossing 88/89", (88, 89)),
         ("backing", "backing", (92, 93)),
     ):
-        yield Kind(f"type_{name}", f"crash type: {title}", partial(vehicles.set_crash_types, codes=codes))
-    yield Kind("types_swapped", "crash types swapped", vehicles.swap_crash_types)
+        yield PerturbationKind(f"type_{name}", f"crash type: {title}", partial(vehicles.set_crash_types, codes=codes))
+    yield PerturbationKind("types_swapped", "crash types swapped", vehicles.swap_crash_types)
 
 
-def _what_happened() -> Iterator[Kind]:
-    yield Kind("manner_rear_to_rear", "manner: rear to rear", partial(crash.set_manner, code=10))
-    yield Kind("manner_front_to_front", "manner: front to front", partial(crash.set_manner, code=2))
-    yield Kind("tree_harm", "first harmful event: a tree", crash.tree_as_first_harm)
-    yield Kind("tree_event", "first event: a tree", crash.tree_as_first_event)
+def _what_happened() -> Iterator[PerturbationKind]:
+    yield PerturbationKind("manner_rear_to_rear", "manner: rear to rear", partial(crash.set_manner, code=10))
+    yield PerturbationKind("manner_front_to_front", "manner: front to front", partial(crash.set_manner, code=2))
+    yield PerturbationKind("tree_harm", "first harmful event: a tree", crash.tree_as_first_harm)
+    yield PerturbationKind("tree_event", "first event: a tree", crash.tree_as_first_event)
     partner_stays = partial(crash.tree_as_first_event, partner_stays=True)
-    yield Kind("tree_event_code", "first event: a tree, code alone", partner_stays)
+    yield PerturbationKind("tree_event_code", "first event: a tree, code alone", partner_stays)
 
 
-def _streets() -> Iterator[Kind]:
+def _streets() -> Iterator[PerturbationKind]:
     names = crash.made_up_names
-    yield Kind("name_made_up", "street name made up", partial(names, elements=("TWAY_ID",)), drawn=True)
+    yield PerturbationKind("name_made_up", "street name made up", partial(names, elements=("TWAY_ID",)), drawn=True)
     both = partial(names, elements=("TWAY_ID", "TWAY_ID2"))
-    yield Kind("names_made_up", "both street names made up", both, drawn=True)
-    yield Kind("name_i999", "street name I-999", partial(crash.name_street, name="I-999"))
+    yield PerturbationKind("names_made_up", "both street names made up", both, drawn=True)
+    yield PerturbationKind("name_i999", "street name I-999", partial(crash.name_street, name="I-999"))
     for name, title, kind, junction in (
         ("none", "none", 1, 1),
         ("four_way", "four-way", 2, 2),
@@ -141,44 +145,44 @@ def _streets() -> Iterator[Kind]:
         ("five_arms", "five arms", 7, 2),
     ):
         change = partial(crash.set_intersection, kind=kind, junction=junction)
-        yield Kind(f"intersection_{name}", f"intersection: {title}", change)
+        yield PerturbationKind(f"intersection_{name}", f"intersection: {title}", change)
 
 
-def _road() -> Iterator[Kind]:
+def _road() -> Iterator[PerturbationKind]:
     road = crash.set_road
-    yield Kind(
+    yield PerturbationKind(
         "road_interstate", "class, lanes, limit: interstate", partial(road, interstate=True, lanes=6, limit_mph=70)
     )
-    yield Kind("class_interstate", "class of an interstate", partial(road, interstate=True))
-    yield Kind("lanes_6", "six lanes", partial(road, lanes=6))
-    yield Kind("lanes_1", "one lane", partial(road, lanes=1))
-    yield Kind("limit_70", "limit 70 mph", partial(road, limit_mph=70))
-    yield Kind("alignment_mirrored", "alignment mirrored", crash.mirror_alignment)
-    yield Kind("alignment_other", "curved for straight, straight for curved", crash.other_alignment)
+    yield PerturbationKind("class_interstate", "class of an interstate", partial(road, interstate=True))
+    yield PerturbationKind("lanes_6", "six lanes", partial(road, lanes=6))
+    yield PerturbationKind("lanes_1", "one lane", partial(road, lanes=1))
+    yield PerturbationKind("limit_70", "limit 70 mph", partial(road, limit_mph=70))
+    yield PerturbationKind("alignment_mirrored", "alignment mirrored", crash.mirror_alignment)
+    yield PerturbationKind("alignment_other", "curved for straight, straight for curved", crash.other_alignment)
 
 
-def _whole_reports() -> Iterator[Kind]:
-    yield Kind("bodies", "bodies: bus and motorcycle", partial(vehicles.set_bodies, codes=(52, 80)))
-    yield Kind("vehicles_random", "all about the vehicles random", vehicles.random_vehicles, drawn=True)
-    yield Kind("blank", "blank but for the place", crash.blank)
-    yield Kind("blank_head_on", "blank but for place, head-on types", partial(crash.blank, head_on=True))
+def _whole_reports() -> Iterator[PerturbationKind]:
+    yield PerturbationKind("bodies", "bodies: bus and motorcycle", partial(vehicles.set_bodies, codes=(52, 80)))
+    yield PerturbationKind("vehicles_random", "all about the vehicles random", vehicles.random_vehicles, drawn=True)
+    yield PerturbationKind("blank", "blank but for the place", crash.blank)
+    yield PerturbationKind("blank_head_on", "blank but for place, head-on types", partial(crash.blank, head_on=True))
     named = partial(crash.blank, head_on=True, named=True)
-    yield Kind("blank_head_on_named", "blank but for place, names, head-on types", named)
+    yield PerturbationKind("blank_head_on_named", "blank but for place, names, head-on types", named)
 
 
-def _elsewhere() -> Iterator[Kind]:
+def _elsewhere() -> Iterator[PerturbationKind]:
     other = Needs.OTHER_REPORT
     own, here = partial(crash.set_down, named_here=False), partial(crash.set_down, named_here=True)
-    yield Kind("foreign_site", "foreign site", own, other, drawn=True)
-    yield Kind("foreign_site_named_here", "foreign site, names of this site", here, other, drawn=True)
+    yield PerturbationKind("foreign_site", "foreign site", own, other, drawn=True)
+    yield PerturbationKind("foreign_site_named_here", "foreign site, names of this site", here, other, drawn=True)
     for name, title, needs in (
         ("random_point_other_street", "random point, another street", Needs.OTHER_STREET),
         ("random_point_same_street", "random point, same street", Needs.SAME_STREET),
     ):
-        yield Kind(name, title, crash.at_point, needs, drawn=True, moves=True)
+        yield PerturbationKind(name, title, crash.at_point, needs, drawn=True, moves=True)
 
 
-KINDS: Final[dict[str, Kind]] = {
+KINDS: Final[dict[str, PerturbationKind]] = {
     kind.name: kind
     for kinds in (
         *([NOTHING], _clocks(), _movements(), _speeds(), _places(), _crash_types(), _what_happened()),

@@ -12,7 +12,7 @@ import numpy as np
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.drivable import PUBLIC_HIGHWAYS
 from trace_dag.osm.types import OsmExtract, OsmWay
-from trace_dag.roads.street_names import SAME_STREET, similarity
+from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.verdict.perturbed.scene import Point
 
 LEAST_M: Final = 300.0

@@ -22,7 +22,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class PerturbedScene:
     """The crash as reported (``record``), the draws (``rng``), and the place drawn for it (``point``), if one is.
 
     ``record`` stays that of the crash perturbed, where it is another crash's report that is changed.

@@ -11,17 +11,17 @@ from typing import Final
 from trace_dag.crash.codes.bodies import BODY_TYP
 from trace_dag.crash.codes.events import IMPACT1
 from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1, P_CRASH2
-from trace_dag.crash.record import Movement
+from trace_dag.crash.record import PreCrashMovement
 from trace_dag.verdict.perturbed.report import ChangedReport, code_in, exchange, put, remove
-from trace_dag.verdict.perturbed.scene import Scene
+from trace_dag.verdict.perturbed.scene import PerturbedScene
 
 _HOUR_OF_SIDE: Final = {61: 9, 62: 10, 63: 8, 81: 3, 82: 2, 83: 4}
 _MIRRORED_SIDE: Final = {61: 81, 62: 82, 63: 83, 81: 61, 82: 62, 83: 63}
 _CRITICAL_EVENT_OF: Final = {
-    Movement.TURNING_RIGHT: 16,
-    Movement.TURNING_LEFT: 15,
-    Movement.BACKING: 20,
-    Movement.U_TURN: 21,
+    PreCrashMovement.TURNING_RIGHT: 16,
+    PreCrashMovement.TURNING_LEFT: 15,
+    PreCrashMovement.BACKING: 20,
+    PreCrashMovement.U_TURN: 21,
 }
 """``P_CRASH2`` values that repeat the vehicle's own movement (``P_CRASH1``)."""
 _PASSING_THROUGH: Final = 17
@@ -40,7 +40,7 @@ def turned(area: int, hours: int) -> int:
     return (hour + hours - 1) % 12 + 1 if 1 <= hour <= 12 else area
 
 
-def turn_clocks(report: ChangedReport, scene: Scene, *, hours: int, both: bool) -> str | None:
+def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, both: bool) -> str | None:
     """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike."""
     numbers = scene.pair if both else scene.pair[:1]
     for number in numbers:
@@ -48,7 +48,7 @@ def turn_clocks(report: ChangedReport, scene: Scene, *, hours: int, both: bool) 
     return f"areas of vehicle {' and '.join(map(str, numbers))} turned by {hours} h"
 
 
-def random_clocks(report: ChangedReport, scene: Scene) -> str | None:
+def random_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """The areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely."""
     words = []
     for number in scene.pair:
@@ -58,13 +58,13 @@ def random_clocks(report: ChangedReport, scene: Scene) -> str | None:
     return "areas turned: " + ", ".join(words)
 
 
-def swap_clocks(report: ChangedReport, scene: Scene) -> str | None:
+def swap_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """The areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage."""
     report.swap_areas(*scene.pair)
     return "areas of the two vehicles exchanged"
 
 
-def mirror_clocks(report: ChangedReport, scene: Scene) -> str | None:
+def mirror_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """Left for right in all areas of both vehicles."""
     for number in scene.pair:
         report.change_areas(number, _mirrored)
@@ -76,7 +76,9 @@ def _mirrored(area: int) -> int:
 
 
 # --- movements -------------------------------------------------------------------------------------------------------
-def change_movements(report: ChangedReport, scene: Scene, *, to: Mapping[Movement, Movement]) -> str | None:
+def change_movements(
+    report: ChangedReport, scene: PerturbedScene, *, to: Mapping[PreCrashMovement, PreCrashMovement]
+) -> str | None:
     """``P_CRASH1`` of both vehicles by a table, and ``P_CRASH2`` where it repeats the vehicle's own turn.
 
     ``ACC_TYPE``, which speaks of both vehicles, stays.
@@ -85,9 +87,9 @@ def change_movements(report: ChangedReport, scene: Scene, *, to: Mapping[Movemen
     for number in scene.pair:
         vehicle = report.vehicle(number)
         code = code_in(vehicle, "P_CRASH1") if vehicle is not None else None
-        if vehicle is None or code is None or code not in P_CRASH1.meanings or Movement(code) not in to:
+        if vehicle is None or code is None or code not in P_CRASH1.meanings or PreCrashMovement(code) not in to:
             continue
-        movement = to[Movement(code)]
+        movement = to[PreCrashMovement(code)]
         put(vehicle, "P_CRASH1", int(movement))
         if code_in(vehicle, "P_CRASH2") in _CRITICAL_EVENT_OF.values():
             event = _CRITICAL_EVENT_OF.get(movement, _PASSING_THROUGH)
@@ -97,7 +99,7 @@ def change_movements(report: ChangedReport, scene: Scene, *, to: Mapping[Movemen
 
 
 # --- speeds ----------------------------------------------------------------------------------------------------------
-def swap_speeds(report: ChangedReport, scene: Scene) -> str | None:
+def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """``TRAV_SP`` of the two vehicles exchanged, where both are reported."""
     one, two = (report.vehicle(number) for number in scene.pair)
     if one is None or two is None or any(not _has_speed(each) for each in (one, two)):
@@ -106,7 +108,7 @@ def swap_speeds(report: ChangedReport, scene: Scene) -> str | None:
     return "speeds of the two vehicles exchanged"
 
 
-def set_speeds(report: ChangedReport, scene: Scene, *, mph: int) -> str | None:
+def set_speeds(report: ChangedReport, scene: PerturbedScene, *, mph: int) -> str | None:
     """``TRAV_SP`` of both vehicles, where it is reported."""
     numbers = []
     for number in scene.pair:
@@ -123,7 +125,7 @@ def _has_speed(vehicle: object) -> bool:
 
 
 # --- crash types -----------------------------------------------------------------------------------------------------
-def set_crash_types(report: ChangedReport, scene: Scene, *, codes: tuple[int, int]) -> str | None:
+def set_crash_types(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
     """``ACC_TYPE`` of the two vehicles, in the order of their numbers."""
     done = [
         put(vehicle, "ACC_TYPE", code)
@@ -133,7 +135,7 @@ def set_crash_types(report: ChangedReport, scene: Scene, *, codes: tuple[int, in
     return f"ACC_TYPE {codes[0]} and {codes[1]}" if len(done) == 2 and all(done) else None
 
 
-def swap_crash_types(report: ChangedReport, scene: Scene) -> str | None:
+def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """``ACC_TYPE`` of the one vehicle reported of the other."""
     one, two = (report.vehicle(number) for number in scene.pair)
     if one is None or two is None:
@@ -143,7 +145,7 @@ def swap_crash_types(report: ChangedReport, scene: Scene) -> str | None:
 
 
 # --- bodies and the rest ---------------------------------------------------------------------------------------------
-def set_bodies(report: ChangedReport, scene: Scene, *, codes: tuple[int, int]) -> str | None:
+def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
     """``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go."""
     for number, code in zip(scene.pair, codes, strict=True):
         vehicle = report.vehicle(number)
@@ -153,7 +155,7 @@ def set_bodies(report: ChangedReport, scene: Scene, *, codes: tuple[int, int]) -
     return " and ".join(BODY_TYP.meaning(code) for code in codes)
 
 
-def random_vehicles(report: ChangedReport, scene: Scene) -> str | None:
+def random_vehicles(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """All that is said of both vehicles' course drawn at random: movement, critical event, crash type, areas, speed
     (5 to 80 mph, where one is reported)."""
     rng, year, words = scene.rng, scene.record.case_year, []

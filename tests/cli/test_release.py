@@ -1,0 +1,157 @@
+"""Releases of the benchmark: whole, counted, reproducible, never changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from sample_runs import trace_dag
+
+from trace_dag.benchmark.release import ReleaseReport, build_release
+from trace_dag.errors import UserError
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+
+
+@pytest.fixture(scope="module")
+def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A root of their own: these commands write."""
+    return Path(shutil.copytree(finished_root, tmp_path_factory.mktemp("releasing") / "root"))
+
+
+@pytest.fixture(scope="module")
+def verified(root: Path) -> list[str]:
+    """Keys of the verified crashes."""
+    return sorted(archive.stem for archive in (root / "benchmark" / "packages").glob("*.zip"))
+
+
+def release(root: Path, output: Path, version: str = "1.0", **options: str) -> ReleaseReport:
+    workspace = Workspace.open(str(root), FLOW)
+    return build_release(workspace, version, output, **options)
+
+
+@pytest.fixture(scope="module")
+def released(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of version 1.0, its archive beside it."""
+    output = tmp_path_factory.mktemp("releases")
+    done = trace_dag(root, "release", "--version", "1.0", "--output", str(output), "--archive", "tar")
+    assert done.returncode == 0, done.stderr
+    assert "DATASHEET.md" in done.stdout  # where to look
+    return output / "trace-dag-benchmark-1.0"
+
+
+def test_a_release_is_whole(released: Path, verified: list[str]) -> None:
+    listed = [line.split("  ") for line in (released / "SHA256SUMS").read_text().splitlines()]
+    present = {str(file.relative_to(released)) for file in released.rglob("*") if file.is_file()}
+    assert {name for _, name in listed} == present - {"SHA256SUMS"}
+    for sha256, name in listed:
+        assert hashlib.sha256((released / name).read_bytes()).hexdigest() == sha256
+    index = pq.read_table(released / "index.parquet").to_pylist()
+    assert [row["key"] for row in index] == verified
+    assert index == json.loads((released / "index.json").read_bytes())["packages"]
+    for row in index:
+        assert zipfile.ZipFile(released / row["package"]).testzip() is None
+        assert row["package_bytes"] == (released / row["package"]).stat().st_size
+        assert row["collision_type"]
+        assert row["contact_distance_m"] < 5.0
+
+
+def test_the_datasheet_counts_what_is_there(root: Path, released: Path, verified: list[str]) -> None:
+    datasheet = (released / "DATASHEET.md").read_text()
+    rows = json.loads(
+        trace_dag(root, "sql", "SELECT final_state, count(*) AS n FROM crashes GROUP BY 1", "--format", "json").stdout
+    )
+    counts = {row["final_state"]: row["n"] for row in rows}
+    assert f"{len(verified)} packages" in datasheet
+    assert f"of the {sum(counts.values())} crashes registered" in datasheet
+    assert f"{counts['verified']} verified, {counts['rejected']} rejected" in datasheet
+    for question in ("Motivation", "Composition", "Collection", "Uses", "Known limits", "Distribution and maintenance"):
+        assert f"## {question}" in datasheet
+    reasons = re.findall(
+        r"^\| [a-z ]+ \| [a-z ]+ \| (\d+) \|$",
+        datasheet.partition("Why the others")[2].partition("**What does")[0],
+        re.M,
+    )
+    assert sum(map(int, reasons)) == counts["rejected"]
+
+
+def test_a_release_of_fictional_crashes_claims_no_real_ones(released: Path) -> None:
+    for name in ("README.md", "DATASHEET.md", "CITATION.cff", "LICENSES.md"):
+        text = (released / name).read_text()
+        assert "fictional" in text, name
+        assert "OpenStreetMap" not in text, name
+    assert {row["map_attribution"] for row in pq.read_table(released / "index.parquet").to_pylist()} == {
+        "fictional, CC0"
+    }
+
+
+def test_releases_are_the_same_byte_for_byte(root: Path, released: Path, tmp_path: Path) -> None:
+    done = trace_dag(
+        *(root, "release", "--version", "1.0", "--output", str(tmp_path), "--archive", "tar"), PYTHONHASHSEED="11"
+    )
+    assert done.returncode == 0, done.stderr
+    first, second = (folder / "trace-dag-benchmark-1.0.tar" for folder in (released.parent, tmp_path))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_an_interrupted_release_goes_on(root: Path, released: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(released, tmp_path / released.name)
+    (folder / "SHA256SUMS").unlink()  # written last
+    lost = next((folder / "packages").iterdir())
+    lost.unlink()
+    (folder / "packages" / "2023-1.zip").write_bytes(b"of an earlier attempt")
+    assert release(root, tmp_path).written == 2
+    assert lost.is_file()
+    assert not (folder / "packages" / "2023-1.zip").exists()
+    assert release(root, tmp_path).written == 0
+
+
+def test_a_finished_release_is_not_changed(root: Path, released: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(released, tmp_path / released.name)
+    sums = (folder / "SHA256SUMS").read_text()
+    (folder / "SHA256SUMS").write_text(sums.replace(sums[:8], "00000000"))
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    with pytest.raises(UserError, match=r"1 files differ.*choose another --version"):
+        release(root, tmp_path)
+    assert before == {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    assert release(root, tmp_path, "1.1").written == len(before)
+
+
+def test_the_archive_holds_the_folder(root: Path, released: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(released, tmp_path / released.name)
+    made = release(root, tmp_path, archive="zip").archive
+    assert made is not None
+    archive = zipfile.ZipFile(made)
+    inside = {name: archive.read(name) for name in archive.namelist()}
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    assert inside == {f"{folder.name}/{file.relative_to(folder)}": file.read_bytes() for file in files}
+    with tarfile.open(released.with_name(f"{released.name}.tar")) as tar:
+        assert {member.name for member in tar} == inside.keys()
+        assert {(member.uid, member.uname, member.mtime) for member in tar} == {(0, "", 315532800)}
+
+
+@pytest.mark.parametrize("version", ["../up", "one", "1.0 beta", ""])
+def test_a_version_is_a_version(root: Path, tmp_path: Path, version: str) -> None:
+    with pytest.raises(UserError, match="expected a version"):
+        release(root, tmp_path / "out", version)
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_one_cohort_can_be_released(root: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cohort 'other' is not registered"):
+        release(root, tmp_path, cohort="other")
+    assert release(root, tmp_path, cohort="sample").packages > 0
+
+
+def test_a_root_without_crashes_has_nothing_to_release(tmp_path: Path) -> None:
+    for command in (("export",), ("release", "--version", "1")):
+        done = trace_dag(tmp_path / "empty", *command)
+        assert done.returncode == 2
+        assert "no verified crash" in done.stderr

@@ -1,0 +1,49 @@
+"""What a stage function is given of the stages before it."""
+
+from __future__ import annotations
+
+import pytest
+
+from trace_dag.cohorts.registry import CrashSource, ReportSource
+from trace_dag.flow.artefacts import Artefact
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
+from trace_dag.settings import Settings
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+
+MAP: Artefact[str] = Artefact(Stage.ROAD_MAP, ("xodr",), f"{__name__}:as_text")
+NAME = "road_map/2023-1.xodr"
+
+
+def as_text(data: bytes) -> str:
+    return data.decode()
+
+
+@pytest.fixture
+def storage(tmp_path) -> Storage:
+    return Storage(str(tmp_path))
+
+
+@pytest.fixture
+def crash(storage) -> CrashFiles:
+    return CrashFiles("2023-1", CrashSource("cohort", ReportSource("file", "report.xml")), Settings(), storage)
+
+
+def made(storage: Storage, content: bytes) -> OutcomeRecord:
+    file = storage.write(NAME, content)
+    provenance = Provenance(code="", inputs={}, settings={})
+    return OutcomeRecord(
+        "2023-1", Stage.ROAD_MAP, Outcome.ACCEPTED, provenance, "", "run", "2026-01-01", artefacts=(file,)
+    )
+
+
+def test_what_a_stage_has_read_back_itself_is_not_read_again(crash, storage):
+    crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
+    assert crash.load(MAP) == "as read back"
+
+
+def test_a_stage_made_again_is_read_anew(crash, storage):
+    crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
+    crash.accept(made(storage, b"another map"))
+    assert crash.load(MAP) == "another map"

@@ -1,0 +1,241 @@
+"""Runs with the LLM estimator, from reports to verdicts, against a loopback server that speaks OpenAI's protocol."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cases import SAMPLE, sample_case
+from loopback import Answer, Loopback, Request, serving
+from model_server import COST_USD, KEY, MODEL, Respond, asked_about, completion, failing, knowing
+from sample_runs import reports_of, trace_dag
+
+from trace_dag.cohorts.ingest import ingest
+from trace_dag.errors import Reason, UserError
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.records import read_records
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.workspace import Workspace
+from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
+from trace_dag.states.compare import summarise
+from trace_dag.states.json_io import estimate_from_json
+from trace_dag.states.llm.store import FOLDER as ANSWERS
+from trace_dag.storage import Storage
+from trace_dag.studies.estimators import estimates_folder, estimators_compared, settings_of
+from trace_dag.studies.truth import load_truth
+
+CRASHES = ("2023-319003", "2023-319022", "2023-319024", "2023-319029")
+MAPPED = tuple(stage for stage in Stage if stage.position < Stage.STATE_ESTIMATE.position)
+ESTIMATED = (Stage.STATE_ESTIMATE, Stage.SIMULATION_LOG, Stage.VERDICT)
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A root on which some crashes have their maps."""
+    folder = tmp_path_factory.mktemp("mapped")
+    workspace = opened(folder / "root")
+    ingest(workspace.storage, "sample", reports=[reports_of(folder / "reports", CRASHES)], maps=[SAMPLE / "osm"])
+    list(run_stages(workspace, CRASHES, MAPPED, run_id="maps"))
+    return folder / "root"
+
+
+@pytest.fixture(scope="module")
+def model() -> Respond:
+    """A model that knows all of the crashes."""
+    return knowing([sample_case(key) for key in CRASHES])
+
+
+@pytest.fixture
+def root(mapped: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(mapped, tmp_path / "root")
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Respond], Loopback]]:
+    """Starts the server the environment names."""
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    running: list[Any] = []
+
+    def start(respond: Respond) -> Loopback:
+        context = serving(respond)
+        server = context.__enter__()
+        running.append(context)
+        monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+        return server
+
+    yield start
+    for context in running:
+        context.__exit__(None, None, None)
+
+
+def opened(root: Path, *, workers: int = 1, **states: object) -> Workspace:
+    overrides = {
+        "execution": {
+            "executor": "processes",
+            "workers": workers,
+            "chunk_size": 1,
+            "retry_wait_s": 0.0,
+            "pictures": False,
+        },
+        "states": {"llm_model": MODEL, "llm_requests_per_minute": 1e6, **states},
+    }
+    return Workspace.open(str(root), FLOW, overrides)
+
+
+def run(workspace: Workspace, run_id: str, **options: Any) -> dict[str, OutcomeRecord]:
+    """The record of each crash's estimate after a run."""
+    list(run_stages(workspace, CRASHES, ESTIMATED, run_id=run_id, **options))
+    return {key: records[Stage.STATE_ESTIMATE] for key, records in read_records(workspace.storage, CRASHES).items()}
+
+
+def estimate_bytes(workspace: Workspace) -> list[bytes]:
+    return [workspace.storage.read(f"{Stage.STATE_ESTIMATE}/{key}.json") for key in CRASHES]
+
+
+def test_a_run_is_verified_says_what_it_took_and_costs_nothing_again(root, served, model):
+    server = served(model)
+    workspace = opened(root, estimator="llm")
+    records = run(workspace, "first")
+    assert {record.outcome for record in records.values()} == {Outcome.ACCEPTED}
+    verdicts = [each[Stage.VERDICT].outcome for each in read_records(workspace.storage, CRASHES).values()]
+    assert set(verdicts) == {Outcome.ACCEPTED}
+    for record in records.values():
+        assert record.figures["model"] == MODEL
+        assert record.figures["cost_usd"] == pytest.approx(COST_USD)
+    made = estimate_from_json(estimate_bytes(workspace)[0]).run
+    assert (made.attempts, made.fallback, made.cost_usd) == (1, False, pytest.approx(COST_USD))
+    assert json.loads(made.answers[0]["text"])["reasoning"] == "as reported"
+    assert made.answers[0]["latency_s"] == made.latency_s > 0
+    assert len(server.requests) == len(CRASHES)
+
+    before = estimate_bytes(workspace)
+    run(workspace, "second")
+    run(workspace, "forced", force=[Stage.STATE_ESTIMATE])
+    assert estimate_bytes(workspace) == before
+    assert len(server.requests) == len(CRASHES)
+
+
+def test_a_provider_that_fails_for_one_crash_fails_that_crash_and_a_later_run_mends_it(root, served, model):
+    down = {CRASHES[0]}
+
+    def respond(request: Request, before: int) -> Answer:
+        return failing(503) if asked_about(request) in down else model(request, before)
+
+    server = served(respond)
+    workspace = opened(root, estimator="llm", llm_provider_attempts=1)
+    records = run(workspace, "first")
+    broken = records.pop(CRASHES[0])
+    assert (broken.outcome, broken.transient, broken.attempts) == (Outcome.FAILED, True, 1)
+    assert broken.detail.endswith("(asked once)")
+    assert KEY not in broken.detail + broken.error
+    assert {record.outcome for record in records.values()} == {Outcome.ACCEPTED}
+    down.clear()
+    assert run(workspace, "second")[CRASHES[0]].outcome is Outcome.ACCEPTED
+    assert len(server.requests) == len(CRASHES) + 1
+
+
+def test_a_provider_that_is_down_does_not_hold_a_run_up(root, served):
+    server = served(lambda *_: failing(500))
+    records = run(opened(root, estimator="llm", llm_provider_attempts=1), "down")
+    assert {(record.outcome, record.transient) for record in records.values()} == {(Outcome.FAILED, True)}
+    assert len(server.requests) == 3  # then it is left alone
+    assert "left 3 questions in a row unanswered" in records[CRASHES[-1]].detail
+
+
+@pytest.mark.parametrize("fallback", ["analytic", "reject"])
+def test_unusable_answers_end_as_the_setting_says_and_are_kept(root, served, fallback):
+    served(lambda *_: completion("I cannot tell."))
+    workspace = opened(root, estimator="llm", llm_max_attempts=2, llm_fallback=fallback)
+    record = run(workspace, "vague")[CRASHES[0]]
+    assert (record.figures["attempts"], record.figures["cost_usd"]) == (2, pytest.approx(2 * COST_USD))
+    if fallback == "analytic":
+        assert record.outcome is Outcome.ACCEPTED
+        assert record.figures["fallback"] is True
+        answers = estimate_from_json(estimate_bytes(workspace)[0]).run.answers
+    else:
+        assert (record.outcome, record.reason) == (Outcome.REJECTED, Reason.NO_FEASIBLE_STATE)
+        answers = json.loads(workspace.storage.read(f"{Stage.STATE_ESTIMATE}/{CRASHES[0]}.answers.json"))["answers"]
+    assert [answer["text"] for answer in answers] == ["I cannot tell."] * 2
+
+
+def test_two_workers_stop_at_the_budget_and_a_later_run_goes_on(root, served, model):
+    server = served(model)
+    tight = opened(root, workers=2, estimator="llm", llm_budget_usd=COST_USD / 2)
+    records = run(tight, "tight")
+    paid = [key for key, record in records.items() if record.outcome is Outcome.ACCEPTED]
+    assert 1 <= len(paid) == len(server.requests) <= 2
+    unpaid = [record for key, record in records.items() if key not in paid]
+    assert all(record.outcome is Outcome.FAILED and "budget" in record.detail for record in unpaid)
+    assert not any(record.transient for record in unpaid)
+    later = run(opened(root, estimator="llm", llm_budget_usd=1.0), "later")
+    assert {record.outcome for record in later.values()} == {Outcome.ACCEPTED}
+    assert len(server.requests) == len(CRASHES)
+
+
+def test_the_command_leaves_no_key_anywhere(root, served, model):
+    def respond(request: Request, before: int) -> Answer:
+        return failing(401) if asked_about(request) == CRASHES[0] else model(request, before)
+
+    served(respond)
+    environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_LOG": "DEBUG"}
+    done = trace_dag(
+        root, "run", "--estimator", "llm", "--executor", "in_process", "--only", *CRASHES[:2], **environment
+    )
+    assert done.returncode == 1, done.stderr
+    assert "sorry, *** cannot be served" in done.stderr
+    written = [path for path in root.rglob("*") if path.is_file()]
+    assert any(path.suffix == ".db" for path in written), "Dagster's records"
+    assert not [path for path in written if KEY.encode() in path.read_bytes()]
+    assert KEY not in done.stdout + done.stderr
+
+
+def test_estimators_are_set_side_by_side(root, served, model):
+    def respond(request: Request, before: int) -> Answer:
+        return completion("nonsense") if asked_about(request) == CRASHES[0] else model(request, before)
+
+    served(respond)
+    workspace = opened(root, llm_fallback="reject", llm_max_attempts=2)
+    truth = load_truth(SAMPLE / "truth.json")
+    heard: list[tuple[int, int]] = []
+    rows = estimators_compared(
+        workspace, "sample", ["analytic", "llm"], truth=truth, listener=lambda *done: heard.append(done)
+    )
+    assert heard[-1] == (len(CRASHES), len(CRASHES))
+    assert [(row.key, row.estimator) for row in rows] == [
+        (key, name) for key in CRASHES for name in ("analytic", "llm")
+    ]
+    analytic, llm = summarise(rows)
+    assert (analytic.estimated, analytic.accepted, analytic.tokens) == (len(CRASHES), 1.0, 0)
+    assert (llm.estimated, llm.rejected, llm.approach_agreement, llm.lane_agreement) == (len(CRASHES) - 1, 1, 1.0, 1.0)
+    assert llm.cost_usd == pytest.approx((len(CRASHES) + 1) * COST_USD)
+    assert llm.approach_correct is not None
+    for name, key in (("analytic", CRASHES[0]), ("analytic", CRASHES[1]), ("llm", CRASHES[1])):
+        stored = estimate_from_json(workspace.storage.read(f"{estimates_folder(name)}/{key}.json"))
+        assert (stored.key, stored.run.estimator) == (key, name)
+    assert not workspace.storage.exists(f"{estimates_folder('llm')}/{CRASHES[0]}.json")
+    assert not workspace.storage.list(str(Stage.STATE_ESTIMATE)), "the flow's own artefacts are not touched"
+    assert Storage(root / ANSWERS).list("") == {}  # answers lie in subfolders
+
+
+def test_what_an_estimators_name_stands_for(root):
+    states = opened(root).settings.states
+    chosen = settings_of("llm:coordinates-v1@ollama_chat/qwen3:8b", states)
+    assert (chosen.estimator, chosen.llm_prompt, chosen.llm_model) == (
+        "llm",
+        "coordinates-v1",
+        "ollama_chat/qwen3:8b",
+    )
+    assert settings_of("llm", states).llm_model == MODEL
+    assert settings_of("analytic", states).estimator == "analytic"
+    folders = {estimates_folder(name) for name in ("llm", "llm@a/b", "llm@a:b", "llm:a_b")}
+    assert len(folders) == 4
+    for wrong in ("best", "analytic@openai/gpt-4o", "llm:", ""):
+        with pytest.raises(UserError, match="is no estimator"):
+            settings_of(wrong, states)
+    with pytest.raises(UserError, match="two different"):
+        estimators_compared(opened(root), "sample", ["llm", "llm"])

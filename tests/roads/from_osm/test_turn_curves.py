@@ -1,0 +1,154 @@
+"""Turns that a car can drive: where they lead, how tight they are, and what becomes of those it cannot."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.roads.towns import Town
+from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
+from trace_dag.roads.gates.measures import shortest_element, tightest_turns
+from trace_dag.roads.map.curves import PlanPose, PlanView, join_plans, plan_pose, without_slivers
+from trace_dag.roads.map.model import PlanElement, Road
+from trace_dag.roads.map.network import RoadNetwork
+
+_places = st.floats(-15, 15)
+_headings = st.floats(-3.1, 3.1)
+
+
+@given(_places, _places, _headings)
+def test_a_drivable_turn_leads_from_pose_to_pose_without_a_loop(x_m: float, y_m: float, heading_rad: float) -> None:
+    plan = drivable_turn(PlanPose(1.0, 2.0, 0.5), PlanPose(x_m, y_m, heading_rad))
+    if plan is None:
+        return
+    end = plan_pose(plan, plan.length_m)
+    assert math.dist(end[:2], (x_m, y_m)) < 1e-5
+    assert abs(math.remainder(end.heading_rad - heading_rad, math.tau)) < 1e-5
+    turned = sum(element.curvature_1pm * element.length_m for element in plan.elements)
+    assert abs(turned) < math.pi + 0.51
+    assert tightest_radius_m(plan) >= 2.0 - 1e-9
+
+
+@pytest.mark.parametrize("apart_m", [0.007, 3.35, 7.4])
+def test_a_car_swings_out_to_turn_round_between_lanes_too_close(apart_m: float) -> None:
+    """Three circles of 3.7 m that touch, the outer two tangent to the lanes: the law of cosines gives the angle."""
+    plan = drivable_turn(PlanPose(0.0, 0.0, 0.0), PlanPose(0.0, apart_m, math.pi))
+    assert plan is not None
+    swing_rad = math.acos((apart_m / 2 + TIGHTEST_RADIUS_M) / (2 * TIGHTEST_RADIUS_M))
+    assert tightest_radius_m(plan) == pytest.approx(TIGHTEST_RADIUS_M)
+    assert plan.length_m == pytest.approx(TIGHTEST_RADIUS_M * (math.pi + 4 * swing_rad))
+
+
+def _divided(median_m: float, lanes: str) -> Town:
+    """A divided street whose carriageways lie ``median_m`` apart between their edges, and one that crosses it."""
+    half_m = (median_m + 3.5 * int(lanes)) / 2
+    town = Town()
+    town.street([(-200, -half_m), (0, -half_m), (200, -half_m)], highway="primary", name="M", oneway="yes", lanes=lanes)
+    town.street([(200, half_m), (0, half_m), (-200, half_m)], highway="primary", name="M", oneway="yes", lanes=lanes)
+    town.street([(0, -150), (0, -half_m), (0, half_m), (0, 150)], highway="tertiary", name="Cross", lanes="2")
+    return town
+
+
+def _u_turns(network: RoadNetwork) -> list[Road]:
+    return [road for road in network.roads if road.turn == "u_turn"]
+
+
+def _fork(median_m: float) -> Town:
+    """A street that becomes two carriageways of one lane, without any crossing."""
+    half_m = (median_m + 3.5) / 2
+    town = Town()
+    town.street([(-150, 0), (0, 0)], highway="primary", name="M", lanes="2")
+    town.street([(0, 0), (30, -half_m), (200, -half_m)], highway="primary", name="M", oneway="yes", lanes="1")
+    town.street([(200, half_m), (30, half_m), (0, 0)], highway="primary", name="M", oneway="yes", lanes="1")
+    return town
+
+
+@pytest.mark.parametrize("median_m", [0.0, 0.5, 2.0, 12.0])
+@pytest.mark.parametrize("lanes", ["1", "2", "3"])
+def test_every_u_turn_at_a_divided_street_can_be_driven(median_m: float, lanes: str) -> None:
+    network = _divided(median_m, lanes).network()
+    _, turning_round = tightest_turns(network)
+    assert turning_round.radius_m >= TIGHTEST_RADIUS_M * 0.999
+
+
+def test_across_no_median_there_is_a_u_turn_where_the_crossing_has_room() -> None:
+    """Two lanes each way and a street across: 7 m from the inner to the outer lane's centre is not a full circle."""
+    assert _u_turns(_divided(0.0, "2").network())
+
+
+def test_where_a_street_divides_nobody_turns_round_the_tip_of_the_median() -> None:
+    network = _fork(0.0).network()
+    assert not _u_turns(network)
+    assert network.junctions, "the street still divides"
+
+
+def test_across_a_wide_median_the_u_turn_is_a_half_circle() -> None:
+    """12 m of median and half a lane of 3.5 m on either side: a half circle of 7.75 m, 24.3 m long."""
+    network = _divided(12.0, "1").network()
+    lengths = [road.length_m for road in _u_turns(network)]
+    assert lengths
+    assert min(lengths) == pytest.approx(math.pi * 7.75, rel=0.02)
+
+
+@pytest.mark.parametrize("angle_deg", [35, 50, 90, 130])
+def test_corners_at_any_angle_can_be_driven(angle_deg: float) -> None:
+    town = Town()
+    town.street([(-150, 0), (0, 0), (150, 0)], name="Main")
+    x, y = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    town.street([(0, 0), (100 * x, 100 * y)], highway="service", name="Drive")
+    tightest, _ = tightest_turns(town.network())
+    assert tightest.radius_m >= TIGHTEST_RADIUS_M * 0.999
+
+
+@pytest.mark.parametrize("between_m", [8.0, 10.0, 12.0, 14.0, 17.0])
+def test_corners_at_two_driveways_near_each_other_can_be_driven(between_m: float) -> None:
+    town = Town()
+    town.street([(-150, 0), (0, 0), (between_m, 0), (150, 0)], name="Main")
+    town.street([(0, 0), (0, 80)], highway="service")
+    town.street([(between_m, 0), (between_m, -80)], highway="service")
+    tightest, _ = tightest_turns(town.network())
+    assert tightest.radius_m >= 2.0 * 0.999
+
+
+def _plan(*pieces: tuple[float, float]) -> PlanView:
+    """Lines and arcs one after the other, each a length and a curvature."""
+    plans: list[PlanView] = []
+    pose = PlanPose(3.0, -4.0, 0.7)
+    for length_m, curvature_1pm in pieces:
+        plan = PlanView((PlanElement(0.0, *pose, length_m, curvature_1pm),), length_m)
+        plans.append(plan)
+        pose = plan_pose(plan, length_m)
+    return join_plans(plans)
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        [(20.0, 0.0), (0.004, 0.1), (15.0, 0.0)],
+        [(0.002, 0.0), (6.0, 0.2), (0.006, 0.0)],
+        [(6.0, 0.2), (0.0001, 0.0), (6.0, -0.1)],
+        [(0.3, 0.0), (0.005, 0.25), (0.2, 0.0)],
+        [(5.0, 0.0), (0.005, 0.25), (0.006, 0.0), (0.005, -0.25), (5.0, 0.0)],
+    ],
+)
+def test_pieces_shorter_than_a_centimetre_go_and_the_line_stays(pieces: list[tuple[float, float]]) -> None:
+    before = _plan(*pieces)
+    after = without_slivers(before)
+    assert min(element.length_m for element in after.elements) >= 0.01
+    assert after.length_m == pytest.approx(before.length_m, abs=1e-3)
+    for share in (0.0, 0.2, 0.5, 0.8, 1.0):
+        a, b = plan_pose(before, share * before.length_m), plan_pose(after, share * after.length_m)
+        assert math.dist(a[:2], b[:2]) < 5e-3
+        assert abs(math.remainder(a.heading_rad - b.heading_rad, math.tau)) < 0.02
+    for first, second in zip(after.elements, after.elements[1:], strict=False):
+        end = plan_pose(PlanView((first,), first.s_m + first.length_m), first.s_m + first.length_m)
+        assert math.dist(end[:2], (second.x_m, second.y_m)) < 1e-6
+        assert abs(math.remainder(end.heading_rad - second.heading_rad, math.tau)) < 1e-3
+
+
+def test_lines_of_a_town_have_no_slivers() -> None:
+    length_m, _ = shortest_element(_divided(0.0, "2").network())
+    assert length_m >= 0.01

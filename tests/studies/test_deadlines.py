@@ -1,0 +1,54 @@
+"""Steps that never end, end their process or eat memory cost themselves alone."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+
+from trace_dag.errors import Failure
+from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
+
+
+@dataclass(frozen=True)
+class Work:
+    def prepare(self, name: str) -> str:
+        if name == "broken":
+            raise Failure("broken cannot be prepared")
+        return name
+
+    def do(self, shared: str, step: str) -> str:
+        while step == "loop":
+            pass
+        if step == "exit":
+            os._exit(3)
+        if step == "eat":
+            try:
+                bytearray(2**40)
+            except MemoryError:
+                return "no memory"
+        return f"{shared}/{step}"
+
+
+def test_every_step_is_answered_whatever_others_do():
+    pool: DeadlinePool[str, str, str] = DeadlinePool(Work(), workers=2, step_limit_s=3.0, memory_mb=512)
+    tasks = [Task("a", ("x", "loop", "y")), Task("b", ("exit", "x")), Task("c", ("eat", "x")), Task("d", ())]
+    began = time.monotonic()
+    answers = {(each.task, each.step): each.result for each in pool.run(tasks)}
+    assert answers.pop(("a", "loop")) == StepLost("took longer than 3 s")
+    assert answers.pop(("b", "exit")) == StepLost("ended its process (exit code 3)")
+    assert answers == {
+        ("a", "x"): "a/x",
+        ("a", "y"): "a/y",
+        ("b", "x"): "b/x",
+        ("c", "eat"): "no memory",
+        ("c", "x"): "c/x",
+    }
+    assert time.monotonic() - began < 60
+
+
+def test_what_cannot_be_prepared_is_our_failure():
+    pool: DeadlinePool[str, str, str] = DeadlinePool(Work(), workers=1, step_limit_s=3.0, memory_mb=512)
+    (answer,) = pool.run([Task("broken", ("x",))])
+    assert isinstance(answer.result, Failure)
+    assert "cannot be prepared" in str(answer.result)

@@ -1,0 +1,24 @@
+"""What a run of planned crashes is asked for with: its tags and its configuration, whoever asks."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from trace_dag.flow.selection import PlannedBatch
+from trace_dag.stage import Stage
+
+PROCESS_TAG = "trace_dag/process"
+"""Names the command that started a run."""
+
+_RANGE_START_TAG = "dagster/asset_partition_range_start"
+_RANGE_END_TAG = "dagster/asset_partition_range_end"
+
+
+def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The configuration of a run of a batch, with settings over the root's own."""
+    forced = [stage.value for stage in Stage if stage in batch.force]
+    return {"ops": {"crashes": {"config": {"force": forced, "settings": dict(settings or {})}}}}
+
+
+def range_tags(batch: PlannedBatch) -> dict[str, str]:
+    """The tags by which Dagster knows which partitions a run is for."""
+    return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}

@@ -1,0 +1,306 @@
+"""The benchmark: a scenario package for every verified crash, and a static site about all crashes.
+
+``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
+``files/`` single files, ``replays/`` and ``pictures/`` of every crash that got so far. A crash whose artefacts, outcome
+and code have not changed is not made again. Belongs here: what goes where. Does not belong here: what packages and
+pages look like (:mod:`trace_dag.scenario`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import traceback
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from trace_dag.benchmark.packaging import map_attribution, package_of, unverified_files
+from trace_dag.code_versions import code_version
+from trace_dag.cohorts.registry import CrashSource
+from trace_dag.errors import Failure
+from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, RECORD, VERDICT
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
+from trace_dag.flow.records import Records, read_records
+from trace_dag.flow.standing import FinalState, valid_records
+from trace_dag.flow.worker import picture_name
+from trace_dag.flow.workspace import Workspace
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.osm.rights import Rights
+from trace_dag.scenario.leaderboard import write_leaderboard
+from trace_dag.settings import Settings
+from trace_dag.storage import Storage, StoredFile
+from trace_dag.warehouse import query
+
+FOLDER = "benchmark"
+SUBJECT = "benchmark"  # of the ledger
+_BY_CODE = "code"  # of all, beside what each crash's files were made of
+INDEX = f"{FOLDER}/index.html"
+LEADERBOARD = f"{FOLDER}/leaderboard.html"
+_CODE = ("trace_dag.scenario.package", "trace_dag.scenario.site")
+_FILES = f"{FOLDER}/files/"
+_OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
+
+
+def page_name(key: str) -> str:
+    """Where the page of a crash lies below the root."""
+    return f"{FOLDER}/crashes/{key}.html"
+
+
+@dataclass(frozen=True)
+class BenchmarkReport:
+    """How many packages and pages there are, how many were made now, and what went wrong by crash."""
+
+    packages: int
+    pages: int
+    made: int
+    errors: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Crashes whose pages are to be made; rows are those of the warehouse."""
+
+    storage: Storage
+    settings: Settings
+    crashes: tuple[_Crash, ...]
+
+    def split(self) -> list[_Task]:
+        return [replace(self, crashes=(crash,)) for crash in self.crashes]
+
+
+@dataclass(frozen=True)
+class _Crash:
+    key: str
+    source: CrashSource
+    records: Records
+    row: Mapping[str, Any]
+    outcomes: tuple[Mapping[str, Any], ...]
+    rights: Rights
+    digest: str
+
+
+def build_benchmark(workspace: Workspace, *, contents: bool = False) -> BenchmarkReport:
+    """Bring packages and site up to date with the warehouse, and make again what is not as it was made.
+
+    That is seen by its size, with ``contents`` by its SHA-256.
+    """
+    storage, warehouse = workspace.storage, workspace.warehouse
+    table = query.rows(warehouse, "crashes")
+    verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
+    for row in table:
+        verdict = verdicts.get(row["key"], {})
+        row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
+    crashes = _crashes(workspace, warehouse, table)
+    verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
+    before = sound_ledger(storage, SUBJECT)
+    damaged = {crash_of(file.name) for file, _ in not_as_made(storage, before, contents=contents)}
+    stale = [crash for crash in crashes if crash.key in damaged or before.made_of.get(crash.key) != crash.digest]
+    errors: dict[str, str] = {}
+    made: dict[str, StoredFile] = {}
+    done = 0
+    with workspace.executing() as executor:
+        for answer in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
+            lost = answer.result
+            if isinstance(lost, WorkerLost):
+                errors.update({crash.key: lost.detail for crash in answer.task.crashes})
+            else:
+                errors.update(lost.errors)
+                made.update((file.name, file) for file in lost.files)
+            done += len(answer.task.crashes)
+            workspace.page_listener(done, len(stale))
+    _remove_others(storage, {"packages": verified, "replays": {crash.key for crash in crashes}})
+    rights = Rights.of(each for crash in crashes for each in crash.rights.attributions)
+    index = _write_index(storage, warehouse, table, rights)
+    made_of = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
+    kept = made_of.keys() - {crash.key for crash in stale}
+    files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
+    write_ledger(storage, SUBJECT, [*files.values(), *index], made_of | {_BY_CODE: _code()})
+    packages = sum(name.endswith(".zip") for name in files)
+    return BenchmarkReport(packages, len(crashes), len(stale), errors)
+
+
+def _write_leaderboard(storage: Storage, warehouse: Path) -> StoredFile:
+    rows = (query.rows(warehouse, view) for view in ("leaderboard", "leaderboard_by_class"))
+    return storage.write(LEADERBOARD, write_leaderboard(*rows))
+
+
+def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
+    """Write the leaderboard's page anew, without the rest of the site."""
+    page, ledger = _write_leaderboard(storage, warehouse), sound_ledger(storage, SUBJECT)
+    write_ledger(storage, SUBJECT, (ledger.files | {page.name: page}).values(), ledger.made_of)
+
+
+def crash_of(name: str) -> str:
+    """The crash a file of the benchmark belongs to; something else for a file of the site."""
+    parts = name.split("/")
+    return parts[2] if parts[1] == "files" else parts[-1].partition(".")[0]
+
+
+def not_as_made(storage: Storage, ledger: Ledger, *, contents: bool = False) -> list[tuple[StoredFile, str]]:
+    """The benchmark's files that are not as its ledger says, and what is found.
+
+    On an object store single files lie in a folder per crash, which would cost a listing each: they are looked at only
+    where the contents are read.
+    """
+    local = storage.local_root is not None
+    files = [file for file in ledger.files.values() if local or contents or not file.name.startswith(_FILES)]
+    return list(not_as_listed(storage, files, contents=contents))
+
+
+def benchmark_is_whole(storage: Storage) -> bool:
+    """Whether every file of the benchmark is there with the size it was made with."""
+    ledger = sound_ledger(storage, SUBJECT)
+    return bool(ledger.files) and not not_as_made(storage, ledger)
+
+
+def _crashes(workspace: Workspace, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> list[_Crash]:
+    keys = [row["key"] for row in table]
+    sources = workspace.registry.sources(keys)
+    records = {key: valid_records(each) for key, each in read_records(workspace.storage, keys).items()}
+    outcomes: dict[str, list[Mapping[str, Any]]] = {}
+    for row in query.rows(warehouse, "stage_outcomes"):
+        outcomes.setdefault(row["key"], []).append(row)
+    rights = _rights(table, records)
+    code = _code()
+    crashes = []
+    for crash in table:
+        key = crash["key"]
+        made_of = [file.sha256 for record in records[key].values() for file in record.artefacts]
+        made_of += [file.sha256 for record in records[key].values() for file in record.pictures]
+        parts = [code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])], rights[key].attributions]
+        digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
+        said = tuple(outcomes.get(key, ()))
+        crashes.append(_Crash(key, sources[key], records[key], crash, said, rights[key], digest))
+    return crashes
+
+
+def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) -> dict[str, Rights]:
+    """What each crash's map says; of a crash without one, what the maps of its cohort say."""
+    own = {row["key"]: attribution for row in table if (attribution := map_attribution(records[row["key"]]))}
+    cohorts: dict[str, set[str]] = {}
+    for row in table:
+        if row["key"] in own:
+            cohorts.setdefault(row["cohort"], set()).add(own[row["key"]])
+    return {
+        row["key"]: Rights.of([own[row["key"]]] if row["key"] in own else cohorts.get(row["cohort"], ()))
+        for row in table
+    }
+
+
+def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
+    size = max(1, min(workspace.settings.execution.chunk_size, math.ceil(len(crashes) / (4 * workers))))
+    return [
+        _Task(workspace.storage, workspace.settings, tuple(crashes[start : start + size]))
+        for start in range(0, len(crashes), size)
+    ]
+
+
+@dataclass(frozen=True)
+class _Made:
+    """The files of some crashes, and what went wrong by crash."""
+
+    files: Sequence[StoredFile]
+    errors: Mapping[str, str]
+
+
+def _make(task: _Task) -> _Made:
+    """Packages and pages of some crashes."""
+    made: list[StoredFile] = []
+    errors: dict[str, str] = {}
+    for crash in task.crashes:
+        files = CrashFiles(crash.key, crash.source, task.settings, task.storage)
+        for record in crash.records.values():
+            files.accept(record)
+        try:
+            made += _make_one(files, crash)
+        except Failure as failure:
+            errors[crash.key] = str(failure)
+        except Exception as error:
+            # One crash without a page keeps no other from having one.
+            errors[crash.key] = "".join(traceback.format_exception(error))
+    return _Made(made, errors)
+
+
+@no_garbage_collection()
+def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
+    from trace_dag.scenario.site import CrashPage, Download, write_crash_page
+
+    storage, key = files.storage, files.key
+    verified = crash.row["final_state"] == FinalState.VERIFIED
+    made = package_of(files, crash.records) if verified else unverified_files(files)
+    downloads: list[Download] = []
+    written: list[StoredFile] = []
+    if verified:
+        archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, made))
+        written.append(archive)
+        downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
+    for name in _OFFERED:
+        if name in made:
+            stored = storage.write(f"{_FILES}{key}/{name}", made[name])
+            written.append(stored)
+            downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
+        else:
+            storage.delete(f"{_FILES}{key}/{name}")
+    if replay := made.get("replay.html"):
+        written.append(storage.write(f"{FOLDER}/replays/{key}.html", replay))
+    else:
+        storage.delete(f"{FOLDER}/replays/{key}.html")
+    picture = files.picture("png")
+    if picture is not None:
+        written.append(storage.write(f"{FOLDER}/{picture_name(key)}", picture))
+    else:  # rejected before there was anything to draw, or it could not be drawn
+        storage.delete(f"{FOLDER}/{picture_name(key)}")
+    page = CrashPage(
+        crash.row,
+        crash.outcomes,
+        crash.rights,
+        record=files.load(RECORD) if files.has(RECORD) else None,
+        map_report=files.load(MAP_REPORT) if files.has(MAP_REPORT) else None,
+        estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
+        verdict=files.load(VERDICT) if files.has(VERDICT) else None,
+        picture=f"../pictures/{key}.png" if picture else None,
+        replay=f"../replays/{key}.html" if replay else None,
+        downloads=downloads,
+    )
+    return [*written, storage.write(page_name(key), write_crash_page(page))]
+
+
+def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
+    from trace_dag.scenario.package import zip_files
+
+    return zip_files(package, folder=key)
+
+
+def is_made_by_this_code(storage: Storage) -> bool:
+    """Whether packages and pages were last made by the code that would make them now."""
+    return sound_ledger(storage, SUBJECT).made_of.get(_BY_CODE) == _code()
+
+
+def _code() -> str:
+    return code_version((__name__, *_CODE)).digest
+
+
+def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
+    """By folder, what is of other crashes than those with these keys: packages of crashes not verified any more."""
+    for folder, keys in kept.items():
+        for name in storage.list(f"{FOLDER}/{folder}"):
+            if Path(name).stem not in keys:
+                storage.delete(name)
+
+
+def _write_index(
+    storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]], rights: Rights
+) -> list[StoredFile]:
+    from trace_dag.scenario.site import static_files, write_index
+
+    funnel, coverage, reasons = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
+    return [
+        storage.write(INDEX, write_index(table, funnel, coverage, reasons, rights)),
+        _write_leaderboard(storage, warehouse),
+        *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
+    ]

@@ -1,0 +1,98 @@
+"""Stored crashes as scenario packages and in the published layout.
+
+Belongs here: which stored artefacts make up a package or an exported scenario. Does not belong here: what either looks
+like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.benchmark.build`,
+:mod:`trace_dag.benchmark.export`).
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    LOGS,
+    MAP_REPORT,
+    OSM_XML,
+    RECORD,
+    REPORT_XML,
+    ROAD_MAP,
+    VERDICT,
+    VERDICT_JSON,
+    XODR,
+)
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.records import Records
+from trace_dag.stage import Stage
+
+
+def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
+    """The scenario package of a verified crash, by file name. ``records`` are those that count."""
+    from trace_dag.scenario.package import PackageInput, package_files
+
+    verdict = files.load(VERDICT)
+    return package_files(
+        PackageInput(
+            record=files.load(RECORD),
+            report_xml=files.load(REPORT_XML),
+            osm_xml=files.load(OSM_XML),
+            map_xodr=files.load(XODR),
+            provenance={
+                stage.value: {
+                    "code": record.provenance.code,
+                    "settings": record.provenance.settings,
+                    "inputs": record.provenance.inputs,
+                    "fingerprint": record.fingerprint,
+                }
+                for stage, record in records.items()
+            },
+            network=files.load(ROAD_MAP),
+            map_report=files.load(MAP_REPORT),
+            estimate=files.load(ESTIMATE),
+            log=files.load(LOGS)[verdict.hypothesis],
+            verdict=verdict,
+        )
+    )
+
+
+def unverified_files(files: CrashFiles) -> dict[str, bytes]:
+    """What there is to hand out of a crash that was not verified, by the names that a package has for it: the map, the
+    verdict and a replay, as far as it got."""
+    from trace_dag.scenario.replay import write_html_player
+
+    made = {}
+    if files.has(ROAD_MAP):
+        made["map.xodr"] = files.load(XODR)
+    if files.has(VERDICT):
+        made["verdict.json"] = files.load(VERDICT_JSON)
+    if files.has(LOGS):
+        verdict = files.load(VERDICT) if files.has(VERDICT) else None
+        log = files.load(LOGS)[verdict.hypothesis if verdict else 0]
+        made["replay.html"] = write_html_player(files.load(RECORD), files.load(ROAD_MAP), log, verdict)
+    return made
+
+
+def map_attribution(records: Records) -> str:
+    """Whom the map of a crash is to be attributed to; empty where there is no map."""
+    record = records.get(Stage.OSM_EXTRACT)
+    return str(record.figures.get("attribution") or "") if record else ""
+
+
+def published_files(files: CrashFiles) -> dict[str, bytes]:
+    """A verified crash in the published layout, by path below the benchmark's folder."""
+    from trace_dag.scenario.published_layout import write_published
+
+    case = files.key.partition("-")[2]
+    hypothesis = files.load(VERDICT).hypothesis
+    simulation = write_published(files.load(ESTIMATE).hypotheses[hypothesis], files.load(LOGS)[hypothesis])
+    return {
+        f"reports/crash_{case}.xml": files.load(REPORT_XML),
+        f"summary/summary_{case}.txt": (files.load(RECORD).summary + "\n").encode(),
+        f"maps/map_{case}.xodr": files.load(XODR),
+        f"simulations/simulation_{case}.json": simulation,
+    }
+
+
+def published_readme() -> bytes:
+    """What explains the published layout in its folder."""
+    return resources.files("trace_dag.scenario").joinpath("templates", "published_readme.md").read_bytes()

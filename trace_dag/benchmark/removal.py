@@ -1,0 +1,39 @@
+"""Deleting what was made of crashes that are registered no more."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from trace_dag.benchmark.build import FOLDER as BENCHMARK
+from trace_dag.benchmark.build import SUBJECT, crash_of
+from trace_dag.flow.ledgers import sound_ledger, write_ledger
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+
+_FOLDERS = (
+    *(stage.value for stage in Stage),
+    "reports",
+    "pictures",
+    *(f"{BENCHMARK}/{folder}" for folder in ("crashes", "packages", "pictures", "replays")),
+)
+
+
+def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
+    """Delete every file of some crashes below the root: artefacts, records, copies of reports, pages; how many."""
+    wanted = set(keys)
+    names = [
+        name
+        for folder in _FOLDERS
+        for name in storage.list(folder)
+        if name.rpartition("/")[2].partition(".")[0] in wanted
+    ]
+    for key in keys:
+        names.extend(storage.list(f"{BENCHMARK}/files/{key}"))
+    for name in names:
+        storage.delete(name)
+    ledger = sound_ledger(storage, SUBJECT)
+    if ledger.made_of.keys() & wanted:
+        files = [file for name, file in ledger.files.items() if crash_of(name) not in wanted]
+        made_of = {key: digest for key, digest in ledger.made_of.items() if key not in wanted}
+        write_ledger(storage, SUBJECT, files, made_of)
+    return len(names)

@@ -1,0 +1,113 @@
+"""What ``run``, ``rerun`` and ``demo`` share: a selection of crashes run, with what it prints."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trace_dag.cli.progress import progress_of, progress_told
+from trace_dag.errors import UserError
+
+if TYPE_CHECKING:
+    from trace_dag.flow.executors import Executor
+    from trace_dag.flow.selection import Selection
+    from trace_dag.flow.tasks import StageEvent
+    from trace_dag.flow.workspace import Workspace
+
+_FAILURES_SHOWN = 20
+
+
+def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspace], Selection]) -> int:
+    """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
+    from trace_dag.cli.printing import one_line, print_standings
+    from trace_dag.flow.batch import check_requirements
+    from trace_dag.flow.records import read_records
+    from trace_dag.flow.standing import FinalState, standings
+    from trace_dag.flow.workspace import Workspace
+
+    workspace = Workspace.open(root, overrides=settings)
+    selection = select(workspace)
+    with ExitStack() as resources:
+        if selection.start:
+            check_requirements(workspace, {stage for first in selection.start.values() for stage in first.and_later()})
+            workspace = replace(workspace, executor=resources.enter_context(_started(workspace)))
+        errors = _run_and_summarise(workspace, settings, selection)
+    stand = standings(read_records(workspace.storage, selection.asked))
+    print_standings(stand)
+    failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
+    for crash in failed[:_FAILURES_SHOWN]:
+        click.echo(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}", err=True)
+    if len(failed) > _FAILURES_SHOWN:
+        click.echo(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
+    if not failed:
+        for error in errors:
+            click.echo(f"failed: {one_line(error, 500)}", err=True)
+    return 1 if failed or errors else 0
+
+
+@contextmanager
+def _started(workspace: Workspace) -> Iterator[Executor]:
+    """One executor for all that the command does, its workers starting while this process still reads its modules."""
+    from trace_dag.flow.executors import make_executor
+    from trace_dag.flow.worker import get_ready
+
+    with closing(make_executor(workspace.settings.execution)) as executor:
+        executor.prepare(partial(get_ready, workspace.flow))
+        yield executor
+
+
+def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
+    """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
+    from trace_dag.benchmark.build import benchmark_is_whole
+    from trace_dag.flow.run_summary import RunSummary
+    from trace_dag.launch import open_instance, planned, run_batches, summarise, summary_is_current
+
+    errors: tuple[str, ...] = ()
+    with open_instance(workspace) as instance:
+        batches = planned(workspace, instance, selection)
+        if batches:
+            summary, counts = RunSummary(), Counter[str]()
+            stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
+            with progress_of("stages", stages) as tell:
+
+                def hear(event: StageEvent) -> None:
+                    summary.note(event)
+                    if event.record is not None and event.record.stage is event.stage:
+                        counts[event.record.outcome.value] += 1
+                    tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
+
+                errors = run_batches(replace(workspace, listener=hear), instance, batches, settings=settings).errors
+            click.echo(summary.in_words())
+        elif selection.exact:
+            click.echo("Nothing to run again: none of the crashes is one of those asked for.")
+        else:
+            click.echo("Nothing to run: every crash asked for is up to date.")
+        damaged = _damaged_warehouse(workspace)
+        if not damaged and not benchmark_is_whole(workspace.storage):
+            damaged = "Not every page and package is there as it was made."
+        if damaged and not batches:
+            click.echo(f"{damaged} What is made of all crashes is made again.")
+        if batches or damaged or not summary_is_current(workspace, instance):
+            with progress_told("pages") as tell_pages:
+                errors += summarise(replace(workspace, page_listener=tell_pages), instance).errors
+    return errors
+
+
+def _damaged_warehouse(workspace: Workspace) -> str:
+    """What is wrong with the warehouse, in a sentence; nothing if it is as it was built."""
+    from trace_dag.errors import DamagedFile
+    from trace_dag.warehouse.query import check_warehouse
+
+    try:
+        check_warehouse(workspace.warehouse)
+    except UserError:
+        return "There is no warehouse."
+    except DamagedFile as damaged:
+        return f"{workspace.warehouse.name}: {damaged.found}."
+    return ""

@@ -1,0 +1,146 @@
+"""Looking at cohorts and taking them away: ``cohort list``, ``show``, ``remove``. ``ingest`` makes and extends them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.printing import print_table, write_json
+
+if TYPE_CHECKING:
+    from trace_dag.cohorts.registry import Cohort
+
+_KEYS_SHOWN = 20
+
+
+@click.group(
+    epilog=examples(
+        "trace-dag cohort list",
+    )
+)
+def cohort() -> None:
+    """List, show and remove cohorts; ingest makes and extends them."""
+
+
+@cohort.command(
+    "list",
+    epilog=examples(
+        "trace-dag cohort list",
+    ),
+)
+@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+@click.pass_obj
+def list_cohorts(root: str, as_json: bool) -> None:
+    """List the cohorts with their crashes and maps."""
+    from trace_dag.cohorts.registry import Registry
+    from trace_dag.storage import Storage
+
+    cohorts = Registry(Storage.open(root)).cohorts()
+    if as_json:
+        write_json([_summary(each) for each in cohorts.values()])
+        return
+    print_table(
+        ["cohort", "crashes", "map files", "maps else from", "made", "last chosen as"],
+        [
+            (
+                each.name,
+                len(each.reports),
+                len(each.maps),
+                each.map_service,
+                each.created_at[:16].replace("T", " "),
+                each.origins[-1] if each.origins else "",
+            )
+            for each in cohorts.values()
+        ],
+    )
+
+
+@cohort.command(
+    "show",
+    epilog=examples(
+        "trace-dag cohort show virginia",
+    ),
+)
+@click.argument("name")
+@click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
+@click.pass_obj
+def show(root: str, name: str, as_json: bool) -> None:
+    """Show where a cohort's crashes come from and which they are."""
+    from trace_dag.cohorts.registry import Registry
+    from trace_dag.storage import Storage
+
+    found = Registry(Storage.open(root)).cohort(name)
+    if as_json:
+        write_json(
+            {
+                **_summary(found),
+                "reports": {key: asdict(report) for key, report in found.reports.items()},
+                "maps": [asdict(file) for file in found.maps],
+            }
+        )
+        return
+    click.echo(f"Cohort {found.name}: {len(found.reports)} crashes, made {found.created_at}")
+    for origin in found.origins:
+        click.echo(f"  chosen from {origin}")
+    for folder in found.watched:
+        click.echo(f"  watches {folder}")
+    for file in found.maps:
+        click.echo(f"  map {file.location}")
+    if found.map_service:
+        click.echo(f"  other maps from {found.map_service}")
+    keys = found.keys
+    more = f" and {len(keys) - _KEYS_SHOWN} more (--json lists all)" if len(keys) > _KEYS_SHOWN else ""
+    click.echo(f"  {', '.join(keys[:_KEYS_SHOWN])}{more}")
+
+
+@cohort.command(
+    "remove",
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag cohort remove virginia",
+        "trace-dag cohort remove virginia --only 2023-510179 --artefacts",
+    ),
+)
+@click.argument("name")
+@click.option("--only", multiple=True, metavar="KEY", help="Take away only these of its crashes.")
+@click.option("--artefacts", is_flag=True, help="Delete what was made of the crashes, too.")
+@click.pass_obj
+def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None:
+    """Take away a cohort, or some of its crashes, and their partitions.
+
+    What was made of the crashes stays, unless --artefacts is given: registered again, they are up to date.
+    """
+    from trace_dag.assets.partitions import remove_partitions
+    from trace_dag.benchmark.removal import delete_artefacts
+    from trace_dag.cohorts.registry import Registry
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.launch import open_instance, summarise
+    from trace_dag.storage import Storage
+
+    storage = Storage.open(root)
+    gone = Registry(storage).remove(name, only)
+    deleted = delete_artefacts(storage, gone) if artefacts else 0
+    workspace = Workspace.open(root)
+    with open_instance(workspace) as instance:
+        remove_partitions(instance, gone)
+        if workspace.warehouse.is_file():
+            summarise(workspace, instance)
+    click.echo(
+        f"Cohort {name}: {len(gone)} crashes removed"
+        + (f", {deleted} files deleted." if artefacts else "; what was made of them is kept.")
+    )
+
+
+def _summary(found: Cohort) -> dict[str, object]:
+    return {
+        "name": found.name,
+        "crashes": len(found.reports),
+        "map_files": len(found.maps),
+        "map_service": found.map_service,
+        "created_at": found.created_at,
+        "origins": list(found.origins),
+        "watched": list(found.watched),
+    }

@@ -1,0 +1,157 @@
+"""What a verdict is worth: ``controls``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
+from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_told
+
+if TYPE_CHECKING:
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.settings import RuleSetName
+    from trace_dag.studies.perturbed import Request
+    from trace_dag.verdict.controls import ControlRow
+from trace_dag.cli.cohorts_compared import cohorts_of, judged_by, of_each, rules_option, workspace_of
+
+
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag controls",
+        "trace-dag controls --rules strict --json",
+        "trace-dag controls --perturbed --most 12 --cohort va-2023",
+        "trace-dag controls --perturbed --only 2023-510179 --kinds 'clock*' foreign_site --draws 5",
+    ),
+)
+@click.option("--cohort", help="Only this cohort; else each by itself.")
+@rules_option
+@click.option(
+    "--most",
+    type=click.IntRange(min=1),
+    help="Of a larger cohort, so many crashes drawn at random; default 500, and 12 with --perturbed.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Every judgement, as JSON.")
+@click.option("--perturbed", is_flag=True, help="Change one thing of each report and run all stages again.")
+@click.option("--only", metavar="KEY", multiple=True, help="With --perturbed: only these crashes.")
+@click.option("--kinds", metavar="NAME", multiple=True, help="With --perturbed: only these changes; * and ? match.")
+@click.option("--draws", default=1, show_default=True, type=click.IntRange(min=1), help="Of each change that is drawn.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0), help="Of what --perturbed draws.")
+@executor_options
+@click.pass_obj
+def controls(
+    root: str,
+    cohort: str | None,
+    rules: RuleSetName | None,
+    most: int | None,
+    as_json: bool,
+    perturbed: bool,
+    only: tuple[str, ...],
+    kinds: tuple[str, ...],
+    draws: int,
+    seed: int,
+    executor: str | None,
+    workers: int | None,
+) -> None:
+    """Judge crashes against what they are not: another crash's report, and one vehicle late.
+
+    Prints how many are accepted beside the true pairing's rate; and how many of them with every reported speed driven
+    as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
+    negative_controls.
+
+    With --perturbed: verified crashes, each with one thing of its report changed, through all stages again. Prints
+    for each change how many are still verified, how many corroborated, and how many of the unchanged simulations the
+    changed report accepts (own). Every changed report enters the warehouse, as table perturbed_controls.
+    """
+    from dataclasses import asdict
+
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.studies.controls import negative_controls
+    from trace_dag.warehouse.build import build_warehouse
+
+    workspace = workspace_of(root)
+    complaints = Complaints()
+    if perturbed:
+        from trace_dag.studies.perturbed import MOST, Request
+
+        request = Request(most or MOST, only, kinds, draws, seed)
+        _perturbed(workspace, cohort, rules, request, as_json, execution_overrides(executor, workers), complaints)
+        sys.exit(complaints.told())
+    if only or kinds:
+        raise click.UsageError("--only and --kinds go with --perturbed")
+    workspace = judged_by(workspace, rules)
+    most = _MOST_CONTROLS if most is None else most
+    with progress_told("read, then judged") as tell:
+        found = of_each(
+            cohorts_of(workspace, cohort),
+            lambda name: negative_controls(workspace, name, most=most, tell=tell, complain=complaints.hear),
+            complaints,
+        )
+    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    if as_json:
+        write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
+        sys.exit(complaints.told())
+    print_table(
+        ["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"],
+        [line for name, rows in found.items() for line in _control_lines(name, rows)],
+    )
+    sys.exit(complaints.told())
+
+
+_MOST_CONTROLS = 500
+
+
+def _perturbed(
+    workspace: Workspace,
+    cohort: str | None,
+    rules: RuleSetName | None,
+    request: Request,
+    as_json: bool,
+    execution: dict[str, Any],
+    complaints: Complaints,
+) -> None:
+    from dataclasses import asdict
+
+    from trace_dag.cli.perturbed import print_perturbed
+    from trace_dag.studies.perturbed import perturbed_controls
+    from trace_dag.warehouse.build import build_warehouse
+
+    overrides: dict[str, Any] = {"execution": execution}
+    workspace = workspace.with_settings(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
+    with progress_told("changed reports") as tell:
+        found = of_each(
+            cohorts_of(workspace, cohort),
+            lambda name: perturbed_controls(workspace, name, request, tell=tell, complain=complaints.hear),
+            complaints,
+        )
+    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    if as_json:
+        write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
+        return
+    for name, rows in found.items():
+        click.echo(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
+        print_perturbed(rows)
+
+
+def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, ...]]:
+    differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
+    groups = (
+        ("its own report", [row for row in rows if row.kind == "true"]),
+        ("another crash's report", [row for row in rows if row.kind == "other_report"]),
+        ("another that says something else", differ),
+        ("its own, one vehicle late", [row for row in rows if row.kind == "shifted"]),
+    )
+    lines = []
+    for title, group in groups:
+        judged = [row for row in group if row.accepted is not None]
+        accepted = [row for row in judged if row.accepted]
+        kept = [row for row in accepted if row.speeds_kept is not False]
+        rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
+        lines.append((cohort, title, len(judged), len(accepted), *rates))
+    return lines

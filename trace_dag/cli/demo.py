@@ -1,0 +1,53 @@
+"""Running the bundled sample: ``demo``."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+
+import click
+
+from trace_dag.cli.options import examples, execution_overrides, executor_options
+from trace_dag.cli.printing import print_table
+from trace_dag.cli.sample import COHORT, sample_folder
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag --root demo demo",
+    )
+)
+@executor_options
+@click.pass_context
+def demo(context: click.Context, executor: str | None, workers: int | None) -> None:
+    """Run the bundled sample: a fictional town and crashes whose true course is known.
+
+    Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and where to look.
+    """
+    from trace_dag.benchmark.build import INDEX
+    from trace_dag.cli.carry_out import carry_out
+    from trace_dag.cli.ingest import ingest
+    from trace_dag.flow.selection import select_stale
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.warehouse.query import query
+
+    root, began, folder = context.obj, time.monotonic(), sample_folder()
+    context.invoke(ingest, reports=(str(folder / "reports"),), maps=(str(folder / "osm"),), cohort=COHORT)
+    settings = {"execution": execution_overrides(executor, workers)}
+    code = carry_out(root, settings, lambda workspace: select_stale(workspace, COHORT))
+    workspace = Workspace.open(root)
+    storage = workspace.storage
+    if not storage.exists(INDEX):  # what went wrong is told
+        sys.exit(code)
+    click.echo()
+    print_table(*query(workspace.warehouse, "SELECT * FROM coverage"))
+    click.echo(f"\nDone in {time.monotonic() - began:.0f} s. Where to look:")
+    click.echo(f"  {storage.path(INDEX)}  the crashes, each with its page, replay and package")
+    for command, shows in (
+        ("ui", "the same as Dagster assets"),
+        ('sql "FROM verdicts"', "any question, in SQL"),
+        ("score-truth", "how close the estimates come to the truth"),
+    ):
+        click.echo(f"  trace-dag --root {shlex.quote(root)} {command}  {shows}")
+    sys.exit(code)

@@ -1,0 +1,164 @@
+"""Agents in the place of a crash's drivers: ``evaluate``."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_of
+
+if TYPE_CHECKING:
+    from trace_dag.evaluation.table import Row
+
+_DIMENSIONS = ("collision_type", "road_topology", "vehicle_trajectory")
+_FAULTS_SHOWN = 5
+
+
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag evaluate --agent my_module:MyAgent --ego striking",
+        "trace-dag evaluate --variations --by road_topology",
+    ),
+)
+@click.option(
+    "--agent", "agents", multiple=True, metavar="NAME", help="A name, or module:Class; default the baselines."
+)
+@click.option(
+    "--ego",
+    type=click.Choice(["both", "first", "second", "striking", "struck"]),
+    default="both",
+    show_default=True,
+    help="Whose place the agent takes, of the two that collided first; both takes one after the other.",
+)
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@click.option("--variations", is_flag=True, help="The stored variations of the crashes instead of the crashes.")
+@click.option(
+    "--hz", "rate_hz", type=click.FloatRange(20, 100), default=20.0, show_default=True, help="How often it acts."
+)
+@click.option("--range-m", type=click.FloatRange(min=0), default=150.0, show_default=True, help="How far it sees.")
+@click.option(
+    "--noise",
+    "noise_m",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    show_default=True,
+    help="Standard deviation of the positions it sees, m; of velocities the same number in m/s.",
+)
+@click.option("--occlusion", is_flag=True, help="It does not see whom another body hides.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the noise.")
+@click.option(
+    "--time-limit",
+    "time_limit_s",
+    type=click.FloatRange(min=0.1),
+    default=20.0,
+    show_default=True,
+    help="Seconds one evaluation may take; an agent that takes longer is faulty there.",
+)
+@click.option(
+    "--by", type=click.Choice(_DIMENSIONS), default="collision_type", show_default=True, help="Classes of the table."
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
+@click.option("--json", "as_json", is_flag=True, help="Every evaluation, as JSON.")
+@click.pass_obj
+def evaluate(
+    root: str,
+    agents: tuple[str, ...],
+    ego: str,
+    cohort: str | None,
+    only: tuple[str, ...],
+    variations: bool,
+    rate_hz: float,
+    range_m: float,
+    noise_m: float,
+    occlusion: bool,
+    seed: int,
+    time_limit_s: float,
+    by: str,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Put agents into the verified crashes and see whether they avoid them.
+
+    An agent drives one vehicle; the others move as recorded until somebody touches them. Every evaluation enters the
+    warehouse, as tables evaluations and leaderboard.
+    """
+    from trace_dag.benchmark.build import publish_leaderboard
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.evaluation.evaluate import Conditions
+    from trace_dag.evaluation.observation import Sensing
+    from trace_dag.evaluation.registry import BASELINES
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.studies.cases import AgentRole, verified_cases
+    from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
+    from trace_dag.warehouse.build import build_warehouse
+
+    sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
+    workspace = Workspace.open(root)
+    workspace = workspace.with_settings({"execution": {"workers": workers} if workers else {}})
+    complaints = Complaints()
+    cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
+    if variations:
+        from trace_dag.studies.cases import stored_variations
+
+        cases = stored_variations(workspace, cases, complain=complaints.hear)
+    names = agents or BASELINES
+    limits = Limits(time_s=time_limit_s)
+    try_agents(names, limits)  # before anything begins
+    roles = (AgentRole.FIRST, AgentRole.SECOND) if ego == "both" else (AgentRole(ego),)
+    with progress_of("evaluations", len(cases) * len(names) * len(roles)) as tell:
+        rows = evaluate_agents(
+            workspace,
+            cases,
+            names,
+            roles,
+            Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed),
+            limits,
+            tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
+            complain=complaints.hear,
+        )
+    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    publish_leaderboard(workspace.storage, workspace.warehouse)
+    if as_json:
+        write_json(rows)
+    else:
+        classes = _classes(workspace.warehouse, by)
+        _print_results(rows, lambda row: classes[row["key"]], by)
+    sys.exit(complaints.told())
+
+
+def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
+    from trace_dag.warehouse.query import query
+
+    return dict(query(warehouse, f"SELECT key, {dimension} FROM crashes")[1])  # noqa: S608 - one of ours
+
+
+def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:
+    """How often each agent did what, in all and by class of crash; and what faulty ones did."""
+    from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
+
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["agent"], "all"), []).append(row)
+    for row in sorted(rows, key=class_of):
+        groups.setdefault((row["agent"], class_of(row)), []).append(row)
+    order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
+    lines = []
+    for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
+        counts = Counter(row["outcome"] for row in members)
+        off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
+        lines.append((agent, group.replace("_", " "), len(members), *(counts[each] for each in DriveOutcome), off_road))
+    print_table(["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"], lines)
+    faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])
+    for (agent, fault), count in faults.most_common(_FAULTS_SHOWN):
+        click.echo(f"{agent} faulty in {count}: {fault}", err=True)
+    if len(faults) > _FAULTS_SHOWN:
+        click.echo(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"', err=True)

@@ -1,0 +1,75 @@
+"""A version of the benchmark to publish: ``release``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.progress import progress_told
+
+if TYPE_CHECKING:
+    from trace_dag.scenario.release import ArchiveFormat
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag release --version 1.0",
+        "trace-dag release --version 1.1 --cohort virginia --archive zip",
+    )
+)
+@click.option("--version", required=True, help="Version of the release, such as 1.0.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option(
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("releases"),
+    show_default=True,
+    help="Where the release's folder is put.",
+)
+@click.option("--archive", type=click.Choice(["tar", "zip"]), help="Also as one file beside the folder.")
+@click.pass_obj
+def release(root: str, version: str, cohort: str | None, output: Path, archive: ArchiveFormat | None) -> None:
+    """Release the verified crashes as a version of the benchmark: packages, index, datasheet, checksums.
+
+    An interrupted release goes on where it stopped. A finished one is never changed: other content needs another
+    version.
+    """
+    from trace_dag.benchmark.export import verified_keys
+    from trace_dag.benchmark.release import build_release, check_version
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.warehouse.build import build_warehouse
+
+    check_version(version)
+    workspace, complaints = Workspace.open(root), Complaints()
+    verified_keys(workspace, cohort, complain=complaints.hear)  # says so if there is none to release
+    built = build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    with progress_told("pages, then packages") as tell:
+        made = build_release(
+            replace(workspace, page_listener=tell),
+            version,
+            output,
+            cohort=cohort,
+            archive=archive,
+            unknown=built.incomplete_crashes,
+            complain=complaints.hear,
+        )
+    if made.missing:
+        click.echo(f"{made.folder}  {made.packages} packages; not finished, {made.missing} crashes are missing:")
+        complaints.told()
+        click.echo("Mend them and release again; what is there is kept.")
+        sys.exit(1)
+    state = f"{made.written} files written" if made.written else "up to date"
+    click.echo(f"{made.folder}  {made.packages} packages, {state}")
+    click.echo("Where to look:")
+    click.echo(f"  {made.folder}/README.md  what it is")
+    click.echo(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")
+    click.echo(f"  {made.folder}/index.parquet  a row per package; index.json the same")
+    if made.archive:
+        click.echo(f"  {made.archive}  {made.archive.stat().st_size // 1_000_000} MB, all of it in one file")
+    sys.exit(complaints.told())

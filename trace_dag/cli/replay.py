@@ -1,0 +1,64 @@
+"""A crash to watch: ``replay``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from trace_dag.cli.options import examples
+
+if TYPE_CHECKING:
+    pass
+from trace_dag.cli.cohorts_compared import workspace_of
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag replay 2023-510179",
+        "trace-dag replay 2023-510179 --agent idm --ego struck --format webp",
+    )
+)
+@click.argument("key")
+@click.option(
+    "--format",
+    "replay_format",
+    type=click.Choice(["html", "webp", "gif", "mp4"]),
+    default="html",
+    show_default=True,
+    help="A page with a time slider, an animated picture, or a video (the extra mp4).",
+)
+@click.option("--agent", metavar="NAME", help="With an agent at one of the wheels: a name, or module:Class.")
+@click.option(
+    "--ego",
+    type=click.Choice(["first", "second", "striking", "struck"]),
+    default="first",
+    show_default=True,
+    help="Whose place the agent takes.",
+)
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
+@click.pass_obj
+def replay(
+    root: str,
+    key: str,
+    replay_format: Literal["html", "gif", "webp", "mp4"],
+    agent: str | None,
+    ego: str,
+    output: Path | None,
+) -> None:
+    """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
+    from trace_dag.studies.cases import AgentRole
+    from trace_dag.studies.replays import replay as made_of
+    from trace_dag.studies.replays import replay_with
+
+    workspace = workspace_of(root)
+    if agent is None:
+        content = made_of(workspace, key, replay_format)
+    else:
+        sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
+        content = replay_with(workspace, key, agent, AgentRole(ego), replay_format)
+    target = output or Path(f"replay-{key}.{replay_format}")
+    target.write_bytes(content)
+    click.echo(f"{target}  {len(content) // 1024} kB")

@@ -1,0 +1,56 @@
+"""Running crashes again: ``rerun``."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, stage_option
+from trace_dag.errors import Reason, UserError
+from trace_dag.stage import Stage
+
+if TYPE_CHECKING:
+    pass
+from trace_dag.cli.carry_out import carry_out
+
+
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag rerun --failed",
+        "trace-dag rerun --rejected crash_off_road --cohort virginia",
+    ),
+)
+@click.option("--failed", is_flag=True, help="The crashes that failed, from the stage that broke.")
+@click.option("--rejected", type=click.Choice([reason.value for reason in Reason]), help="Those rejected for a reason.")
+@stage_option("--from", "first", help="Every crash that got there, from this stage on.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@executor_options
+@click.pass_obj
+def rerun(
+    root: str,
+    failed: bool,
+    rejected: str | None,
+    first: Stage | None,
+    cohort: str | None,
+    only: tuple[str, ...],
+    executor: str | None,
+    workers: int | None,
+) -> None:
+    """Run again exactly the crashes and stages asked for, unchanged or not."""
+    if failed + (rejected is not None) + (first is not None) != 1:
+        raise UserError("rerun: say what to run again with one of --failed, --rejected REASON, --from STAGE")
+    settings = {"execution": execution_overrides(executor, workers)}
+    from trace_dag.flow.selection import select_again
+
+    reason = Reason(rejected) if rejected else None
+    sys.exit(
+        carry_out(
+            root,
+            settings,
+            lambda workspace: select_again(workspace, cohort, only, failed=failed, reason=reason, first=first),
+        )
+    )

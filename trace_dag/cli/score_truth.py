@@ -1,0 +1,78 @@
+"""Estimates against the truth of the bundled sample: ``score-truth``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.sample import sample_folder
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.stage import Stage
+
+
+@click.command(
+    "score-truth",
+    epilog=examples(
+        "trace-dag --root demo score-truth",
+    ),
+)
+@click.option("--json", "as_json", is_flag=True, help="Every vehicle of every crash, as JSON.")
+@click.pass_obj
+def score_truth(root: str, as_json: bool) -> None:
+    """Compare the estimates of the bundled sample with the truth it was made from."""
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.flow.contract import read_artefact
+    from trace_dag.flow.records import read_records
+    from trace_dag.flow.standing import standing, valid_records
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.states.json_io import estimate_from_json
+    from trace_dag.studies.truth import load_truth
+    from trace_dag.studies.truth import score_truth as score
+    from trace_dag.verdict.json_io import verdict_from_json
+
+    truth = load_truth(sample_folder() / "truth.json")
+    storage = Workspace.open(root).storage
+    complaints = Complaints()
+    records = read_records(storage, truth.by_key, complain=complaints.hear)
+    if not any(records.values()):
+        raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
+    estimates, hypotheses, outcomes = {}, {}, {}
+    for key, of_crash in records.items():
+        valid, stand = valid_records(of_crash), standing(key, of_crash)
+        outcomes[key] = (stand.final_state.value, stand.reason.value if stand.reason else None)
+        try:
+            if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json")):
+                estimate = estimate_from_json(read_artefact(storage, record, file))
+                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json")):
+                    hypotheses[key] = verdict_from_json(read_artefact(storage, record, file)).hypothesis
+                estimates[key] = estimate
+        except DamagedFile as damaged:
+            complaints.hear(damaged)
+    result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
+    if as_json:
+        write_json(
+            {
+                "summary": asdict(result.summary),
+                "vehicles": [asdict(row) for row in result.rows],
+                "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
+            }
+        )
+        sys.exit(complaints.told())
+    rows: list[tuple[str, Any]] = [(name.replace("_", " "), value) for name, value in asdict(result.summary).items()]
+    print_table(["estimates against the truth", ""], rows)
+    unexpected = [row for row in result.outcomes if not row.as_expected]
+    if unexpected:
+        click.echo()
+        print_table(
+            ["crash", "what it is", "expected", "reason", "found", "reason found"],
+            [
+                (row.key, row.title, row.expected_state, row.expected_reason, row.state, row.reason)
+                for row in unexpected
+            ],
+        )
+    sys.exit(complaints.told())

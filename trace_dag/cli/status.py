@@ -1,0 +1,69 @@
+"""Where things stand: ``status``."""
+
+from __future__ import annotations
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import one_line, print_standings, print_table, write_json
+
+_FAILED_SHOWN = 20
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag status",
+        "trace-dag status --cohort virginia --json",
+    )
+)
+@click.option("--json", "as_json", is_flag=True, help="Everything, each crash included, as JSON.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.pass_obj
+def status(root: str, as_json: bool, cohort: str | None) -> None:
+    """Show the funnel and where each crash stands, from what is stored."""
+    from trace_dag.cohorts.registry import Registry
+    from trace_dag.flow.records import read_records
+    from trace_dag.flow.standing import FinalState, funnel, standings
+    from trace_dag.storage import Storage
+
+    storage = Storage.open(root)
+    registry = Registry(storage)
+    keys = registry.keys(cohort)
+    crashes = standings(read_records(storage, keys))
+    if as_json:
+        cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
+        write_json(
+            {
+                "root": storage.root,
+                "final_states": {
+                    state.value: sum(crash.final_state is state for crash in crashes.values()) for state in FinalState
+                },
+                "funnel": [
+                    {"step": step.step, "crashes": step.crashes, "published": step.published}
+                    for step in funnel(crashes.values())
+                ],
+                "crashes": {
+                    key: {
+                        "cohort": cohorts[key],
+                        "final_state": crash.final_state.value,
+                        "stage_reached": crash.stage_reached.value if crash.stage_reached else None,
+                        "reason": crash.reason.value if crash.reason else None,
+                        "detail": crash.detail,
+                    }
+                    for key, crash in crashes.items()
+                },
+            }
+        )
+        return
+    click.echo(f"Storage root {storage.root}")
+    print_standings(crashes)
+    failed = [crash for crash in crashes.values() if crash.final_state is FinalState.FAILED]
+    if failed:
+        click.echo()
+        print_table(
+            ["failed", "in", "what happened"],
+            [(crash.key, crash.stage_reached, one_line(crash.detail, 200)) for crash in failed[:_FAILED_SHOWN]],
+        )
+        if len(failed) > _FAILED_SHOWN:
+            click.echo(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")
+        click.echo("trace-dag rerun --failed runs them again.")

@@ -1,0 +1,51 @@
+"""The Dagster UI on a storage root: ``ui``."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.errors import UserError
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag ui",
+        "trace-dag --root virginia ui --port 3001",
+    )
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", default=3000, show_default=True, help="Port to listen on.")
+@click.pass_obj
+def ui(root: str, host: str, port: int) -> None:
+    """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there."""
+    from trace_dag.assets.partitions import add_partitions
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.launch import open_instance
+
+    _refuse_port_in_use(host, port)
+    workspace = Workspace.open(root)
+    with open_instance(workspace) as instance:
+        add_partitions(instance, workspace.registry.keys())
+    click.echo(f"Dagster UI on http://{host}:{port} for {workspace.root} (Ctrl-C ends it)")
+    os.chdir(workspace.dagster_home)
+    os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
+    command = [sys.executable, "-m", "dagster", "dev", "-m", "trace_dag.definitions", "-h", host, "-p", str(port)]
+    command += ["--log-level", "warning"]
+    # In place of this process, so that a signal sent to it reaches the servers.
+    os.execv(sys.executable, command)  # noqa: S606 - our own interpreter
+
+
+def _refuse_port_in_use(host: str, port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise UserError(
+                f"ui: cannot listen on {host}:{port} ({error.strerror}); choose another with --port"
+            ) from error

@@ -1,0 +1,111 @@
+"""Families of crashes for tests: ``vary``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_of
+
+
+@click.command(
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag vary --count 20",
+        "trace-dag vary --only 2023-510179 --speed 0.1 --collisions-only --output families/",
+    ),
+)
+@click.option("--count", type=click.IntRange(1, 999), default=10, show_default=True, help="Variations of each crash.")
+@click.option("--seed", default=1, show_default=True, help="The same crash, seed and bounds give the same variations.")
+@click.option("--cohort", help="Only crashes of this cohort.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@click.option("--speed", "speed_rel", default=0.15, show_default=True, help="Speeds, share more or less.")
+@click.option("--timing", "timing_s", default=0.4, show_default=True, help="Earlier or later, s.")
+@click.option("--lateral", "lateral_m", default=0.4, show_default=True, help="To the left or right, m.")
+@click.option(
+    "--friction", "friction_low", default=0.6, show_default=True, help="Least friction, share of the crash's."
+)
+@click.option("--reaction", "reaction_s", default=1.2, show_default=True, help="Longest braking before the impact, s.")
+@click.option("--collisions-only", is_flag=True, help="Keep no near misses.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Write a package of each there, too.")
+@click.option("--json", "as_json", is_flag=True, help="What came of each crash, as JSON.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
+@click.pass_obj
+def vary(
+    root: str,
+    count: int,
+    seed: int,
+    cohort: str | None,
+    only: tuple[str, ...],
+    speed_rel: float,
+    timing_s: float,
+    lateral_m: float,
+    friction_low: float,
+    reaction_s: float,
+    collisions_only: bool,
+    output: Path | None,
+    as_json: bool,
+    workers: int | None,
+) -> None:
+    """Make a family of each verified crash: perturbed, simulated, kept if it is drivable and still a conflict.
+
+    A variation is kept if the two still collide within 15 m of where they did, or miss each other by a metre at most,
+    and all stay on the road. trace-dag evaluate --variations drives in them. They enter the warehouse as table
+    variations.
+    """
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.errors import Failure, UserError
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.scenario.package import zip_files
+    from trace_dag.studies.cases import stored_variations, verified_cases
+    from trace_dag.studies.stored_variations import FamilyRequest
+    from trace_dag.studies.variations import make_families, package_of
+    from trace_dag.variations.family import Criteria
+    from trace_dag.variations.perturbation import Bounds
+    from trace_dag.warehouse.build import build_warehouse
+
+    if not (0 <= speed_rel < 1 and 0 < friction_low <= 1 and min(timing_s, lateral_m, reaction_s) >= 0):
+        raise UserError("--speed is from 0 to 1, --friction above 0 to 1, --timing, --lateral and --reaction 0 or more")
+    workspace = Workspace.open(root)
+    workspace = workspace.with_settings({"execution": {"workers": workers} if workers else {}})
+    complaints = Complaints()
+    cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
+    request = FamilyRequest(
+        count,
+        seed,
+        Bounds(speed_rel, timing_s, lateral_m, friction_low, reaction_s),
+        Criteria(near_miss_m=-1.0 if collisions_only else Criteria.near_miss_m),
+    )
+    with progress_of("families", len(cases)) as tell:
+        reports = make_families(workspace, cases, request, tell=lambda report: tell(report.key))
+    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    kept = sum(report.kept for report in reports)
+    if as_json:
+        write_json([asdict(report) for report in reports])
+    else:
+        near_misses = sum(report.near_misses for report in reports)
+        drawn = sum(report.drawn for report in reports)
+        print_table(
+            ["crashes", "variations", "collisions", "near misses", "drawn"],
+            [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+        )
+    for report in reports:
+        if report.error:
+            complaints.hear(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))
+    if output is not None and kept:
+        output.mkdir(parents=True, exist_ok=True)
+        stored = stored_variations(workspace, cases, complain=complaints.hear)
+        with progress_of("packages", len(stored)) as tell:
+            for case in stored:
+                try:
+                    archive = zip_files(package_of(workspace, case), folder=case.case_id)
+                    (output / f"{case.case_id}.zip").write_bytes(archive)
+                except Failure as failure:
+                    complaints.hear(failure)
+                tell(case.case_id)
+    sys.exit(complaints.told())

@@ -1,0 +1,142 @@
+"""Whether storage, Dagster and the warehouse agree: ``verify``."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import one_line, print_table, write_json
+from trace_dag.cli.progress import progress_told
+
+if TYPE_CHECKING:
+    from trace_dag.flow.verify import Disagreement, StorageReport
+    from trace_dag.flow.workspace import Workspace
+
+_SHOWN = 50
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag verify",
+        "trace-dag verify --contents --repair",
+    )
+)
+@click.option("--repair", is_flag=True, help="Mend what can be, then look again.")
+@click.option("--contents", is_flag=True, help="Read every file and compare its SHA-256, not only its size.")
+@click.option("--json", "as_json", is_flag=True, help="Every disagreement, as JSON.")
+@click.pass_obj
+def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
+    """Prove that the stored files, Dagster's records and the warehouse agree, or list where they do not.
+
+    Run it while no other command works on the root: what is being written looks like a disagreement. Exit code 0 if
+    everything agrees, 1 if something does not (with --repair: if something is left, such as stages to be run again).
+    """
+    from trace_dag.assets.verify import repair_dagster
+    from trace_dag.benchmark.verify import repair_benchmark
+    from trace_dag.flow.verify import DisagreementKind, repair_storage
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.launch import open_instance, summarise
+    from trace_dag.storage import Storage
+
+    storage, workspace = Storage.open(root), Workspace.open(root)
+    with open_instance(workspace) as instance:
+        report, found = _look(storage, workspace, instance, contents)
+        before = found
+        if repair and found:
+            repair_storage(storage, report)
+            repair_benchmark(storage, found)
+            report, found = _look(storage, workspace, instance)
+            with progress_told("records in Dagster") as tell:
+                repair_dagster(instance, storage, report.records, found, tell)
+            made_together = (
+                DisagreementKind.WAREHOUSE,
+                DisagreementKind.DAMAGED_PAGE,
+                DisagreementKind.DAMAGED_RESULT,
+                DisagreementKind.UNLISTED_FILE,
+            )
+            if any(each.kind in made_together for each in (*before, *found)):
+                for error in summarise(workspace, instance).errors:
+                    click.echo(f"failed: {one_line(error, 500)}", err=True)
+            report, found = _look(storage, workspace, instance)
+    left = set(found)
+    mended = [each for each in before if each not in left]
+    if as_json:
+        write_json({**_figures(report), "repaired": list(map(_row, mended)), "disagreements": list(map(_row, found))})
+    else:
+        _print("repaired", mended)
+        _print("disagreement", found)
+        click.echo(_summary(report, found, repair))
+    sys.exit(1 if found else 0)
+
+
+def _look(
+    storage: Any, workspace: Workspace, instance: Any, contents: bool = False
+) -> tuple[StorageReport, list[Disagreement]]:
+    from trace_dag.assets.verify import verify_dagster
+    from trace_dag.benchmark.verify import verify_benchmark
+    from trace_dag.flow.verify import verify_storage
+    from trace_dag.warehouse.verify import verify_warehouse
+
+    with progress_told("artefacts") as tell:
+        report = verify_storage(storage, workspace.local_folder, contents=contents, progress=tell)
+    found = [
+        *report.disagreements,
+        *verify_benchmark(storage, contents=contents),
+        *verify_dagster(instance, report.records),
+        *verify_warehouse(workspace.warehouse, report.records),
+    ]
+    return report, found
+
+
+def _figures(report: StorageReport) -> dict[str, int]:
+    return {
+        "crashes": len(report.records),
+        "records": sum(map(len, report.records.values())),
+        "files": report.files,
+        "interrupted": report.interrupted,
+        "unregistered": report.unregistered,
+    }
+
+
+def _row(each: Disagreement) -> dict[str, str | None]:
+    return {
+        "disagreement": each.kind.title,
+        "key": each.key,
+        "stage": each.stage.value if each.stage else None,
+        "file": each.file,
+        "detail": each.detail,
+        "remedy": each.kind.remedy,
+    }
+
+
+def _print(title: str, rows: Sequence[Disagreement]) -> None:
+    if not rows:
+        return
+    print_table(
+        [title, "crash", "stage", "what", "remedy"],
+        [(each.kind.title, each.key, each.stage, each.detail, each.kind.remedy) for each in rows[:_SHOWN]],
+    )
+    if len(rows) > _SHOWN:
+        click.echo(f"... and {len(rows) - _SHOWN} more (--json lists all)")
+    click.echo()
+
+
+def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool) -> str:
+    figures = _figures(report)
+    lines = [f"{figures['crashes']} crashes, {figures['records']} stage outcomes, {figures['files']} files"]
+    if figures["interrupted"]:
+        lines.append(f"{figures['interrupted']} stages were interrupted; trace-dag run finishes them")
+    if figures["unregistered"]:
+        lines.append(f"{figures['unregistered']} crashes are kept that are registered no more")
+    if found:
+        counts = Counter(each.kind.title for each in found)
+        named = ", ".join(f"{count} {title}" for title, count in counts.most_common())
+        lines.append(f"{len(found)} disagreements: {named}" + ("" if repaired else "; --repair mends what can be"))
+    else:
+        lines.append("storage, Dagster and the warehouse agree")
+    return ": ".join((lines[0], "; ".join(lines[1:])))

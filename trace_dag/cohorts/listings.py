@@ -1,0 +1,81 @@
+"""What the reports of crashes that have not been run say of them: enough to see which classes they would fill.
+
+A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.json`` by the report's digest;
+the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.cohorts.registry import ReportSource
+from trace_dag.crash.listing import CrashListing, list_report
+from trace_dag.errors import DamagedFile, Rejection
+from trace_dag.sealing import sealed, unsealed
+from trace_dag.storage import Storage
+
+log = logging.getLogger(__name__)
+
+_FILE = "listings.json"
+_TOLD_EVERY = 1000
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One report as it was seen: SHA-256 of its content, and its listing (None: it could not be read)."""
+
+    sha256: str
+    listing: CrashListing | None
+
+
+_CACHE = TypeAdapter(dict[str, _Seen])
+
+
+def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[str, CrashListing]:
+    """The listings of those of some crashes (by key) whose reports are at hand and can be read."""
+    before = _cached(storage)
+    seen: dict[str, _Seen] = {}
+    for number, (key, report) in enumerate(reports.items()):
+        if number and number % _TOLD_EVERY == 0:
+            log.info("%d of %d reports looked at", number, len(reports))
+        known = before.get(key)
+        if known is not None and report.sha256 and known.sha256 == report.sha256:
+            seen[key] = known
+        elif (data := _content(storage, report)) is not None:
+            seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key))
+    if seen != before:
+        storage.write(_FILE, sealed(_CACHE.dump_json(seen)))
+    return {key: each.listing for key, each in seen.items() if each.listing is not None}
+
+
+def _cached(storage: Storage) -> dict[str, _Seen]:
+    try:
+        return _CACHE.validate_json(unsealed(storage.read(_FILE), name=_FILE))
+    except (FileNotFoundError, DamagedFile, ValidationError):  # none yet, or of another version
+        return {}
+
+
+def _content(storage: Storage, report: ReportSource) -> bytes | None:
+    try:
+        match report.kind:
+            case "file":
+                return Path(report.location).read_bytes()
+            case "stored":
+                return storage.read(report.location)
+            case "crashapi":
+                return None
+    except OSError:  # gone since it was registered: running the crash will say so
+        return None
+
+
+def _listing(data: bytes, key: str) -> CrashListing | None:
+    try:
+        return list_report(data, name=key)
+    except Rejection:
+        return None

@@ -1,0 +1,232 @@
+"""Which crashes there are: cohorts, each with its reports and its maps.
+
+One file per cohort, ``ROOT/cohorts/<name>.json``. A crash belongs to the cohort that registered it first, so that
+every crash is counted once. Registering again is harmless: what is known stays, what is new is added, a report that
+changed is noted as changed. Does not belong here: reading reports or maps.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
+
+from trace_dag.cohorts.choice import Choice
+from trace_dag.crash.keys import parse_key
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.provenance import combined_digest, now
+from trace_dag.sealing import sealed, unsealed
+from trace_dag.storage import Storage
+
+_FOLDER = "cohorts"
+_REMEDY = "put it back from a copy, or delete it and ingest the cohort again"
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+
+MapServiceName: TypeAlias = Literal["overpass", "osm-api"]
+"""A public service that maps can come from where no file covers a crash."""
+
+
+@dataclass(frozen=True)
+class ReportSource:
+    """Where a crash's report comes from.
+
+    ``file``: ``location`` is a path. ``stored``: a name below the storage root. ``crashapi``: the service, asked for
+    this crash (``location`` is empty). ``sha256`` of the content where it is known beforehand.
+    """
+
+    kind: Literal["file", "stored", "crashapi"]
+    location: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class RegisteredMap:
+    """A file of OSM data: a path, or a name below the storage root if ``stored``."""
+
+    location: str
+    sha256: str
+    size: int
+    stored: bool = False
+
+
+@dataclass(frozen=True)
+class CrashSource:
+    """Everything outside the storage's stages that a crash is made from."""
+
+    cohort: str
+    report: ReportSource
+    maps: tuple[RegisteredMap, ...] = ()
+    map_service: MapServiceName | None = None
+
+    @property
+    def maps_digest(self) -> str:
+        """One SHA-256 for all map files and the service beside them."""
+        files = {file.sha256: Path(file.location).name for file in self.maps}
+        return combined_digest(files | ({"service": self.map_service} if self.map_service else {}))
+
+
+@dataclass(frozen=True)
+class Cohort:
+    """A named set of crashes that share their maps. Reports by key.
+
+    ``map_service`` is asked where no map file covers a crash. ``origins`` says, once for each time the cohort grew,
+    where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it, and
+    so do crashes of the ``followed`` choices that the CrashAPI releases later.
+    """
+
+    name: str
+    created_at: str
+    reports: dict[str, ReportSource] = field(default_factory=dict)
+    maps: tuple[RegisteredMap, ...] = ()
+    map_service: MapServiceName | None = None
+    origins: tuple[str, ...] = ()
+    watched: tuple[str, ...] = ()
+    followed: tuple[Choice, ...] = ()
+
+    @property
+    def keys(self) -> list[str]:
+        """The crashes, in order."""
+        return in_order(self.reports)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What registering did: keys by what became of them."""
+
+    added: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()
+    elsewhere: Mapping[str, str] = field(default_factory=dict)  # key -> the cohort it belongs to
+    maps_added: int = 0
+
+
+_COHORTS = TypeAdapter(Cohort)
+
+
+def in_order(keys: Iterable[str]) -> list[str]:
+    """Keys by year, then by state case as a number, each once: the order in which they are registered."""
+    return sorted(set(keys), key=parse_key)
+
+
+class Registry:
+    """The cohorts of one storage root."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+
+    def cohorts(self) -> dict[str, Cohort]:
+        """All cohorts by name; :class:`DamagedFile` for one that is not as it was written."""
+        names = [name for name in self._storage.list(_FOLDER) if name.endswith(".json")]
+        found = {}
+        for name, data in sorted(self._storage.read_many(names).items()):
+            try:
+                cohort = _COHORTS.validate_json(unsealed(data, name=name))
+            except ValidationError as error:
+                raise DamagedFile(name, f"not a cohort file ({error.errors()[0]['msg']})", _REMEDY) from error
+            except DamagedFile as damaged:
+                raise damaged.mended_by(f"{_REMEDY}; if you changed it yourself, delete its field sha256") from damaged
+            found[cohort.name] = cohort
+        return found
+
+    def cohort(self, name: str) -> Cohort:
+        """One cohort; :class:`UserError` if it is not there."""
+        cohorts = self.cohorts()
+        if name not in cohorts:
+            raise UserError(f"cohort {name!r} is not registered; there is {', '.join(cohorts) or 'none yet'}")
+        return cohorts[name]
+
+    def keys(self, cohort: str | None = None) -> list[str]:
+        """The crashes of one cohort or of all, in order; :class:`UserError` for a cohort that is not there."""
+        if cohort is not None:
+            return self.cohort(cohort).keys
+        return in_order(key for each in self.cohorts().values() for key in each.reports)
+
+    def sources(self, keys: Iterable[str]) -> dict[str, CrashSource]:
+        """Where some crashes come from; :class:`UserError` for a key that is not registered."""
+        cohorts = self.cohorts().values()
+        found = {}
+        for key in keys:
+            parse_key(key)
+            for cohort in cohorts:
+                if key in cohort.reports:
+                    found[key] = CrashSource(cohort.name, cohort.reports[key], cohort.maps, cohort.map_service)
+                    break
+            else:
+                raise UserError(f"crash {key} is not registered in {self._storage.root}; see trace-dag ingest")
+        return found
+
+    def register(
+        self,
+        cohort: str,
+        reports: Mapping[str, ReportSource],
+        maps: Iterable[RegisteredMap] = (),
+        *,
+        map_service: MapServiceName | None = None,
+        origin: str = "",
+        watched: Iterable[str] = (),
+        followed: Iterable[Choice] = (),
+    ) -> Registration:
+        """Add reports and maps to a cohort, which is made if need be.
+
+        ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes.
+        """
+        if not _NAME.fullmatch(cohort):
+            raise UserError(f"cohort name {cohort!r}: letters, digits, '-' and '_' only, 64 at most")
+        cohorts = self.cohorts()
+        before = cohorts.pop(cohort, None) or Cohort(cohort, now())
+        elsewhere = {key: other.name for other in cohorts.values() for key in reports if key in other.reports}
+        added, changed, known = [], [], []
+        for key in in_order(reports):
+            if key in elsewhere:
+                continue
+            if key not in before.reports:
+                added.append(key)
+            elif before.reports[key] != reports[key]:
+                changed.append(key)
+            else:
+                known.append(key)
+        new = {key: reports[key] for key in (*added, *changed)}
+        merged = {file.location: file for file in before.maps} | {file.location: file for file in maps}
+        after = replace(
+            before,
+            reports={key: new.get(key) or before.reports[key] for key in in_order((*before.reports, *added))},
+            maps=tuple(merged[location] for location in sorted(merged)),
+            map_service=map_service or before.map_service,
+            origins=(*before.origins, origin) if origin and added else before.origins,
+            watched=tuple(sorted({*before.watched, *watched})),
+            followed=tuple(dict.fromkeys((*before.followed, *followed))),
+        )
+        if after != before or not before.reports:
+            self._storage.write(f"{_FOLDER}/{cohort}.json", sealed(_COHORTS.dump_json(after, indent=1)))
+        return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
+
+    def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
+        """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
+
+        What was made of them stays in storage. Raises :class:`UserError` for a cohort or a crash that is not there.
+        """
+        before = self.cohort(cohort)
+        for key in only:
+            if key not in before.reports:
+                raise UserError(f"crash {key} is not in cohort {cohort}")
+        name = f"{_FOLDER}/{cohort}.json"
+        if not only:
+            self._storage.delete(name)
+            return tuple(before.keys)
+        left = {key: report for key, report in before.reports.items() if key not in only}
+        self._storage.write(name, sealed(_COHORTS.dump_json(replace(before, reports=left), indent=1)))
+        return tuple(in_order(only))
+
+
+def map_file(path: Path) -> RegisteredMap:
+    """A local map file with its digest."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return RegisteredMap(str(path.absolute()), digest.hexdigest(), path.stat().st_size)

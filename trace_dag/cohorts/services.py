@@ -1,0 +1,109 @@
+"""The world outside as the stages and the registration of crashes use it: settings turned into clients.
+
+One client per service, process and settings. All processes of a machine keep one rate, and answers are kept below the
+storage root (beside it where the root is an object store), so that no crash is asked for twice. Clients are loaded when
+they are first asked for.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trace_dag.cohorts.registry import MapServiceName, RegisteredMap
+from trace_dag.errors import Failure
+from trace_dag.settings import ServiceSettings, StateSettings
+from trace_dag.storage import Storage, StoredFile
+
+if TYPE_CHECKING:
+    from trace_dag.crash.crashapi import CrashApiClient
+    from trace_dag.http import HttpClient
+    from trace_dag.osm.services import MapSource
+    from trace_dag.states.llm.client import LlmClient
+
+CACHE_FOLDER = "cache"
+
+
+@dataclass(frozen=True)
+class Services:
+    """What a stage may ask of the world outside, in a run ("" where crashes are only looked at).
+
+    None of it changes what comes out: how it is stored and fetched is in no fingerprint.
+    """
+
+    storage: Storage
+    settings: ServiceSettings
+    run_id: str = ""
+
+    def crash_api(self) -> CrashApiClient:
+        """The CrashAPI."""
+        return crash_api(self.settings, self.storage)
+
+    def map_source(self, name: MapServiceName) -> MapSource:
+        """A service that maps come from."""
+        return _map_source(name, self.settings, self.storage)
+
+    def map_file(self, file: RegisteredMap) -> Path:
+        """A map file where it can be read from disk; one kept in storage is fetched once per machine."""
+        if not file.stored:
+            path = Path(file.location)
+            if not path.is_file():
+                raise Failure(f"{path}: the map file is no longer there; put it back or ingest the maps again")
+            return path
+        cache = Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}"
+        copy = cache / file.location
+        if not copy.is_file() or copy.stat().st_size != file.size:
+            Storage(cache).write(
+                file.location, self.storage.read_whole(StoredFile(file.location, file.size, file.sha256))
+            )
+        return copy
+
+    def language_model(self, settings: StateSettings) -> LlmClient:
+        """The model the settings name; its answers, budget and rate are in storage, where all workers find them."""
+        return _language_model(settings, self.storage, self.run_id or "run")
+
+
+@lru_cache(maxsize=8)
+def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> CrashApiClient:
+    """The CrashAPI. With ``refresh``, what it answered before is asked for again."""
+    from trace_dag.crash.crashapi import BASE_URL, CrashApiClient
+
+    http = _http("crashapi", settings, storage, refresh=refresh)
+    return CrashApiClient(http, (settings.crashapi_url or BASE_URL).rstrip("/"))
+
+
+@lru_cache(maxsize=8)
+def _map_source(name: MapServiceName, settings: ServiceSettings, storage: Storage) -> MapSource:
+    from trace_dag.osm.services import OSM_API, OVERPASS_ENDPOINTS, OsmApiSource, OverpassSource
+
+    http = _http(name, settings, storage)
+    if name == "overpass":
+        return OverpassSource(http, settings.overpass_urls or OVERPASS_ENDPOINTS)
+    return OsmApiSource(http, (settings.osm_api_url or OSM_API).rstrip("/"))
+
+
+@lru_cache(maxsize=1)
+def _language_model(settings: StateSettings, storage: Storage, ledger: str) -> LlmClient:
+    from trace_dag.states.estimate import llm_client
+
+    return llm_client(settings, files=storage, ledger=ledger)
+
+
+def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> HttpClient:
+    from trace_dag.http import HttpClient, HttpPolicy
+
+    base = Path(settings.cache_dir).expanduser() if settings.cache_dir else storage.local_folder / CACHE_FOLDER
+    folder = base / service
+    policy = HttpPolicy(
+        timeout_s=settings.timeout_s,
+        attempts=settings.attempts,
+        first_wait_s=settings.first_wait_s,
+        requests_per_s=settings.requests_per_s,
+        cache_only=settings.cache_only,
+        refresh=refresh,
+    )
+    return HttpClient(policy, folder, turns=folder / "turns")

@@ -1,0 +1,72 @@
+"""The stored artefacts of a crash, each with the files it consists of and what reads them.
+
+``crash.load(RECORD)`` is the crash record of a crash, for stages and for everything else that works on what is stored.
+A stage function is given an artefact by naming a parameter after it: ``record``, ``road_map``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+
+from trace_dag.stage import Stage
+
+if TYPE_CHECKING:
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.osm.types import OsmExtract
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapReport
+    from trace_dag.sim.types import SimulationLog
+    from trace_dag.states.types import StateEstimate
+    from trace_dag.verdict.types import Verdict
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Artefact(Generic[T]):
+    """An artefact of a stage. ``reader`` (``module:function``) is given the bytes of each of its files.
+
+    Without a reader it is the bytes themselves. A ``named`` reader is told the file's name too, for its messages.
+    """
+
+    stage: Stage
+    extensions: tuple[str, ...]
+    reader: str = ""
+    named: bool = False
+
+
+REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))
+RECORD: Final[Artefact[CrashRecord]] = Artefact(
+    Stage.CRASH_RECORD, ("parquet",), "trace_dag.crash.tables:record_from_parquet"
+)
+OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm",))
+EXTRACT: Final[Artefact[OsmExtract]] = Artefact(Stage.OSM_EXTRACT, ("osm",), "trace_dag.osm.xml:read_osm", named=True)
+XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr",))
+ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
+    Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
+)
+MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
+    Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
+)
+ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
+    Stage.STATE_ESTIMATE, ("json",), "trace_dag.states.json_io:estimate_from_json"
+)
+LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
+    Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"
+)
+VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
+VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))
+
+ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
+    "report_xml": REPORT_XML,
+    "record": RECORD,
+    "extract": EXTRACT,
+    "xodr": XODR,
+    "road_map": ROAD_MAP,
+    "map_report": MAP_REPORT,
+    "estimate": ESTIMATE,
+    "logs": LOGS,
+}
+"""The artefacts that stages are made from, by the name of the parameter that asks for them."""

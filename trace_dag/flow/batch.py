@@ -1,0 +1,241 @@
+"""A batch: some stages for many crashes, through an executor, one event per crash and stage.
+
+Belongs here: what is left to do for each crash, cutting the rest into chunks, putting the answers together. The same
+for every executor, and the only place that talks to one. Does not belong here: the work on a crash
+(:mod:`trace_dag.flow.worker`) and telling Dagster about it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from trace_dag.code_versions import referred
+from trace_dag.cohorts.registry import CrashSource
+from trace_dag.errors import Failure
+from trace_dag.flow.contract import CrashFiles, StageDefinition
+from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
+from trace_dag.flow.records import Records, intact, read_records, write_index, write_record
+from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, StageEvent, Work, is_current, provenance_of
+from trace_dag.flow.worker import work_on_chunk
+from trace_dag.flow.workspace import Workspace
+from trace_dag.provenance import Outcome, now
+from trace_dag.stage import Stage
+
+log = logging.getLogger(__name__)
+
+_CHUNKS_PER_WORKER = 4  # at least, so that the last chunk of a batch keeps nobody waiting long
+
+
+@dataclass
+class _Crash:
+    """A crash under way in the parent."""
+
+    key: str
+    source: CrashSource
+    records: Records
+    open: bool = True  # goes on to the next stage
+
+
+def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) -> Work:
+    """What the workers of a run need to know."""
+    flow = workspace.flow
+    return Work(workspace.storage, workspace.settings, flow, run_id, Work.code_versions(flow), frozenset(force))
+
+
+def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
+    """For each crash that is not up to date, the first stage that would have to run."""
+    work, sources = work_of(workspace, ""), workspace.registry.sources(keys)
+    records = read_records(workspace.storage, keys)
+    whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
+    stale = {}
+    for key in keys:
+        for definition in workspace.flow.stages:
+            record = records[key].get(definition.stage)
+            if not is_current(record, provenance_of(definition, work, sources[key], records[key]), whole):
+                stale[key] = definition.stage
+                break
+            if record is not None and record.outcome is Outcome.REJECTED:
+                break
+    return stale
+
+
+def check_requirements(workspace: Workspace, stages: Collection[Stage]) -> None:
+    """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
+
+    Workers of a cluster have an installation of their own, about which nothing is known here.
+    """
+    if workspace.settings.execution.executor == "dask":
+        return
+    for definition in workspace.flow.stages:
+        if definition.stage in stages and definition.requires is not None:
+            referred(definition.requires)(workspace.settings)
+
+
+def run_stages(
+    workspace: Workspace,
+    keys: Sequence[str],
+    stages: Collection[Stage] = tuple(Stage),
+    *,
+    run_id: str,
+    force: Collection[Stage] = (),
+) -> Iterator[StageEvent]:
+    """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
+
+    What is current is not run again unless its stage is in ``force``. A crash that fails never keeps another from
+    going on. Events of one crash come in the order of the stages.
+    """
+    check_requirements(workspace, stages)
+    with workspace.executing() as executor:
+        work = _shared_out(work_of(workspace, run_id, force), executor.machines)
+        yield from _Batch(work, executor, stages).run(keys, workspace.registry.sources(keys))
+
+
+class _Batch:
+    def __init__(self, work: Work, executor: Executor, stages: Collection[Stage]) -> None:
+        self.work = work
+        self.executor = executor
+        self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
+
+    def run(self, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> Iterator[StageEvent]:
+        for stage in self.stages:
+            self.work.storage.remove_leftovers(stage)
+        records = read_records(self.work.storage, keys)
+        whole = intact(self.work.storage, [record for each in records.values() for record in each.values()])
+        crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        segments = self.work.flow.segments(self.stages)
+        for segment in segments:
+            waiting = []
+            for crash in crashes.values():
+                if not crash.open:
+                    continue
+                known = self._without_work(crash, segment, whole)
+                if known is None:
+                    waiting.append(crash)
+                else:
+                    yield from known
+            chunks = self._chunks(waiting, segment, last=segment is segments[-1])
+            for answer in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
+                if isinstance(answer.result, WorkerLost):
+                    events = [
+                        event for crash in answer.task.crashes for event in self._lost(crash, segment, answer.result)
+                    ]
+                else:
+                    events = answer.result
+                for event in events:
+                    crash = crashes[event.key]
+                    if event.record is not None:
+                        crash.records[event.stage] = event.record
+                    yield from self._with_later(crash, event)
+        recorded = [record for crash in crashes.values() for record in crash.records.values()]
+        run_id = self.work.run_id
+        write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
+
+    def _without_work(
+        self, crash: _Crash, segment: Sequence[StageDefinition], whole: Mapping[str, bool]
+    ) -> list[StageEvent] | None:
+        """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
+        events: list[StageEvent] = []
+        for definition in segment:
+            ended = self._ended_before(crash, definition.stage)
+            if ended is not None:
+                return events + self._with_later(crash, ended)
+            record = crash.records.get(definition.stage)
+            made_from = provenance_of(definition, self.work, crash.source, crash.records)
+            if definition.stage in self.work.force or not is_current(record, made_from, whole):
+                return None
+            event = StageEvent(crash.key, definition.stage, Action.UNCHANGED, record)
+            if record is not None and record.outcome is Outcome.REJECTED:
+                return events + self._with_later(crash, event)
+            events.append(event)
+        return events
+
+    def _ended_before(self, crash: _Crash, stage: Stage) -> StageEvent | None:
+        """Why a crash cannot reach a stage although this run has not ended it: an earlier stage not selected."""
+        for definition in self.work.flow.stages:
+            if definition.stage is stage:
+                return None
+            record = crash.records.get(definition.stage)
+            if record is not None and record.outcome is Outcome.ACCEPTED:
+                continue
+            rejected = record is not None and record.outcome is Outcome.REJECTED
+            return StageEvent(crash.key, stage, Action.NOT_REACHED if rejected else Action.BLOCKED, record)
+        return None
+
+    def _with_later(self, crash: _Crash, event: StageEvent) -> list[StageEvent]:
+        """An event, and if it ends the crash, those of all later selected stages."""
+        record = event.record
+        if record is not None and record.outcome is Outcome.ACCEPTED and event.action is not Action.BLOCKED:
+            return [event]
+        crash.open = False
+        action = Action.NOT_REACHED if record is not None and record.outcome is Outcome.REJECTED else Action.BLOCKED
+        later = self.stages[self.stages.index(event.stage) + 1 :]
+        return [event, *(StageEvent(crash.key, stage, action, record) for stage in later)]
+
+    def _chunks(self, crashes: Sequence[_Crash], segment: Sequence[StageDefinition], last: bool) -> list[Chunk]:
+        if not crashes:
+            return []
+        workers, tasks = self.executor.workers, {each.key: self._task(each) for each in crashes}
+        groups = self._groups(crashes, segment[0])
+        if not groups:
+            most = self.work.settings.execution.chunk_size
+            size = max(1, min(most, math.ceil(len(crashes) / (workers * _CHUNKS_PER_WORKER))))
+            keys = list(tasks)
+            groups = [keys[start : start + size] for start in range(0, len(keys), size)]
+        stages = tuple(definition.stage for definition in segment)
+        return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
+
+    def _groups(self, crashes: Sequence[_Crash], definition: StageDefinition) -> list[list[str]]:
+        """The groups a batch stage is best called with; none where it has no wish, or where finding them breaks."""
+        if definition.grouping is None:
+            return []
+        try:
+            return [list(group) for group in referred(definition.grouping)([self._files(each) for each in crashes])]
+        except Exception as error:
+            # What is broken breaks again in the stage itself, and is then the failure of the crashes it concerns.
+            told = not isinstance(error, Failure)
+            log.warning("%s: no groups (%s); going on without", definition.stage, error, exc_info=told)
+            return []
+
+    def _task(self, crash: _Crash) -> CrashTask:
+        return CrashTask(crash.key, crash.source, dict(crash.records))
+
+    def _files(self, crash: _Crash) -> CrashFiles:
+        files = CrashFiles(crash.key, crash.source, self.work.settings, self.work.storage)
+        for record in crash.records.values():
+            files.accept(record)
+        return files
+
+    def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: WorkerLost) -> list[StageEvent]:
+        """A crash whose worker died every time: a failure of the first stage it had not finished."""
+        records = read_records(self.work.storage, [task.key])[task.key]
+        events: list[StageEvent] = []
+        for stuck in segment:
+            record = records.get(stuck.stage)
+            if not is_current(record, provenance_of(stuck, self.work, task.source, records), {}):
+                break
+            events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
+            if record is not None and record.outcome is Outcome.REJECTED:
+                return events
+        else:
+            return events  # it died after the last record, drawing the picture
+        provenance = provenance_of(stuck, self.work, task.source, records)
+        detail = f"the worker process died in this stage, alone and twice over ({lost.detail})"
+        attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
+        record = replace(attempt.record(Outcome.FAILED), detail=detail).superseding(records.get(stuck.stage))
+        write_record(self.work.storage, record)
+        return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, record)]
+
+
+def _shared_out(work: Work, machines: int) -> Work:
+    """The work with each machine's part of the rate at which public services may be asked.
+
+    All processes of a machine keep one rate between them; machines know nothing of each other.
+    """
+    if machines == 1:
+        return work
+    services = work.settings.services
+    part = services.model_copy(update={"requests_per_s": services.requests_per_s / machines})
+    return replace(work, settings=work.settings.model_copy(update={"services": part}))

@@ -1,0 +1,259 @@
+"""What a flow is made of: stages, each a function of what it needs, and a crash's files as they see it.
+
+Belongs here: the contract between the runner and the stage functions. The functions of the seven real stages are in
+:mod:`trace_dag.flow.stages`; a test may hand the runner a flow of its own.
+
+A stage is a function that is given what its parameters ask for, by name:
+
+* an artefact of an earlier stage, such as ``record`` (:mod:`trace_dag.flow.artefacts`): its inputs;
+* ``report``, ``maps``, ``map_service``: where the report and the maps come from;
+* ``settings``: the section of the settings that its annotation names;
+* ``key``: the crash; ``services``: what may be asked of the world outside.
+
+It returns a :class:`StageProduct` and raises :class:`trace_dag.errors.Rejection` or :class:`trace_dag.errors.Failure`.
+A function that returns a ``Mapping`` makes its stage for several crashes at once, where that is cheaper: whatever
+belongs to one crash is given to it by key, and it answers every key, what breaks for one crash alone with the failure.
+
+All of it is read from the function's source, so that asking what a stage depends on loads nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
+
+from trace_dag.code_versions import CodeVersion, code_version, referred, signature_of
+from trace_dag.cohorts.registry import CrashSource
+from trace_dag.cohorts.services import Services
+from trace_dag.errors import DamagedFile, Rejection
+from trace_dag.flow.artefacts import ARTEFACTS, Artefact
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.provenance import OutcomeRecord, artefact_name
+from trace_dag.settings import Settings
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage, StoredFile
+
+T = TypeVar("T")
+_SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fields.items() if info.annotation}
+_SOURCES = {"report": "report", "maps": "maps", "map_service": "maps"}  # parameter: what it is of a crash's sources
+
+
+class DamagedArtefactError(DamagedFile):
+    """An artefact or a picture is not what its record says; the stage that made it has to run again."""
+
+    def __init__(self, key: str, stage: Stage, name: str, found: str) -> None:
+        super().__init__(name, found, f"trace-dag run --only {key} --from {stage} makes it again")
+        self.key = key
+        self.stage = stage
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (DamagedArtefactError, (self.key, self.stage, self.name, self.found))
+
+
+def read_artefact(storage: Storage, record: OutcomeRecord, file: StoredFile) -> bytes:
+    """One of the files a record lists. Raises :class:`DamagedArtefactError`."""
+    try:
+        return storage.read_whole(file)
+    except DamagedFile as damaged:
+        raise DamagedArtefactError(record.key, record.stage, file.name, damaged.found) from damaged
+
+
+class CrashFiles:
+    """One crash as a stage function sees it: its key, source, settings, and the artefacts of earlier stages.
+
+    ``run_id`` is the run it is worked on in, "" where it is only looked at. Artefacts are read from storage when first
+    asked for, checked against their record, and kept, parsed too, for the later stages of the same crash.
+    """
+
+    def __init__(
+        self, key: str, source: CrashSource, settings: Settings, storage: Storage, *, run_id: str = ""
+    ) -> None:
+        self.key = key
+        self.source = source
+        self.settings = settings
+        self.storage = storage
+        self.run_id = run_id
+        self._records: dict[Stage, OutcomeRecord] = {}
+        self._contents: dict[str, bytes] = {}
+        self._parsed: dict[str, Any] = {}
+
+    def accept(
+        self,
+        record: OutcomeRecord,
+        contents: Mapping[str, bytes] | None = None,
+        parsed: Mapping[str, object] | None = None,
+    ) -> None:
+        """Take over the outcome of a stage, with its artefacts by name, as bytes and parsed, where they are at hand."""
+        self._records[record.stage] = record
+        stale = f"{record.stage}/"
+        self._contents = {name: data for name, data in self._contents.items() if not name.startswith(stale)}
+        self._parsed = {name: value for name, value in self._parsed.items() if not name.startswith(stale)}
+        self._contents.update(contents or {})
+        self._parsed.update(parsed or {})
+
+    @property
+    def services(self) -> Services:
+        """What may be asked of the world outside for this crash."""
+        return Services(self.storage, self.settings.services, self.run_id)
+
+    def has(self, artefact: Artefact[Any]) -> bool:
+        """Whether there is such an artefact."""
+        record = self._records.get(artefact.stage)
+        return record is not None and all(record.artefact(extension) for extension in artefact.extensions)
+
+    def outcome(self, stage: Stage) -> OutcomeRecord | None:
+        """The outcome of an earlier stage, if it has one."""
+        return self._records.get(stage)
+
+    def figures(self, stage: Stage) -> Mapping[str, Figure]:
+        """The figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
+        return self._records[stage].figures
+
+    def load(self, artefact: Artefact[T]) -> T:
+        """An artefact as its reader reads it, read once per crash. Raises :class:`DamagedArtefactError`."""
+        contents = [self.read(artefact.stage, extension) for extension in artefact.extensions]
+        if not artefact.reader:
+            return contents[0]  # type: ignore[return-value] # an artefact without a reader is one of bytes
+        name = artefact_name(artefact.stage, self.key, artefact.extensions[0])
+        if name not in self._parsed:
+            named = {"name": name.partition("/")[2]} if artefact.named else {}
+            self._parsed[name] = referred(artefact.reader)(*contents, **named)
+        value: T = self._parsed[name]
+        return value
+
+    def read(self, stage: Stage, extension: str) -> bytes:
+        """Content of one of the files of a stage. Raises :class:`DamagedArtefactError`."""
+        name = artefact_name(stage, self.key, extension)
+        if name not in self._contents:
+            file = self._records[stage].artefact(extension)
+            if file is None:
+                raise KeyError(name)
+            self._contents[name] = read_artefact(self.storage, self._records[stage], file)
+        return self._contents[name]
+
+    def check(self) -> None:
+        """Read every artefact once. Raises :class:`DamagedArtefactError`."""
+        for record in self._records.values():
+            for file in record.artefacts:
+                read_artefact(self.storage, record, file)
+
+    def picture(self, extension: str) -> bytes | None:
+        """The picture drawn of the crash as it stands; None if there is none. Raises :class:`DamagedArtefactError`."""
+        if not self._records:
+            return None
+        record = self._records[max(self._records, key=lambda stage: stage.position)]
+        file = record.picture(extension)
+        return None if file is None else read_artefact(self.storage, record, file)
+
+
+@dataclass(frozen=True)
+class StageDefinition:
+    """One stage. ``function`` makes it; everything it depends on is in its signature and its code.
+
+    ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
+    best called with. ``requires`` is asked once before a run, with the settings, and raises
+    :class:`trace_dag.errors.UserError` for what no crash could be done without. All three as ``module:function``.
+    """
+
+    stage: Stage
+    function: str
+    grouping: str | None = None
+    requires: str | None = None
+
+    @property
+    def for_several(self) -> bool:
+        """Whether the function makes the stage for several crashes at once."""
+        return signature_of(self.function).returns.startswith("Mapping[")
+
+    @property
+    def sources(self) -> frozenset[str]:
+        """What from outside the storage enters: "report", "maps"."""
+        names = (each.name for each in signature_of(self.function).parameters)
+        return frozenset(_SOURCES[name] for name in names if name in _SOURCES)
+
+    def section(self, settings: Settings) -> BaseModel | None:
+        """The section of settings that the function asks for."""
+        for parameter in signature_of(self.function).parameters:
+            if parameter.name == "settings":
+                section: BaseModel = getattr(settings, _SECTIONS[parameter.annotation])
+                return section
+        return None
+
+
+@dataclass(frozen=True)
+class Flow:
+    """The stages in order, the artefacts they pass on, by parameter, and what draws a crash.
+
+    ``picture`` (``module:function``) is given the :class:`CrashFiles` of a crash and returns files by extension:
+    ``png``, ``webp`` small enough for an event log, ``svg`` a sketch; none where nothing can be drawn yet.
+    """
+
+    stages: tuple[StageDefinition, ...]
+    artefacts: Mapping[str, Artefact[Any]] = field(default_factory=lambda: ARTEFACTS)
+    picture: str | None = None
+
+    def __post_init__(self) -> None:
+        positions = [definition.stage.position for definition in self.stages]
+        if positions != sorted(set(positions)):
+            raise ValueError("the stages of a flow stand in the order of the flow, each once")
+
+    def definition(self, stage: Stage) -> StageDefinition:
+        """The definition of a stage."""
+        return next(definition for definition in self.stages if definition.stage is stage)
+
+    def inputs(self, definition: StageDefinition) -> dict[str, Artefact[Any]]:
+        """The artefacts of earlier stages that a stage is made from, by parameter."""
+        names = [each.name for each in signature_of(definition.function).parameters]
+        return {name: self.artefacts[name] for name in names if name in self.artefacts}
+
+    def code(self, definition: StageDefinition) -> CodeVersion:
+        """The version of the code that makes a stage: its function's module, and what reads its inputs."""
+        readers = {each.reader for each in self.inputs(definition).values() if each.reader}
+        return code_version(tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers))))
+
+    def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
+        """A stage made for one crash."""
+        product: StageProduct = referred(definition.function)(**self._arguments(definition, crash))
+        return product
+
+    def make_for_several(
+        self, definition: StageDefinition, crashes: Sequence[CrashFiles]
+    ) -> Mapping[str, StageProduct | Rejection | Exception]:
+        """A stage made for several crashes at once; products, rejections or failures by key."""
+        arguments = {crash.key: self._arguments(definition, crash) for crash in crashes}
+        of_crash = {*self.artefacts, *_SOURCES}
+        given = {
+            name: {key: each[name] for key, each in arguments.items()} if name in of_crash else value
+            for name, value in arguments[crashes[0].key].items()
+        }
+        products: Mapping[str, StageProduct | Rejection | Exception] = referred(definition.function)(**given)
+        return products
+
+    def _arguments(self, definition: StageDefinition, crash: CrashFiles) -> dict[str, object]:
+        at_hand = {
+            "key": crash.key,
+            "report": crash.source.report,
+            "maps": crash.source.maps,
+            "map_service": crash.source.map_service,
+            "services": crash.services,
+            "settings": definition.section(crash.settings),
+        }
+        return {
+            each.name: crash.load(self.artefacts[each.name]) if each.name in self.artefacts else at_hand[each.name]
+            for each in signature_of(definition.function).parameters
+        }
+
+    def segments(self, stages: Sequence[Stage]) -> list[tuple[StageDefinition, ...]]:
+        """Selected stages cut into runs that a worker does for one crash at a time, those for several by themselves."""
+        segments: list[list[StageDefinition]] = []
+        for definition in self.stages:
+            if definition.stage not in stages:
+                continue
+            if definition.for_several or not segments or segments[-1][-1].for_several:
+                segments.append([definition])
+            else:
+                segments[-1].append(definition)
+        return [tuple(segment) for segment in segments]

@@ -1,0 +1,124 @@
+"""Reading and writing outcome records, for one crash and for many.
+
+Records lie one by one beside their artefacts, and those are what counts. On an object store each costs a request, a
+hundred thousand for a national year. So the parent of a run also writes what the run recorded as one file,
+``ROOT/outcomes/<run>.jsonl.gz``. An entry is believed only while the MD5 that the store lists for the record's own file
+is that of the entry; any other record is read by itself.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import logging
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+from trace_dag.errors import DamagedFile, Failure
+from trace_dag.flow.ledgers import Complaint
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.provenance import OutcomeRecord, record_from_json, record_name, record_to_json
+from trace_dag.stage import Stage
+from trace_dag.storage import Entry, Storage
+
+Records = dict[Stage, OutcomeRecord]  # of one crash
+log = logging.getLogger(__name__)
+
+_READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
+
+
+def log_complaint(failure: Failure) -> None:
+    """The complaint of whoever goes on without what is damaged: a line of the log."""
+    log.warning("%s", failure)
+
+
+@no_garbage_collection()
+def read_records(
+    storage: Storage,
+    keys: Iterable[str],
+    stages: Sequence[Stage] = tuple(Stage),
+    *,
+    complain: Complaint = log_complaint,
+) -> dict[str, Records]:
+    """The stored records of some crashes, by key and stage; every key has an entry.
+
+    A record that is damaged counts as none, so that its stage runs again and writes it anew; ``complain`` hears of it.
+    """
+    by_key: dict[str, Records] = {key: {} for key in keys}
+    for name, data in _contents(storage, [record_name(stage, key) for key in by_key for stage in stages]).items():
+        record = readable_record(storage, name, data, complain)
+        if record is not None:
+            by_key[record.key][record.stage] = record
+    return by_key
+
+
+def readable_record(storage: Storage, name: str, data: bytes, complain: Complaint) -> OutcomeRecord | None:
+    """A record as read, or read once more where that was cut short; None (and a complaint) where it is none."""
+    try:
+        return record_from_json(data, name=name)
+    except DamagedFile:
+        try:
+            return record_from_json(storage.read(name), name=name)
+        except FileNotFoundError:
+            return None
+        except DamagedFile as damaged:
+            complain(damaged)
+            return None
+
+
+def _contents(storage: Storage, names: Sequence[str]) -> dict[str, bytes]:
+    if storage.local_root is not None or len(names) <= _READ_ONE_BY_ONE:
+        return storage.read_many(names)
+    listed: dict[str, Entry] = {}
+    for folder in {name.partition("/")[0] for name in names}:
+        listed.update(storage.list(folder))
+    present = [name for name in names if name in listed]
+    found = indexed(storage, present, listed)
+    return found | storage.read_many([name for name in present if name not in found])
+
+
+def write_record(storage: Storage, record: OutcomeRecord) -> None:
+    """Store a record in place of the one before."""
+    storage.write(record.name, record_to_json(record))
+
+
+def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool]:
+    """Whether all artefacts of each record are in storage with their recorded sizes, by the record's name."""
+    records = list(records)
+    sizes = storage.sizes({file.name for record in records for file in record.artefacts})
+    return {record.name: all(sizes.get(file.name) == file.size for file in record.artefacts) for record in records}
+
+
+FOLDER = "outcomes"
+
+
+def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord]) -> None:
+    """Store the records of a run in one file; nothing where the root is local and reading one by one costs nothing."""
+    lines = [json.dumps({"name": each.name, "record": record_to_json(each).decode()}) for each in records]
+    if not lines or storage.local_root is not None:
+        return
+    try:
+        storage.write(f"{FOLDER}/{run_id}.jsonl.gz", gzip.compress("\n".join(lines).encode(), mtime=0))
+    except Failure as error:
+        log.warning("%s; the records of this run will be read one by one", error)
+
+
+def indexed(storage: Storage, names: Collection[str], listed: Mapping[str, Entry]) -> dict[str, bytes]:
+    """Contents of those of the records ``names`` that an index holds as they are now, by the record's name."""
+    wanted, found = set(names), {}
+    for file, data in storage.read_many(storage.list(FOLDER)).items():
+        try:
+            rows = [json.loads(line) for line in gzip.decompress(data).splitlines()]
+        except (OSError, EOFError, ValueError) as error:
+            log.warning("%s: cannot be read (%s); its records are read one by one", file, error)
+            continue
+        for row in rows:
+            name, content = row["name"], row["record"].encode()
+            entry = listed.get(name)
+            if name in wanted and entry is not None and entry.md5 == _md5(content):
+                found[name] = content
+    return found
+
+
+def _md5(content: bytes) -> str:
+    return hashlib.md5(content, usedforsecurity=False).hexdigest()

@@ -1,0 +1,139 @@
+"""Which crashes to run and from which stage, and how that work is cut into Dagster runs.
+
+A run covers one contiguous range of partition keys in the order they were added. Crashes between two stale ones may
+be taken along (they cost a look and are reported unchanged) where the caller asked for them too; others split the
+range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+from trace_dag.cohorts.registry import in_order
+from trace_dag.errors import Reason, UserError
+from trace_dag.flow.batch import first_stale
+from trace_dag.flow.records import read_records
+from trace_dag.flow.standing import FinalState, standings
+from trace_dag.flow.workspace import Workspace
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Crashes asked for, and for those that have to run the stage they start at.
+
+    ``force``: stages computed again even where nothing has changed. ``exact``: run these crashes from these stages and
+    nothing beside them, the first stage of each computed again even if unchanged.
+    """
+
+    asked: tuple[str, ...]
+    start: dict[str, Stage] = field(default_factory=dict)
+    force: frozenset[Stage] = frozenset()
+    exact: bool = False
+
+
+def registered(workspace: Workspace, cohort: str | None, only: Collection[str]) -> tuple[str, ...]:
+    """The crashes asked for, in order; :class:`UserError` for keys or cohorts that are not registered."""
+    keys = workspace.registry.keys(cohort)
+    if not keys:
+        raise UserError(f"no crash is registered in {workspace.storage.root}; see trace-dag ingest --help")
+    if not only:
+        return tuple(keys)
+    workspace.registry.sources(only)
+    missing = [key for key in only if key not in set(keys)]
+    if missing:
+        raise UserError(f"crash {missing[0]} is registered, but not in cohort {cohort}")
+    return tuple(in_order(only))
+
+
+def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
+    """Those of some crashes whose report was not released when it was last asked for."""
+    return [
+        key
+        for key, records in read_records(storage, keys, [Stage.RAW_REPORT]).items()
+        if any(record.reason is Reason.NOT_RELEASED for record in records.values())
+    ]
+
+
+def select_stale(
+    workspace: Workspace, cohort: str | None = None, only: Collection[str] = (), first: Stage | None = None
+) -> Selection:
+    """Crashes that are not up to date; with ``first`` all crashes, from that stage on at the latest."""
+    asked = registered(workspace, cohort, only)
+    start = first_stale(workspace, asked)
+    if first is None:
+        return Selection(asked, start)
+    for key in asked:
+        start[key] = min(start.get(key, first), first, key=lambda stage: stage.position)
+    return Selection(asked, start, frozenset(first.and_later()))
+
+
+def select_again(
+    workspace: Workspace,
+    cohort: str | None = None,
+    only: Collection[str] = (),
+    *,
+    failed: bool = False,
+    reason: Reason | None = None,
+    first: Stage | None = None,
+) -> Selection:
+    """Crashes to run again: those that failed, those rejected for a reason, or all that reached a stage."""
+    asked = registered(workspace, cohort, only)
+    records = read_records(workspace.storage, asked)
+    start: dict[str, Stage] = {}
+    for key, crash in standings(records).items():
+        if crash.stage_reached is None:
+            continue
+        if (failed and crash.final_state is FinalState.FAILED) or (
+            reason is not None and crash.final_state is FinalState.REJECTED and crash.reason is reason
+        ):
+            start[key] = crash.stage_reached
+        elif first is not None and crash.stage_reached.position >= first.position:
+            start[key] = first
+    return Selection(asked, start, frozenset(first.and_later()) if first else frozenset(), exact=True)
+
+
+@dataclass(frozen=True)
+class PlannedBatch:
+    """One run: a contiguous range of keys, in partition order, the stages to run for all of them, and those of them
+    that are computed again even where nothing has changed."""
+
+    keys: tuple[str, ...]
+    stages: tuple[Stage, ...]
+    force: frozenset[Stage] = frozenset()
+
+
+def plan(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
+    """Batches of at most ``size`` keys that run every crash of a selection from its stage on.
+
+    An exact selection is kept to the letter, at the price of more runs: no crash is taken along, and none starts at an
+    earlier stage than its own.
+    """
+    start, asked = selection.start, set(selection.asked)
+    batches: list[PlannedBatch] = []
+    current: list[str] = []
+
+    def close() -> None:
+        while current and current[-1] not in start:
+            current.pop()
+        if current:
+            earliest = min((start[key] for key in current if key in start), key=lambda stage: stage.position)
+            stages = earliest.and_later()
+            force = selection.force & set(stages)
+            batches.append(PlannedBatch(tuple(current), stages, force | {earliest} if selection.exact else force))
+        current.clear()
+
+    for key in partitions:
+        stale = key in start
+        if not (stale or (current and not selection.exact and key in asked)):
+            close()
+            continue
+        if current and (len(current) >= size or (selection.exact and start[key] is not start[current[-1]])):
+            close()
+            if not stale:
+                continue
+        current.append(key)
+    close()
+    return batches

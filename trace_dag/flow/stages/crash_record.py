@@ -1,0 +1,36 @@
+"""Stage ``crash_record``: the report as a typed record, if it says enough."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.crash.completeness import check
+from trace_dag.crash.parse import read_report
+from trace_dag.crash.tables import record_to_parquet
+from trace_dag.errors import Rejection
+from trace_dag.flow.products import Figure, StageProduct
+
+if TYPE_CHECKING:
+    from trace_dag.settings import CrashSettings
+
+
+def crash_record(key: str, report_xml: bytes, settings: CrashSettings) -> StageProduct:
+    """The report as a typed record, if it says enough; a record that does not is kept to look at."""
+    name = f"{key}.xml"  # not where the report came from: a copy of it gives the same result
+    record = read_report(report_xml, name=name, settings=settings, expected_key=key)
+    rejection = None
+    try:
+        check(record, settings)
+    except Rejection as shortcoming:
+        rejection = shortcoming
+    figures: dict[str, Figure] = {
+        "summary": record.summary,
+        "vehicles": len(record.vehicles),
+        "collision_type": record.collision_type.value,
+        "road_topology": record.road_topology.value,
+        "vehicle_trajectory": record.vehicle_trajectory.value,
+        "latitude_deg": record.latitude_deg,
+        "longitude_deg": record.longitude_deg,
+        "contradictions": "; ".join(record.contradictions),
+    }
+    return StageProduct({"parquet": record_to_parquet(record)}, figures, rejection)

@@ -1,0 +1,79 @@
+"""Stage ``osm_extract``: the roads around each crash, for many crashes in one pass over each map file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trace_dag.errors import Failure, Rejection
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.osm.catalog import MapCatalog
+from trace_dag.osm.services import MapSource
+from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.osm.xml import write_osm
+
+if TYPE_CHECKING:
+    from trace_dag.cohorts.registry import MapServiceName, RegisteredMap
+    from trace_dag.cohorts.services import Services
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.settings import OsmSettings
+
+
+def osm_extract(
+    record: Mapping[str, CrashRecord],
+    maps: Mapping[str, tuple[RegisteredMap, ...]],
+    map_service: Mapping[str, MapServiceName | None],
+    services: Services,
+    settings: OsmSettings,
+) -> Mapping[str, StageProduct | Rejection | Failure]:
+    """The roads around each crash, in one pass over each map file; where none covers it, from the cohort's service."""
+    answers: dict[str, StageProduct | Rejection | Failure] = {}
+    by_maps: dict[tuple[tuple[RegisteredMap, ...], MapServiceName | None], list[Site]] = {}
+    for key, of_crash in record.items():
+        site = Site(key, of_crash.latitude_deg, of_crash.longitude_deg)
+        by_maps.setdefault((maps[key], map_service[key]), []).append(site)
+    for (files, service), sites in by_maps.items():
+        found: dict[str, OsmExtract | Rejection | Failure] = {**catalog_of(files, services).extract(sites, settings)}
+        if service is not None:
+            uncovered = [site for site in sites if isinstance(found[site.key], Rejection)]
+            found.update(_ask(services.map_source(service), uncovered, settings))
+        for key, answer in found.items():
+            answers[key] = answer if isinstance(answer, Rejection | Failure) else _product(answer)
+    return answers
+
+
+def _product(extract: OsmExtract) -> StageProduct:
+    figures: dict[str, Figure] = {
+        "ways": len(extract.ways),
+        "nodes": len(extract.nodes),
+        "turn_restrictions": len(extract.relations),
+        "source": extract.source,
+        "data_timestamp": extract.data_timestamp,
+        "attribution": extract.attribution,
+    }
+    return StageProduct({"osm": write_osm(extract)}, figures)
+
+
+def _ask(
+    source: MapSource, sites: Sequence[Site], settings: OsmSettings
+) -> dict[str, OsmExtract | Rejection | Failure]:
+    """Extracts from a public service, one by one: what it does not give for one site keeps no other from its own."""
+    answers: dict[str, OsmExtract | Rejection | Failure] = {}
+    for site in sites:
+        try:
+            answers.update(source.extract([site], settings))
+        except Failure as failure:
+            answers[site.key] = failure
+    return answers
+
+
+def catalog_of(maps: tuple[RegisteredMap, ...], services: Services) -> MapCatalog:
+    """The map files of a cohort; opened once per process."""
+    return _opened(tuple(services.map_file(file) for file in maps))
+
+
+@lru_cache(maxsize=8)
+def _opened(paths: tuple[Path, ...]) -> MapCatalog:
+    return MapCatalog.open(paths)

@@ -1,0 +1,32 @@
+"""Stage ``road_map``: the OpenDRIVE road map around a crash."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.roads.build import build_road_map
+from trace_dag.roads.json_io import map_report_to_json
+
+if TYPE_CHECKING:
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.osm.types import OsmExtract
+    from trace_dag.settings import RoadSettings
+
+
+def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:
+    """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report."""
+    built = build_road_map(extract, record, settings)
+    report = built.report
+    figures: dict[str, Figure] = {
+        "roads": report.roads,
+        "junctions": report.junctions,
+        "converter": report.converter,
+        "moved_m": report.placement.moved_m,
+        "matched_by": report.placement.matched_by,
+        "gates_passed": sum(gate.passed is True for gate in report.gates),
+        "gates_failed": sum(gate.passed is False for gate in report.gates),
+        "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
+    }
+    files = {"xodr": built.stored.xodr, "json": map_report_to_json(report)}
+    return StageProduct(files, figures, parsed={"xodr": built.stored.network})

@@ -1,0 +1,46 @@
+"""Stage ``simulation_log``: the hypotheses simulated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.errors import Reason, Rejection
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.sim.backends import backend
+from trace_dag.sim.log_io import logs_to_files
+from trace_dag.sim.run import simulate
+
+if TYPE_CHECKING:
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.settings import SimSettings
+    from trace_dag.states.types import StateEstimate
+
+
+def simulation_log(
+    record: CrashRecord, road_map: RoadNetwork, xodr: bytes, estimate: StateEstimate, settings: SimSettings
+) -> StageProduct:
+    """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
+    logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
+    steps, summary = logs_to_files(logs)
+    collided = [log for log in logs if log.first_contact is not None]
+    shown = collided[0] if collided else logs[0]
+    figures: dict[str, Figure] = {
+        "backend": f"{shown.backend} {shown.backend_version}",
+        "hypotheses": len(logs),
+        "hypotheses_that_collide": len(collided),
+        "termination": shown.termination.value,
+        "simulated_s": shown.duration_s,
+    }
+    if shown.first_contact is not None:
+        figures["contact_time_s"] = shown.first_contact.time_s
+        figures["closing_speed_mps"] = shown.first_contact.closing_speed_mps
+    rejection = None
+    if not collided:
+        rejection = Rejection(
+            Reason.NO_COLLISION,
+            f"The vehicles do not touch in any of {len(logs)} simulated hypotheses ({shown.reason}).",
+            measured=0.0,
+            threshold=1.0,
+        )
+    return StageProduct({"parquet": steps, "json": summary}, figures, rejection)

@@ -1,0 +1,56 @@
+"""Stage ``state_estimate``: where the vehicles came from and how fast."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.states.estimate import estimate
+from trace_dag.states.json_io import estimate_to_json, run_to_json
+from trace_dag.states.llm.estimator import UnusableAnswers
+
+if TYPE_CHECKING:
+    from trace_dag.cohorts.services import Services
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapReport
+    from trace_dag.settings import StateSettings
+    from trace_dag.states.types import EstimatorRun
+
+
+def state_estimate(
+    record: CrashRecord, road_map: RoadNetwork, map_report: MapReport, settings: StateSettings, services: Services
+) -> StageProduct:
+    """Where the vehicles came from and how fast: hypotheses, best first."""
+    llm = services.language_model(settings) if settings.estimator == "llm" else None
+    try:
+        made = estimate(record, road_map, map_report, settings, llm=llm)
+    except UnusableAnswers as unusable:
+        return StageProduct({"answers.json": run_to_json(unusable.run)}, _run_figures(unusable.run), unusable)
+    best = made.best
+    figures: dict[str, Figure] = {
+        **_run_figures(made.run),
+        "hypotheses": len(made.hypotheses),
+        "best": best.name,
+        "ambiguity": made.ambiguity,
+        "evidence": ", ".join(f"{term} {value:+.2f}" for term, value in best.evidence.items() if value),
+        "impact_time_s": best.impact_time_s,
+    }
+    for state in best.participants:
+        figures[f"vehicle_{state.vehicle_number}"] = (
+            f"{state.manoeuvre}, {state.initial_speed_mps:.1f} m/s ({state.speed_source})"
+        )
+    return StageProduct({"json": estimate_to_json(made)}, figures)
+
+
+def _run_figures(run: EstimatorRun) -> dict[str, Figure]:
+    figures: dict[str, Figure] = {"estimator": run.estimator}
+    if run.model is not None:
+        figures |= {
+            "model": run.model,
+            "attempts": run.attempts,
+            "fallback": run.fallback,
+            "tokens": run.prompt_tokens + run.completion_tokens,
+            "cost_usd": run.cost_usd,
+        }
+    return figures

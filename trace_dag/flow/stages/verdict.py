@@ -1,0 +1,61 @@
+"""Stage ``verdict``: the simulations judged against the report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trace_dag.errors import Reason, Rejection
+from trace_dag.flow.products import Figure, StageProduct
+from trace_dag.verdict.json_io import verdict_to_json
+from trace_dag.verdict.judge import judge
+
+if TYPE_CHECKING:
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapReport
+    from trace_dag.settings import VerdictSettings
+    from trace_dag.sim.types import SimulationLog
+    from trace_dag.states.types import StateEstimate
+
+
+def verdict(
+    record: CrashRecord,
+    road_map: RoadNetwork,
+    map_report: MapReport,
+    estimate: StateEstimate,
+    logs: tuple[SimulationLog, ...],
+    settings: VerdictSettings,
+) -> StageProduct:
+    """Every criterion with its value and threshold, and whether they hold together."""
+    found = judge(record, road_map, map_report, estimate, logs, settings)
+    figures: dict[str, Figure] = {
+        "rule_set": found.rule_set,
+        "hypothesis": found.hypothesis,
+        "grade": found.grade.value,
+    }
+    if found.support is not None:
+        figures |= {
+            "support": round(found.support.total, 2),
+            "independent_facts": found.support.independent_facts,
+            "not_corroborated_because": found.support.detail or None,
+        }
+    for criterion in found.criteria:
+        if criterion.threshold is None:  # reported only; the artefact and the warehouse have it
+            continue
+        vehicle = f" of vehicle {criterion.vehicle_number}" if criterion.vehicle_number is not None else ""
+        held = {True: "pass", False: "fail", None: "not judged"}[criterion.passed]
+        value = "not evaluated"
+        if criterion.value is not None:
+            value = f"{round(criterion.value, 2) + 0.0:g} {criterion.unit}".rstrip()  # no minus before a zero
+        figures[f"{criterion.name}{vehicle}"] = f"{value} ({held})"
+    rejection = None
+    if not found.accepted:
+        reason = found.reason or Reason.WRONG_LOCATION
+        broken = next((each for each in found.criteria if each.reason is reason and each.passed is False), None)
+        rejection = Rejection(
+            reason,
+            found.detail,
+            measured=broken.value if broken else None,
+            threshold=broken.threshold if broken else None,
+        )
+    return StageProduct({"json": verdict_to_json(found)}, figures, rejection)

@@ -1,0 +1,124 @@
+"""Where each crash stands: one final state per crash, from the stored records alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from trace_dag.errors import Reason
+from trace_dag.flow.records import Records
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.stage import Stage
+
+CORROBORATED = "corroborated"
+"""The grade of such a verdict, as the verdict stage names it among its figures."""
+
+
+class FinalState(StrEnum):
+    """Every registered crash is in exactly one of these."""
+
+    VERIFIED = "verified"
+    REJECTED = "rejected"
+    FAILED = "failed"
+    PENDING = "pending"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
+
+    ``corroborated``: verified, and borne out by more than the criteria.
+    """
+
+    key: str
+    final_state: FinalState
+    stage_reached: Stage | None = None
+    reason: Reason | None = None
+    detail: str = ""
+    corroborated: bool = False
+
+
+def valid_records(records: Records) -> Records:
+    """The records that still count: up to the first that did not accept, each built on what those before it list.
+
+    A later stage's record from before an earlier stage was run again is history, not a standing.
+    """
+    valid: Records = {}
+    made: dict[str, str] = {}  # digests of the artefacts so far, as the inputs of a record name them
+    for stage in Stage:
+        record = records.get(stage)
+        if record is None or record.outcome is Outcome.STARTED:
+            break
+        inputs = record.provenance.inputs.items()
+        if any(made.get(name) != digest for name, digest in inputs if name.partition(".")[0] in _STAGE_NAMES):
+            break
+        valid[stage] = record
+        if record.outcome is not Outcome.ACCEPTED:
+            break
+        made.update((f"{stage.value}.{file.name.partition('.')[2]}", file.sha256) for file in record.artefacts)
+    return valid
+
+
+_STAGE_NAMES = frozenset(stage.value for stage in Stage)
+
+
+def standing(key: str, records: Records) -> Standing:
+    """Where one crash stands."""
+    return standing_of_valid(key, valid_records(records))
+
+
+def standing_of_valid(key: str, valid: Records) -> Standing:
+    """Where one crash stands by the records that count, as :func:`valid_records` finds them."""
+    if not valid:
+        return Standing(key, FinalState.PENDING)
+    last: OutcomeRecord = valid[max(valid, key=lambda stage: stage.position)]
+    if last.outcome is Outcome.REJECTED:
+        return Standing(key, FinalState.REJECTED, last.stage, last.reason, last.detail)
+    if last.outcome is Outcome.FAILED:
+        return Standing(key, FinalState.FAILED, last.stage, None, last.detail)
+    state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
+    return Standing(key, state, last.stage, corroborated=last.figures.get("grade") == CORROBORATED)
+
+
+@no_garbage_collection()
+def standings(records: Mapping[str, Records]) -> dict[str, Standing]:
+    """Where all crashes stand."""
+    return {key: standing(key, of_crash) for key, of_crash in records.items()}
+
+
+@dataclass(frozen=True)
+class FunnelStep:
+    """How many crashes got past a step, and how many did in the published benchmark (None: not published)."""
+
+    step: str
+    crashes: int
+    published: int | None
+
+
+# The published benchmark: 100 reports, 65 road maps, 52 verified reconstructions.
+_FUNNEL: tuple[tuple[str, Stage | None, int | None], ...] = (
+    ("registered", None, 100),
+    ("complete", Stage.CRASH_RECORD, None),
+    ("mapped", Stage.ROAD_MAP, 65),
+    ("estimated", Stage.STATE_ESTIMATE, None),
+    ("collided", Stage.SIMULATION_LOG, None),
+    ("verified", Stage.VERDICT, 52),
+)
+
+
+def funnel(crashes: Iterable[Standing]) -> list[FunnelStep]:
+    """Crashes that passed each step, beside the published counts."""
+    everyone = list(crashes)
+    return [
+        FunnelStep(step, sum(stage is None or _passed(crash, stage) for crash in everyone), published)
+        for step, stage, published in _FUNNEL
+    ]
+
+
+def _passed(crash: Standing, stage: Stage) -> bool:
+    if crash.stage_reached is None:
+        return False
+    ended_there = crash.final_state in (FinalState.REJECTED, FinalState.FAILED)
+    return crash.stage_reached.position >= stage.position + (1 if ended_there else 0)

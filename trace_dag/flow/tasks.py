@@ -1,0 +1,203 @@
+"""What travels to the workers and back, and what is recorded of their work.
+
+Belongs here: crashes and stages to run and what each stage did, what a stage's result would be made from, whether a
+stored one still holds, and the words and numbers of a record. Does not belong here: doing the work
+(:mod:`trace_dag.flow.worker`) or dividing it (:mod:`trace_dag.flow.batch`).
+"""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from trace_dag.code_versions import CodeVersion
+from trace_dag.cohorts.registry import CrashSource
+from trace_dag.errors import Failure, TransientFailure
+from trace_dag.flow.contract import Flow, StageDefinition
+from trace_dag.flow.products import StageProduct
+from trace_dag.flow.records import Records
+from trace_dag.logs import at_work, figures
+from trace_dag.provenance import Outcome, OutcomeRecord, Provenance, libraries_of, settings_of
+from trace_dag.settings import Settings
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage, StoredFile
+
+
+class Action(StrEnum):
+    """What a stage of a run did for a crash."""
+
+    COMPUTED = "computed"
+    UNCHANGED = "unchanged"  # its record is current
+    NOT_REACHED = "not_reached"  # an earlier stage rejected the crash
+    BLOCKED = "blocked"  # an earlier stage failed or has not run
+
+
+@dataclass(frozen=True)
+class StageEvent:
+    """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it.
+
+    ``no_picture`` says, with the last event of a crash, why its picture could not be drawn.
+    """
+
+    key: str
+    stage: Stage
+    action: Action
+    record: OutcomeRecord | None
+    no_picture: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether the crash stands failed at this stage after the run."""
+        if self.action is Action.BLOCKED:
+            return True
+        return self.record is not None and self.record.outcome is Outcome.FAILED
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is the same for every chunk of a run; travels to the workers."""
+
+    storage: Storage
+    settings: Settings
+    flow: Flow
+    run_id: str
+    code: Mapping[Stage, CodeVersion]
+    force: frozenset[Stage] = frozenset()
+
+    @staticmethod
+    def code_versions(flow: Flow) -> dict[Stage, CodeVersion]:
+        """Code version of every stage of a flow, as this process has it."""
+        return {definition.stage: flow.code(definition) for definition in flow.stages}
+
+
+@dataclass(frozen=True)
+class CrashTask:
+    """One crash to work on, with its records as they were when the task was made."""
+
+    key: str
+    source: CrashSource
+    records: Records = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some crashes and the stages to run for them. ``last``: no later chunk of this run goes on with them.
+
+    ``again``: the chunk was with a worker that died; what it finished is in storage and is looked up.
+    """
+
+    work: Work
+    crashes: tuple[CrashTask, ...]
+    stages: tuple[Stage, ...]
+    last: bool = True
+    again: bool = False
+
+    def split(self) -> list[Chunk]:
+        """One chunk per crash, to be tried again."""
+        return [replace(self, crashes=(crash,), again=True) for crash in self.crashes]
+
+
+def provenance_of(
+    definition: StageDefinition, work: Work, source: CrashSource, records: Mapping[Stage, OutcomeRecord]
+) -> Provenance:
+    """What the stage's result would be made from now."""
+    inputs = {}
+    if "report" in definition.sources:
+        report = source.report
+        inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
+    if "maps" in definition.sources:
+        inputs["maps"] = source.maps_digest
+    for artefact in work.flow.inputs(definition).values():
+        record = records.get(artefact.stage)
+        for extension in artefact.extensions:
+            file = record.artefact(extension) if record else None
+            inputs[f"{artefact.stage}.{extension}"] = file.sha256 if file else ""
+    code, section = work.code[definition.stage], definition.section(work.settings)
+    return Provenance(code.digest, settings_of(section), inputs, libraries_of(code, section))
+
+
+def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:
+    """Whether a stored outcome still holds: no failure, its artefacts whole, made from what it would be made from now.
+
+    ``whole`` says of records by name whether their artefacts are, as :func:`trace_dag.flow.records.intact` finds.
+    """
+    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED):
+        return False
+    return whole.get(record.name, True) and record.fingerprint == made_from.fingerprint
+
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A stage's work on a crash: of what, in which run, from when (ISO 8601, UTC) and for how long."""
+
+    key: str
+    stage: Stage
+    provenance: Provenance
+    run_id: str
+    started_at: str
+    duration_s: float
+
+    def record(self, outcome: Outcome) -> OutcomeRecord:
+        """The record of it, without what it came to."""
+        return OutcomeRecord(
+            key=self.key,
+            stage=self.stage,
+            outcome=outcome,
+            provenance=self.provenance,
+            fingerprint=self.provenance.fingerprint,
+            run_id=self.run_id,
+            started_at=self.started_at,
+            duration_s=round(self.duration_s, 4),
+        )
+
+
+def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
+    """The record of a stage that came to a result, an acceptance or a rejection, and left some files."""
+    rejection = product.rejection
+    return replace(
+        attempt.record(Outcome.ACCEPTED if rejection is None else Outcome.REJECTED),
+        reason=rejection.reason if rejection else None,
+        detail=rejection.detail if rejection else "",
+        measured=rejection.measured if rejection else None,
+        threshold=rejection.threshold if rejection else None,
+        artefacts=tuple(stored),
+        figures=dict(product.figures),
+    )
+
+
+def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
+    """The record of a stage that came to none."""
+    return replace(
+        attempt.record(Outcome.FAILED),
+        detail=str(error) if isinstance(error, Failure) else f"{type(error).__name__}: {error}",
+        error="".join(traceback.format_exception(error)),
+        transient=isinstance(error, TransientFailure),
+    )
+
+
+def log_outcome(record: OutcomeRecord) -> None:
+    """A line of the log, with the figures of the record for those who collect them."""
+    with at_work(record.key, record.stage):
+        log.info(
+            "%s %s: %s in %.2f s",
+            record.key,
+            record.stage,
+            record.reason or record.outcome,
+            record.duration_s,
+            extra=figures(
+                outcome=record.outcome,
+                reason=record.reason,
+                detail=record.detail,
+                duration_s=record.duration_s,
+                attempts=record.attempts,
+                artefact_bytes=sum(file.size for file in record.artefacts),
+                run_id=record.run_id,
+                traceback=record.error,
+            ),
+        )

@@ -1,0 +1,340 @@
+"""The work itself: some stages for some crashes, wherever an executor calls it.
+
+Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. The order of writing is
+what makes an interruption harmless: an older record is first marked as started, then the artefacts are written, then
+the record that lists them.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+from trace_dag.code_versions import referred
+from trace_dag.errors import Failure, Rejection, TransientFailure
+from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, StageDefinition
+from trace_dag.flow.locks import held
+from trace_dag.flow.products import StageProduct
+from trace_dag.flow.records import intact, read_records, write_record
+from trace_dag.flow.tasks import (
+    Action,
+    Attempt,
+    Chunk,
+    CrashTask,
+    StageEvent,
+    Work,
+    failed_record,
+    is_current,
+    log_outcome,
+    made_record,
+    provenance_of,
+)
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.logs import at_work
+from trace_dag.provenance import (
+    Outcome,
+    OutcomeRecord,
+    Provenance,
+    artefact_name,
+    now,
+)
+from trace_dag.stage import Stage
+
+log = logging.getLogger(__name__)
+
+
+def get_ready(flow: Flow) -> None:
+    """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version."""
+    for definition in flow.stages:
+        flow.code(definition)
+        for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
+            if reference:
+                referred(reference)
+
+
+def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
+    """Run the chunk's stages; one event for each crash and stage it got to, in order."""
+    work = chunk.work
+    for stage in chunk.stages:
+        here = work.flow.code(work.flow.definition(stage))
+        if here != work.code[stage]:
+            raise Failure(f"{stage}: this worker has code {here}, the run has {work.code[stage]}; update the workers")
+    if chunk.again:
+        stored = read_records(work.storage, [crash.key for crash in chunk.crashes])
+        chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
+    definitions = [work.flow.definition(stage) for stage in chunk.stages]
+    if definitions[0].for_several:
+        with _holding(work, chunk.crashes) as crashes:
+            return _work_on_group(replace(chunk, crashes=crashes), definitions[0])
+    events = []
+    for crash in chunk.crashes:
+        with _holding(work, [crash]) as (held_crash,):
+            events.extend(_CrashWorker(work, held_crash).run(chunk.stages, chunk.last))
+    return events
+
+
+@contextmanager
+def _holding(work: Work, crashes: Sequence[CrashTask]) -> Iterator[tuple[CrashTask, ...]]:
+    """Hold some crashes against other runs; where one had them, with what it has recorded meanwhile."""
+    keys = [crash.key for crash in crashes]
+    with held(work.storage, keys) as waited:
+        if waited:
+            stored = read_records(work.storage, keys)
+            crashes = [replace(crash, records=stored[crash.key]) for crash in crashes]
+        yield tuple(crashes)
+
+
+class _CrashWorker:
+    """Works on one crash, stage by stage."""
+
+    def __init__(self, work: Work, task: CrashTask) -> None:
+        self.work = work
+        self.task = task
+        self.records = dict(task.records)
+        self.files = CrashFiles(task.key, task.source, work.settings, work.storage, run_id=work.run_id)
+        for record in self.records.values():
+            self.files.accept(record)
+        self.damaged: DamagedArtefactError | None = None
+
+    @no_garbage_collection()
+    def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
+        """The stages in order, up to the first that does not accept the crash."""
+        events = self._in_order(stages, self.work.force)
+        damaged = self.damaged
+        if damaged is not None and damaged.stage in stages:
+            log.warning("%s: %s; made again", self.task.key, damaged)
+            kept = [event for event in events if event.stage.position < damaged.stage.position]
+            again = [stage for stage in stages if stage.position >= damaged.stage.position]
+            events = kept + self._in_order(again, self.work.force | {damaged.stage})
+        return self.drawn(events) if last else events
+
+    def _in_order(self, stages: Sequence[Stage], force: frozenset[Stage]) -> list[StageEvent]:
+        events: list[StageEvent] = []
+        for stage in stages:
+            event = self.one_stage(self.work.flow.definition(stage), stage in force)
+            events.append(event)
+            if event.record is None or event.record.outcome is not Outcome.ACCEPTED:
+                break
+        return events
+
+    def one_stage(self, definition: StageDefinition, force: bool) -> StageEvent:
+        """Run a stage unless its record is current; the stages before it were accepted."""
+        provenance = self.provenance(definition)
+        earlier = self.records.get(definition.stage)
+        if not force and self.holds(earlier, provenance):
+            return StageEvent(self.task.key, definition.stage, Action.UNCHANGED, earlier)
+        unmarked = self.mark_started(definition, provenance)
+        return self._event(unmarked or self.compute(definition, provenance))
+
+    def mark_started(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord | None:
+        """Say in storage that the artefacts are about to be replaced; the failure, where that cannot be said."""
+        earlier = self.records.get(definition.stage)
+        if earlier is not None and earlier.artefacts:
+            try:
+                write_record(self.work.storage, replace(earlier.begun_again(), run_id=self.work.run_id))
+            except Failure as error:
+                return self._failed(definition, provenance, now(), 0.0, error)
+        return None
+
+    def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
+        """Whether an outcome is current, looking at its artefacts only if it could be."""
+        if earlier is None or not is_current(earlier, provenance, {}):
+            return False
+        return is_current(earlier, provenance, intact(self.work.storage, [earlier]))
+
+    def provenance(self, definition: StageDefinition) -> Provenance:
+        return provenance_of(definition, self.work, self.task.source, self.records)
+
+    def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
+        execution = self.work.settings.execution
+        started_at, started, wait_s = now(), time.monotonic(), execution.retry_wait_s
+        for attempt in range(1, execution.transient_retries + 2):
+            try:
+                with at_work(self.task.key, definition.stage):
+                    product: StageProduct | Rejection | Exception = self.work.flow.make(definition, self.files)
+            except Rejection as rejection:
+                product = rejection
+            except Exception as error:
+                product = error
+                passing = isinstance(error, TransientFailure) and not error.tried_again
+                if passing and attempt <= execution.transient_retries:
+                    log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
+                    time.sleep(wait_s)
+                    wait_s *= 2
+                    continue
+            break
+        return self.conclude(definition, provenance, product, started_at, time.monotonic() - started, attempt)
+
+    def conclude(
+        self,
+        definition: StageDefinition,
+        provenance: Provenance,
+        product: StageProduct | Rejection | Exception,
+        started_at: str,
+        duration_s: float,
+        attempts: int = 1,
+    ) -> OutcomeRecord:
+        """Store what a stage made, then its record. A stage that fails leaves nothing but its record."""
+        contents: dict[str, bytes] = {}
+        parsed: dict[str, object] = {}
+        earlier = self.records.get(definition.stage)
+        try:
+            if isinstance(product, Rejection):
+                product = StageProduct({}, rejection=product)
+            if isinstance(product, DamagedArtefactError):
+                self.invalidate(product)
+            if isinstance(product, Exception):
+                raise product
+            stored = []
+            for extension, data in product.files.items():
+                name = artefact_name(definition.stage, self.task.key, extension)
+                contents[name] = data
+                stored.append(self.work.storage.write(name, data))
+            attempt = self._attempt(definition, provenance, started_at, duration_s)
+            record = made_record(attempt, product, stored)
+            record = replace(record, attempts=attempts).superseding(earlier)
+            write_record(self.work.storage, record)
+            parsed = {artefact_name(definition.stage, self.task.key, e): v for e, v in product.parsed.items()}
+            obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
+        except Exception as error:
+            record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
+            obsolete = {file.name for file in earlier.artefacts} | set(contents) if earlier else set(contents)
+            contents = {}
+        self._delete(obsolete)
+        self.records[definition.stage] = record
+        self.files.accept(record, contents, parsed)
+        log_outcome(record)
+        return record
+
+    def _delete(self, names: Iterable[str]) -> None:
+        for name in names:
+            try:
+                self.work.storage.delete(name)
+            except Failure as error:
+                log.warning("%s; trace-dag verify --repair deletes it", error)
+
+    def invalidate(self, damaged: DamagedArtefactError) -> None:
+        """Let the stage that made a damaged artefact run again, now or next time."""
+        self.damaged = damaged
+        record = self.records[damaged.stage]
+        write_record(self.work.storage, replace(record, fingerprint="").superseding(record))
+
+    def drawn(self, events: list[StageEvent]) -> list[StageEvent]:
+        """The events, after redrawing the crash's picture if something that can be seen has changed."""
+        draws = self.work.flow.picture
+        if draws is None or not any(
+            event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
+        ):
+            return events
+        if not self.work.settings.execution.pictures:
+            self._delete(file.name for record in self.task.records.values() for file in record.pictures)
+            return events
+        last = events[-1]
+        try:
+            stored = [
+                self.work.storage.write(picture_name(self.task.key, extension), picture)
+                for extension, picture in referred(draws)(self.files).items()
+            ]
+            if stored and last.record is not None:
+                record = replace(last.record, pictures=tuple(stored))
+                write_record(self.work.storage, record)
+                self.files.accept(record)
+                last = replace(last, record=record)
+        except Exception as error:
+            # A crash is not worse for want of a picture, and the run says whose is wanting. The one drawn before
+            # shows what is not so any more.
+            log.exception("%s: no picture", self.task.key)
+            self._delete(picture_name(self.task.key, extension) for extension in PICTURE_EXTENSIONS)
+            if last.record is not None and last.record.pictures:
+                record = replace(last.record, pictures=())
+                write_record(self.work.storage, record)
+                last = replace(last, record=record)
+            last = replace(last, no_picture=f"{type(error).__name__}: {error}")
+        return [*events[:-1], last]
+
+    def _attempt(
+        self, definition: StageDefinition, provenance: Provenance, started_at: str, duration_s: float
+    ) -> Attempt:
+        return Attempt(self.task.key, definition.stage, provenance, self.work.run_id, started_at, duration_s)
+
+    def _failed(
+        self,
+        definition: StageDefinition,
+        provenance: Provenance,
+        started_at: str,
+        duration_s: float,
+        error: Exception,
+    ) -> OutcomeRecord:
+        attempt = self._attempt(definition, provenance, started_at, duration_s)
+        record = failed_record(attempt, error).superseding(self.records.get(definition.stage))
+        try:
+            write_record(self.work.storage, record)
+        except Failure as second:
+            # The disk is full or the store is gone: the run still knows and says so.
+            log.error("%s %s: the failure could not be recorded: %s", self.task.key, definition.stage, second)
+        return record
+
+    def _event(self, record: OutcomeRecord) -> StageEvent:
+        self.records[record.stage] = record
+        return StageEvent(record.key, record.stage, Action.COMPUTED, record)
+
+
+def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent]:
+    """A batch stage for a group: one call for all crashes whose record is not current."""
+    events, open_workers = [], []
+    for crash in chunk.crashes:
+        worker = _CrashWorker(chunk.work, crash)
+        provenance, earlier = worker.provenance(definition), worker.records.get(definition.stage)
+        forced = definition.stage in chunk.work.force
+        if not forced and worker.holds(earlier, provenance):
+            events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
+        else:
+            open_workers.append((worker, provenance))
+    marked = []
+    for worker, provenance in open_workers:
+        failed = worker.mark_started(definition, provenance)
+        if failed is None:
+            marked.append((worker, provenance))
+        else:
+            events.append(StageEvent(failed.key, failed.stage, Action.COMPUTED, failed))
+    for (worker, provenance), product, started_at, duration_s in _call_for_several(chunk.work.flow, definition, marked):
+        record = worker.conclude(definition, provenance, product, started_at, duration_s)
+        event = StageEvent(record.key, record.stage, Action.COMPUTED, record)
+        events.extend(worker.drawn([event]) if chunk.last else [event])
+    return events
+
+
+_OpenCrash = tuple[_CrashWorker, Provenance]
+
+
+def _call_for_several(
+    flow: Flow, definition: StageDefinition, crashes: Sequence[_OpenCrash]
+) -> Iterable[tuple[_OpenCrash, StageProduct | Rejection | Exception, str, float]]:
+    if not crashes:
+        return
+    started_at, started = now(), time.monotonic()
+    try:
+        products = flow.make_for_several(definition, [worker.files for worker, _ in crashes])
+    except Exception as error:
+        if len(crashes) > 1:  # find the one it broke on
+            for crash in crashes:
+                yield from _call_for_several(flow, definition, [crash])
+            return
+        yield crashes[0], error, started_at, time.monotonic() - started
+        return
+    duration_s = (time.monotonic() - started) / len(crashes)
+    for crash in crashes:
+        key = crash[0].task.key
+        product = products.get(key, Failure(f"{definition.stage}: no answer for {key} from the batch"))
+        yield crash, product, started_at, duration_s
+
+
+PICTURE_EXTENSIONS = ("png", "webp", "svg")
+
+
+def picture_name(key: str, extension: str = "png") -> str:
+    """Where a crash's picture lies below the storage root; ``webp`` is the small one, ``svg`` the sketch."""
+    return f"pictures/{key}.{extension}"

@@ -1,0 +1,108 @@
+"""One storage root with its settings and the flow: opened once by a command and handed to all that it calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from trace_dag.cohorts.registry import Registry
+from trace_dag.crash.completeness import filters_of
+from trace_dag.flow.contract import Flow
+from trace_dag.flow.executors import Executor, make_executor
+from trace_dag.flow.stages import FLOW
+from trace_dag.flow.tasks import StageEvent
+from trace_dag.progress import Progress, silent
+from trace_dag.settings import Settings, load_settings
+from trace_dag.storage import Storage
+
+ROOT_VARIABLE = "TRACE_DAG_ROOT"
+DEFAULT_ROOT = "trace_dag_home"
+SETTINGS_FILE = "settings.toml"
+WAREHOUSE_FILE = "warehouse.duckdb"
+BUILDING = ".building-"  # folders in which a warehouse is being built begin so
+
+
+def storage_root(chosen: str | None = None) -> str:
+    """The storage root: the one chosen, else ``TRACE_DAG_ROOT``, else ``./trace_dag_home``."""
+    return chosen or os.environ.get(ROOT_VARIABLE) or DEFAULT_ROOT
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A storage root: what is stored, the settings in force, and the flow that makes it.
+
+    For progress bars, ``listener`` hears of every stage and crash as it is done, and ``page_listener`` how many crashes
+    have got their page and package, of how many. ``executor`` is used instead of one made for each piece of work.
+    """
+
+    storage: Storage
+    settings: Settings
+    flow: Flow = FLOW
+    listener: Callable[[StageEvent], None] | None = None
+    page_listener: Progress = silent
+    executor: Executor | None = None
+
+    @classmethod
+    def open(cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None) -> Workspace:
+        """The workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over them.
+
+        Raises :class:`trace_dag.errors.UserError` for a root that cannot be used and settings that do not hold.
+        """
+        storage = Storage.open(root)
+        return cls(storage, _settings(storage, overrides), flow)
+
+    def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
+        """The same with other settings over the root's own; itself where there are none."""
+        return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
+
+    @property
+    def root(self) -> str:
+        """The storage root: a folder or a URL."""
+        return self.storage.root
+
+    @cached_property
+    def registry(self) -> Registry:
+        """The registered crashes."""
+        return Registry(self.storage)
+
+    @property
+    def local_folder(self) -> Path:
+        """A local folder for what must be local (Dagster's database, the warehouse being built).
+
+        The root itself if it is local; else a folder of the user's own for this root.
+        """
+        return self.storage.local_folder
+
+    @property
+    def warehouse(self) -> Path:
+        """The warehouse as it is read on this machine."""
+        return self.local_folder / WAREHOUSE_FILE
+
+    @property
+    def dagster_home(self) -> Path:
+        """Where Dagster keeps its records of this root."""
+        return self.local_folder / "dagster"
+
+    @contextmanager
+    def executing(self) -> Iterator[Executor]:
+        """What runs work: the executor given, or one of the settings' kind that is closed in the end."""
+        if self.executor is not None:
+            yield self.executor
+            return
+        with closing(make_executor(self.settings.execution)) as executor:
+            yield executor
+
+
+def _settings(storage: Storage, overrides: Mapping[str, Any] | None) -> Settings:
+    try:
+        toml = storage.read(SETTINGS_FILE)
+    except FileNotFoundError:
+        toml = b""
+    settings = load_settings(toml, name=storage.path(SETTINGS_FILE), overrides=overrides)
+    filters_of(settings.crash)  # a filter that names no element is said before anything runs
+    return settings

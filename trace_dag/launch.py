@@ -1,0 +1,227 @@
+"""Dagster runs started from this process: the same assets, instance and records that the UI shows.
+
+Belongs here: the instance of a storage root, and running planned batches through it. Does not belong here: deciding
+what to run (:mod:`trace_dag.flow.planning`).
+"""
+
+import os
+import uuid
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dagster import (
+    AssetKey,
+    DagsterError,
+    DagsterInstance,
+    DagsterRunStatus,
+    ExecuteInProcessResult,
+    JobDefinition,
+    JsonMetadataValue,
+    RunsFilter,
+)
+from dagster._core.events import RunFailureReason
+from dagster._core.instance.ref import InstanceRef
+from dagster_shared.error import SerializableErrorInfo
+from sqlalchemy.exc import SQLAlchemyError
+from yaml import YAMLError  # type: ignore[import-untyped]
+
+from trace_dag.assets.batch import STEP_PROCESS_TAG
+from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
+from trace_dag.assets.partitions import CRASHES, add_partitions
+from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
+from trace_dag.assets.summaries import DAMAGED
+from trace_dag.definitions import build_definitions
+from trace_dag.errors import DamagedFile
+from trace_dag.flow.selection import PlannedBatch, Selection, plan
+from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
+from trace_dag.processes import is_gone, this_process
+from trace_dag.settings import StateSettings
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+
+# By this the UI counts a run started here among those of its job.
+_REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
+_UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
+
+_INSTANCE_SETTINGS = """\
+# Dagster's records of this storage root. Nothing is sent anywhere, and no dialog asks for it.
+telemetry:
+  enabled: false
+nux:
+  enabled: false
+event_log_storage:
+  module: trace_dag.assets.event_log
+  class: EventLog
+  config: {}
+# A run uses all cores by itself.
+concurrency:
+  runs:
+    max_concurrent_runs: 2
+"""
+_EVENTS_AT_ONCE = "500"  # of those that Dagster hands over as one batch: the plan of a run
+# What a command's own runs print goes to its terminal, not by way of files and processes that copy them there.
+_ON_THE_TERMINAL = {
+    "compute_logs": {"module": "dagster._core.storage.noop_compute_log_manager", "class": "NoOpComputeLogManager"}
+}
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """What the runs of one call did: how many there were, and the crashes that failed, by run."""
+
+    runs: int = 0
+    errors: tuple[str, ...] = field(default=())
+
+
+def prepare_dagster_home(workspace: Workspace) -> Path:
+    """Dagster's folder of this root, made if need be, and named in this process's environment."""
+    folder = workspace.dagster_home
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = folder / "dagster.yaml"
+    if not settings.exists():
+        settings.write_text(_INSTANCE_SETTINGS)
+    os.environ["DAGSTER_HOME"] = str(folder)
+    os.environ[ROOT_VARIABLE] = Storage(workspace.root).root
+    os.environ.setdefault("DAGSTER_EVENT_BATCH_SIZE", _EVENTS_AT_ONCE)
+    return folder
+
+
+def open_instance(workspace: Workspace) -> DagsterInstance:
+    """Dagster's records of this root. Runs whose process is gone are closed as failed."""
+    folder = str(prepare_dagster_home(workspace))
+    try:
+        instance = DagsterInstance.from_ref(InstanceRef.from_dir(folder, overrides=_ON_THE_TERMINAL))
+        _close_orphans(instance)
+    except (DagsterError, SQLAlchemyError, YAMLError, UnicodeDecodeError) as error:
+        found = f"Dagster cannot read its records ({type(error).__name__})"
+        raise DamagedFile(folder, found, "delete that folder; trace-dag verify --repair tells Dagster anew") from error
+    return instance
+
+
+def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
+    """Crashes that Dagster does not hold as materialized at every stage, with the first stage that is not."""
+    partitions = instance.get_dynamic_partitions("crashes")
+    wanted = set(keys)
+    found: dict[str, Stage] = {}
+    for stage in Stage:
+        status = instance.get_status_by_partition(AssetKey(stage.value), partitions, CRASHES) or {}
+        for key in partitions:
+            held = status.get(key)
+            if key in wanted and (held is None or held.value != "MATERIALIZED"):
+                found.setdefault(key, stage)
+    return found
+
+
+def planned(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
+    """A selection as runs. Crashes that are up to date but that Dagster does not know of are run too, to be told."""
+    add_partitions(instance, workspace.registry.keys())
+    start = dict(selection.start)
+    if not selection.exact:
+        for key, stage in needing_records(instance, selection.asked).items():
+            start[key] = min(start.get(key, stage), stage, key=lambda each: each.position)
+    partitions = instance.get_dynamic_partitions("crashes")
+    return plan(partitions, replace(selection, start=start), size=workspace.settings.execution.batch_size)
+
+
+def run_batches(
+    workspace: Workspace,
+    instance: DagsterInstance,
+    batches: Sequence[PlannedBatch],
+    *,
+    settings: Mapping[str, Any],
+) -> RunReport:
+    """Run planned batches one after the other, each as one Dagster run in this process."""
+    job = _job(workspace, ALL_STAGES)
+    settings = _with_one_ledger(settings, workspace.settings.states)
+    errors: list[str] = []
+    for batch in batches:
+        result = job.execute_in_process(
+            run_config=_quiet(batch_config(batch, settings)),
+            instance=instance,
+            asset_selection=[AssetKey(stage.value) for stage in batch.stages],
+            tags={**range_tags(batch), **_REPOSITORY, PROCESS_TAG: this_process()},
+            raise_on_error=False,
+        )
+        errors.extend(_errors(result))
+    return RunReport(len(batches), tuple(errors))
+
+
+def _with_one_ledger(settings: Mapping[str, Any], states: StateSettings) -> Mapping[str, Any]:
+    """The overrides with a name under which all batches of a call count against one budget for language models."""
+    if states.estimator != "llm" or states.llm_ledger is not None:
+        return settings
+    return {**settings, "states": {**settings.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
+
+
+def summarise(workspace: Workspace, instance: DagsterInstance) -> RunReport:
+    """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
+    result = _job(workspace, SUMMARY).execute_in_process(
+        run_config=_quiet({}),
+        instance=instance,
+        tags={**_REPOSITORY, PROCESS_TAG: this_process()},
+        raise_on_error=False,
+    )
+    damaged = [
+        said
+        for event in result.get_asset_materialization_events()
+        for said in _listed(event.materialization.metadata.get(DAMAGED))
+    ]
+    return RunReport(1, (*damaged, *_errors(result)))
+
+
+def _listed(value: object) -> list[str]:
+    return list(value.value) if isinstance(value, JsonMetadataValue) and isinstance(value.value, list) else []
+
+
+def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
+    """Whether the last thing done was bringing the warehouse and the benchmark up to date, by the code there is now."""
+    from trace_dag.benchmark.build import is_made_by_this_code
+    from trace_dag.warehouse.build import is_built_by_this_code
+
+    newest = instance.get_runs(limit=1)
+    done = bool(newest) and newest[0].job_name == SUMMARY and newest[0].status is DagsterRunStatus.SUCCESS
+    return done and is_built_by_this_code(workspace.warehouse) and is_made_by_this_code(Storage(workspace.root))
+
+
+def _job(workspace: Workspace, name: str) -> JobDefinition:
+    return build_definitions(workspace).resolve_job_def(name)
+
+
+def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
+    return {**config, "loggers": {"console": {"config": {"log_level": "CRITICAL"}}}}
+
+
+def _errors(result: ExecuteInProcessResult) -> list[str]:
+    """What failed, in the words of the step's own failure where there are any.
+
+    Raises ``KeyboardInterrupt`` where it was this: Dagster makes a failed run of it and returns.
+    """
+    if result.success:
+        return []
+    messages = []
+    for event in result.all_events:
+        if event.is_step_failure:
+            data = event.step_failure_data
+            stated = data.user_failure_data.description if data.user_failure_data else None
+            messages.append(stated or _innermost(data.error) or event.message or "a step failed")
+        elif event.is_run_failure and event.job_failure_data.failure_reason is RunFailureReason.UNEXPECTED_TERMINATION:
+            raise KeyboardInterrupt
+        elif event.is_run_failure and not messages:
+            messages.append(_innermost(event.job_failure_data.error) or event.message or "the run failed")
+    return messages
+
+
+def _innermost(error: SerializableErrorInfo | None) -> str:
+    # What a worker process raised is caused by its traceback as text, which is no message.
+    while error is not None and error.cause is not None and error.cause.cls_name != "_RemoteTraceback":
+        error = error.cause
+    return error.message.strip() if error else ""
+
+
+def _close_orphans(instance: DagsterInstance) -> None:
+    """Runs of killed processes of this machine would stand as running for ever."""
+    for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
+        if is_gone(run.tags.get(STEP_PROCESS_TAG, "")) or is_gone(run.tags.get(PROCESS_TAG, "")):
+            instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")

@@ -1,0 +1,112 @@
+"""What the cross-section of a street is at a place: lanes each way, the other carriageway, divided or not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from trace_dag.osm.drivable import SERVICE_HIGHWAYS
+from trace_dag.roads.crash_site.crossings import is_one_way
+from trace_dag.roads.from_osm.tags import LEFT_TURNS, RIGHT_TURNS
+from trace_dag.roads.map.model import Lane, LaneType, Road
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.units import wrap_angle
+
+_OTHER_CARRIAGEWAY_M: Final = 60.0  # how far apart the carriageways of one divided road may be
+_OPPOSED_RAD: Final = math.radians(150)
+_TURNS: Final = LEFT_TURNS | RIGHT_TURNS
+_APPROACH_M: Final = 60.0  # lanes are counted on this much road either way: turn lanes begin and end
+
+
+@dataclass(frozen=True)
+class LaneCount:
+    """Traffic lanes of a road object: along and against its reference line, and for turning in the middle.
+
+    A cross-section with lanes that only turn is counted twice, with them and without: ``VNUM_LAN`` has them where they
+    are part of what the vehicle drove on, which the map cannot know.
+    """
+
+    along: int
+    against: int
+    centre: int = 0
+
+    @property
+    def total(self) -> int:
+        """All lanes of the road object."""
+        return self.along + self.against + self.centre
+
+
+@dataclass(frozen=True)
+class Carriageway:
+    """A road object at a place, and the other carriageway of the same street where it is divided."""
+
+    road: Road
+    counts: tuple[LaneCount, ...]  # every count of every cross-section within the approach, nearest first
+    median: bool  # the road object itself has a median lane
+    opposite: Road | None
+    opposite_counts: tuple[LaneCount, ...] = ()
+
+    @property
+    def one_way(self) -> bool:
+        """Whether the road object carries one direction only."""
+        return is_one_way(self.road)
+
+    @property
+    def divided(self) -> bool:
+        """Whether the street has something between its two directions."""
+        return self.opposite is not None or self.median
+
+
+def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -> Carriageway:
+    """The street at the place on ``road_id`` nearest to a point."""
+    road = network.road_by_id[road_id]
+    line = network.road_geometry(road_id).line
+    s_m, _, _ = line.project(x_m, y_m)
+    at_x, at_y, heading, _ = line.at(s_m)
+    opposite = _opposite(network, road, at_x, at_y, heading) if is_one_way(road) else None
+    opposite_counts: tuple[LaneCount, ...] = ()
+    if opposite is not None:
+        other_s_m, _, _ = network.road_geometry(opposite.id).line.project(at_x, at_y)
+        opposite_counts = lane_counts(opposite, other_s_m)
+    median = any(lane.type == LaneType.MEDIAN for section in road.lane_sections for lane in section.lanes)
+    return Carriageway(road, lane_counts(road, s_m), median, opposite, opposite_counts)
+
+
+def lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[LaneCount, ...]:
+    """The lanes of the cross-sections within ``reach_m`` of ``s_m``, nearest first, each count once."""
+    starts = [section.s_m for section in road.lane_sections]
+    ends = [*starts[1:], road.length_m]
+    near = []
+    for section, start, end in zip(road.lane_sections, starts, ends, strict=True):
+        distance = max(start - s_m, s_m - end, 0.0)
+        if distance > reach_m:
+            continue
+        traffic = [lane for lane in section.lanes if lane.type.drivable and lane.type != LaneType.BIDIRECTIONAL]
+        through = [lane for lane in traffic if not lane.turns or not _TURNS.issuperset(lane.turns)]
+        centre = sum(lane.type == LaneType.BIDIRECTIONAL for lane in section.lanes)
+        near.append((distance, start, _count(traffic, centre)))
+        near.append((distance, start, _count(through, 0)))
+    return tuple(dict.fromkeys(count for _, _, count in sorted(near, key=lambda item: item[:2])))
+
+
+def _count(lanes: list[Lane], centre: int) -> LaneCount:
+    return LaneCount(sum(lane.id < 0 for lane in lanes), sum(lane.id > 0 for lane in lanes), centre)
+
+
+def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:
+    """The nearest one-way road the other way round that is not plainly another street, on the left."""
+    for match in network.nearest_lanes(x_m, y_m, _OTHER_CARRIAGEWAY_M):
+        other = network.road_by_id[match.lane.road_id]
+        if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:
+            continue
+        if not is_one_way(other) or other.highway.endswith("_link") != road.highway.endswith("_link"):
+            continue
+        if road.names and other.names and not set(road.names) & set(other.names):
+            continue
+        pose = network.pose(match.lane, match.s_m)
+        opposed = abs(wrap_angle(pose.heading_rad - heading_rad)) > _OPPOSED_RAD
+        left_of = -(pose.x_m - x_m) * math.sin(heading_rad) + (pose.y_m - y_m) * math.cos(heading_rad)
+        if opposed and left_of > 0 and (road.names or other.highway == road.highway):
+            return other
+    return None

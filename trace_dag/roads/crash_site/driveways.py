@@ -1,0 +1,376 @@
+"""Driveways that the report speaks of and OpenStreetMap does not have, drawn as roads of the map and marked as ours.
+
+A vehicle that is reported to have come out of a driveway, from the side, or to have turned off the street between
+intersections, drove on something. Where no road of the map passes the crash on that side, a way is added to a copy of
+the extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides
+where the report leaves the side open. Its tag ``trace_dag:inferred`` says why it is there. On a divided street it
+crosses the median where the reported course asks for that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from trace_dag.crash.crash_types import Relation, Side, Turn, crash_type_of, critical_event, opposite_side, turn_of
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
+from trace_dag.geometry import FloatArray, arc_lengths
+from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
+from trace_dag.roads.crash_site.crossings import is_one_way
+from trace_dag.roads.crash_site.placement import is_at_intersection
+from trace_dag.roads.crash_site.reported_road import pair_of
+from trace_dag.roads.from_osm.tags import INFERRED_TAG
+from trace_dag.roads.map.model import Road
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import CrashPlacement
+from trace_dag.units import wrap_angle
+
+DRIVEWAY_RELATIONS: Final = frozenset({4, 8})  # RELJCT2: in a driveway access, related to one
+NO_DRIVEWAYS: Final = frozenset({"motorway", "motorway_link", "trunk_link"})
+_DRIVEWAY_TRAFFICWAY: Final = 0  # VTRAFWAY: a driveway access or other non-trafficway
+_WIDTH_M: Final = 6.1
+"""20 ft: the most that York County's code (VA, 20.5-98) lets a residential driveway be wide (9 to 20 ft), the least
+that Kent's (OH, 1167.05) asks of any other; room for a lane of 3 m each way."""
+_LENGTH_M: Final = 50.0  # from the middle of the street: 40 m or more beside it
+_LONGEST_M: Final = 100.0
+_DRIVEN_S: Final = 5.5  # a vehicle that was fast needs room for the seconds before the crash
+_LEAST_LENGTH_M: Final = 15.0
+_PASSES_M: Final = 16.0  # a side road whose line is this near the crash can have brought a vehicle to it
+_FARTHEST_END_M: Final = 60.0
+_SIDEWAYS_RAD: Final = (math.radians(35), math.radians(145))
+_SAME_JUNCTION_M: Final = 15.0
+_SAME_PLACE_M: Final = 1.0
+_OPPOSING_COSINE: Final = math.cos(math.radians(150))
+_MEDIAN_CROSSING_M: Final = 45.0  # a carriageway farther off is another street
+_BEFORE_RIGHT_TURN_M: Final = 3.0  # the corner cut: one that turns right joins the street a little farther on
+_TAGS: Final = {"highway": "service", "service": "driveway", "width": f"{_WIDTH_M:g}"}
+
+
+@dataclass(frozen=True)
+class Access:
+    """What the report says of a way off the street. ``side``: as seen in the street's traffic, None: either.
+
+    ``turn``: what the vehicle did that came out of it. ``across``: the course leads over the whole street.
+    """
+
+    why: str
+    side: Side | None = None
+    turn: Turn | None = None
+    across: bool = False
+    length_m: float = _LENGTH_M
+
+
+def reported_access(record: CrashRecord) -> Access | None:
+    """The way off the street that the report speaks of, whether or not the map has it."""
+    pair = pair_of(record)
+    if len(pair) != 2:
+        return None
+    both = (pair, pair[::-1])
+    for vehicle, other in both:
+        from_driveway = critical_event(other.critical_event_code)
+        if vehicle.trafficway_code == _DRIVEWAY_TRAFFICWAY or (
+            from_driveway.driveway and from_driveway.crossing_is_other
+        ):
+            return _coming_out(vehicle, other, f"vehicle {vehicle.number} is reported to have come from a driveway")
+    at_driveway = record.junction_relation_code in DRIVEWAY_RELATIONS
+    if any(_backs(vehicle) for vehicle in pair):
+        return Access("the crash is reported at a driveway") if at_driveway else None
+    if _is_crossing(pair):
+        # Who turned came from the side; of two that went straight, either can have.
+        for vehicle, other in both:
+            if turn_of(vehicle) is not None:
+                return _coming_out(vehicle, other, f"vehicle {vehicle.number} is reported to have come from the side")
+        fastest_m = max(_driven_m(vehicle) for vehicle in pair)
+        return Access("one vehicle is reported to have come from the side", across=True, length_m=fastest_m)
+    if is_at_intersection(record) and not at_driveway:
+        return None
+    for vehicle, _ in both:
+        turn = turn_of(vehicle)
+        if turn in (Turn.LEFT, Turn.RIGHT):
+            why = f"vehicle {vehicle.number} is reported to have turned {turn} between intersections"
+            # Who turns left crosses the other carriageway, and the crash is on that one.
+            return Access(why, side=Side.RIGHT, across=turn is Turn.LEFT)
+    return None
+
+
+def add_driveways(
+    network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
+) -> OsmExtract:
+    """The extract with the driveways the report asks for; as it is where the map has a road there, or no room."""
+    access = reported_access(record)
+    road = network.road_by_id[placement.road_id]
+    if access is None or road.highway in NO_DRIVEWAYS or road.bridge or road.tunnel:
+        return extract
+    if is_at_intersection(record) and _at_its_crossing(network, placement):
+        return extract
+    canvas = _Canvas(network, extract)
+    street = canvas.street_at(road, placement)
+    if street is None:
+        return extract
+    passing = _sides_passed(network, street)
+    if street.one_way:
+        wanted = [side for side in Side if access.side in (side, None) and side not in passing]
+    else:
+        wanted = [] if passing else list(Side)  # which way the street's vehicle went is open
+    for side in wanted:
+        canvas.draw(street, side, access)
+    return canvas.extract()
+
+
+# --- what the report says ------------------------------------------------------------------------------------------
+def _backs(vehicle: VehicleRecord) -> bool:
+    return crash_type_of(vehicle).backing or vehicle.movement is PreCrashMovement.BACKING
+
+
+def _is_crossing(pair: Sequence[VehicleRecord]) -> bool:
+    said = [relation for vehicle in pair if (relation := crash_type_of(vehicle).relation) is not None]
+    if not said:
+        said = [
+            relation
+            for vehicle in pair
+            if (relation := critical_event(vehicle.critical_event_code).relation) is not None
+        ]
+    return bool(said) and set(said) == {Relation.CROSSING}
+
+
+def _coming_out(vehicle: VehicleRecord, other: VehicleRecord, why: str) -> Access:
+    turn = None if _backs(vehicle) else turn_of(vehicle)
+    side = None
+    if crash_type_of(other).relation is Relation.CROSSING and crash_type_of(other).other_from is not None:
+        side = crash_type_of(other).other_from
+    elif (
+        crash_type_of(vehicle).relation is Relation.CROSSING and (seen := crash_type_of(vehicle).other_from) is not None
+    ):
+        side = opposite_side(seen)
+    across = turn is not Turn.RIGHT and not _backs(vehicle)
+    return Access(why, side, turn, across, _driven_m(vehicle))
+
+
+def _driven_m(vehicle: VehicleRecord) -> float:
+    return min(max(_LENGTH_M, _DRIVEN_S * (vehicle.travel_speed_mps or 0.0)), _LONGEST_M)
+
+
+# --- what the map has ----------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Street:
+    """The way under the crash: how far along it, the point there, and its direction (that of a one-way's traffic)."""
+
+    way: OsmWay
+    s_m: float
+    xy_m: FloatArray
+    direction: FloatArray
+    one_way: bool
+
+    def outward(self, side: Side) -> FloatArray:
+        """Unit vector from the street to a side of it."""
+        x, y = self.direction
+        return np.array([-y, x]) if side is Side.LEFT else np.array([y, -x])
+
+
+def _at_its_crossing(network: RoadNetwork, placement: CrashPlacement) -> bool:
+    """Whether the crash lies at the crossing it was placed at, whatever the angles of its arms."""
+    if placement.junction_id is None or not placement.cross_road_ids:
+        return False
+    near = network.nearest_lanes(placement.x_m, placement.y_m, _PASSES_M)
+    return any(network.road_by_id[match.lane.road_id].junction_id == placement.junction_id for match in near)
+
+
+def _sides_passed(network: RoadNetwork, street: _Street) -> set[Side]:
+    """The sides of the street from which a road of the map leads past the crash."""
+    sides: set[Side] = set()
+    heading = math.atan2(street.direction[1], street.direction[0])
+    for end, away in _road_ends(network):
+        if not _SIDEWAYS_RAD[0] <= abs(wrap_angle(away - heading)) <= _SIDEWAYS_RAD[1]:
+            continue
+        back = street.xy_m - end
+        line = np.array([math.cos(away), math.sin(away)])
+        if abs(line[0] * back[1] - line[1] * back[0]) <= _PASSES_M and -_FARTHEST_END_M <= line @ back <= _PASSES_M:
+            sides.add(Side.LEFT if wrap_angle(away - heading) > 0 else Side.RIGHT)
+    return sides
+
+
+def _road_ends(network: RoadNetwork) -> Iterator[tuple[FloatArray, float]]:
+    """Where roads end at junctions, and the heading away from there along the road."""
+    for road in network.roads:
+        if road.junction_id is not None:
+            continue
+        geometry = network.road_geometry(road.id)
+        for link, s_m, turned in ((road.predecessor, 0.0, 0.0), (road.successor, road.length_m, math.pi)):
+            if link is not None and link.element_type == "junction":
+                x, y, heading = (float(value) for value in geometry.line.sample(np.array([s_m]))[0][:3])
+                yield np.array([x, y]), heading + turned
+
+
+# --- drawing -------------------------------------------------------------------------------------------------------
+class _Hit(NamedTuple):
+    """Where a straight line meets a way: how far along the line and along the way."""
+
+    distance_m: float
+    way: OsmWay
+    s_m: float
+    opposes: bool  # a one-way whose traffic goes against the street's
+
+
+class _Canvas:
+    """A copy of the extract to draw driveways in, in the network's frame."""
+
+    def __init__(self, network: RoadNetwork, extract: OsmExtract) -> None:
+        self._frame = network.frame
+        self._extract = extract
+        self._ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True) and _whole(way, extract)]
+        self._arms = Counter(node for way in self._ways for pair in pairwise(way.node_ids) for node in pair)
+        ids = list(extract.nodes)
+        degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in ids])
+        local = network.frame.to_local(degrees[:, 0], degrees[:, 1])
+        self._xy: dict[int, FloatArray] = dict(zip(ids, local, strict=True))
+        self._new_nodes: list[OsmNode] = []
+        self._inserted: dict[int, list[tuple[float, int]]] = defaultdict(list)
+        self._drawn: list[OsmWay] = []
+
+    def street_at(self, road: Road, placement: CrashPlacement) -> _Street | None:
+        """The way of a road that is nearest to the crash; None for a road without ways."""
+        here = np.array([placement.x_m, placement.y_m])
+        found: list[tuple[float, int, _Street]] = []
+        for way in self._ways:
+            if way.id in road.osm_way_ids:
+                line = self._line(way)
+                s_m = _station(line, here)
+                xy_m, direction = _on(line, s_m)
+                against = way.tags.get("oneway") in ("-1", "reverse")
+                street = _Street(way, s_m, xy_m, -direction if against else direction, is_one_way(road))
+                found.append((float(np.hypot(*(xy_m - here))), way.id, street))
+        return min(found, key=lambda each: each[:2])[2] if found else None
+
+    def draw(self, street: _Street, side: Side, access: Access) -> None:
+        """A driveway on one side of a street; nothing where another road leaves no room for one."""
+        outward = street.outward(side)
+        along_m = 0.0
+        if access.turn is Turn.RIGHT:
+            along_m = -_BEFORE_RIGHT_TURN_M if side is Side.RIGHT else _BEFORE_RIGHT_TURN_M
+        target_m = street.xy_m + along_m * street.direction
+        root_m = self._junction_near(street, _station(self._line(street.way), target_m))
+        start = _on(self._line(street.way), root_m)[0]
+        between: list[_Hit] = []  # the other carriageway, where the driveway's leads across it
+        end_m, joined = access.length_m, None
+        for hit in self._hits(street, start, outward, access.length_m + _LEAST_LENGTH_M):
+            if hit.opposes and street.one_way and hit.distance_m <= _MEDIAN_CROSSING_M and not between:
+                between.append(hit)
+                continue
+            end_m, joined = hit.distance_m, hit
+            break
+        if end_m - (between[0].distance_m if between else 0.0) < _LEAST_LENGTH_M:
+            return
+        nodes = [self._node_at(joined.way, joined.s_m) if joined else self._add(start + end_m * outward)]
+        nodes += [self._node_at(hit.way, hit.s_m) for hit in between]
+        nodes.append(self._node_at(street.way, root_m))
+        if access.across and street.one_way and side is Side.RIGHT:
+            ahead = self._hits(street, start, -outward, _MEDIAN_CROSSING_M)
+            if ahead and ahead[0].opposes:
+                nodes.append(self._node_at(ahead[0].way, ahead[0].s_m))
+        way_id = min(0, *(way.id for way in (*self._extract.ways, *self._drawn))) - 1
+        self._drawn.append(OsmWay(way_id, tuple(nodes), {**_TAGS, INFERRED_TAG: access.why}))
+
+    def extract(self) -> OsmExtract:
+        """The extract with what was drawn; the very same one if nothing was."""
+        if not self._drawn:
+            return self._extract
+        nodes = {**self._extract.nodes, **{node.id: node for node in self._new_nodes}}
+        ways = tuple(self._with_inserted(way) for way in self._extract.ways)
+        return replace(self._extract, nodes=nodes, ways=(*ways, *self._drawn))
+
+    def _line(self, way: OsmWay) -> FloatArray:
+        return np.array([self._xy[node_id] for node_id in way.node_ids])
+
+    def _junction_near(self, street: _Street, s_m: float) -> float:
+        """The station of a junction of the street so near that a driveway would be an arm of it, else ``s_m``."""
+        stations = arc_lengths(self._line(street.way))
+        near = [
+            (abs(float(station) - s_m), float(station))
+            for node_id, station in zip(street.way.node_ids, stations, strict=True)
+            if self._arms[node_id] > 2
+        ]
+        apart_m, station = min(near, default=(math.inf, s_m))
+        return station if apart_m <= _SAME_JUNCTION_M else s_m
+
+    def _hits(self, street: _Street, start: FloatArray, towards: FloatArray, reach_m: float) -> list[_Hit]:
+        """Other ways on the level of the street that a straight line meets, nearest first."""
+        hits = []
+        for way in self._ways:
+            if any(way.tags.get(key, "no") != "no" for key in ("bridge", "tunnel")):
+                continue
+            line = self._line(way)
+            stations = arc_lengths(line)
+            for i, (a, b) in enumerate(pairwise(line)):
+                along = b - a
+                across = float(towards[0] * along[1] - towards[1] * along[0])
+                if abs(across) < 1e-9:
+                    continue
+                share = float((a - start)[1] * towards[0] - (a - start)[0] * towards[1]) / -across
+                distance_m = float((a - start)[0] * along[1] - (a - start)[1] * along[0]) / across
+                if 0.0 <= share <= 1.0 and _SAME_PLACE_M < distance_m <= reach_m:
+                    against = way.tags.get("oneway") in ("-1", "reverse")
+                    heading = (-along if against else along) / np.hypot(*along)
+                    one_way = against or way.tags.get("oneway") in ("yes", "1", "true")
+                    opposes = one_way and float(heading @ street.direction) < _OPPOSING_COSINE
+                    s_m = float(stations[i] + share * (stations[i + 1] - stations[i]))
+                    hits.append(_Hit(distance_m, way, s_m, opposes))
+        return sorted(hits, key=lambda hit: (hit.distance_m, hit.way.id))
+
+    def _node_at(self, way: OsmWay, s_m: float) -> int:
+        """The way's node at a station, a new one where it has none."""
+        line = self._line(way)
+        at = [*zip(arc_lengths(line).tolist(), way.node_ids, strict=True), *self._inserted[way.id]]
+        apart_m, node_id = min((abs(station - s_m), node_id) for station, node_id in at)
+        if apart_m <= _SAME_PLACE_M:
+            return node_id
+        node_id = self._add(_on(line, s_m)[0])
+        self._inserted[way.id].append((s_m, node_id))
+        return node_id
+
+    def _add(self, xy_m: FloatArray) -> int:
+        latitude_deg, longitude_deg = (float(value) for value in self._frame.to_geographic(xy_m))
+        node_id = min(0, *self._extract.nodes, *(node.id for node in self._new_nodes)) - 1
+        self._new_nodes.append(OsmNode(node_id, latitude_deg, longitude_deg))
+        return node_id
+
+    def _with_inserted(self, way: OsmWay) -> OsmWay:
+        if not self._inserted[way.id]:
+            return way
+        stations = arc_lengths(self._line(way)).tolist()
+        nodes = sorted([*zip(stations, way.node_ids, strict=True), *self._inserted[way.id]], key=lambda each: each[0])
+        return way._replace(node_ids=tuple(node_id for _, node_id in nodes))
+
+
+def _whole(way: OsmWay, extract: OsmExtract) -> bool:
+    return len(way.node_ids) > 1 and all(node_id in extract.nodes for node_id in way.node_ids)
+
+
+def _station(line: FloatArray, point: FloatArray) -> float:
+    """How far along a polyline the place nearest to a point is."""
+    stations = arc_lengths(line)
+    best = (math.inf, 0.0)
+    for i, (a, b) in enumerate(pairwise(line)):
+        along = b - a
+        length_m = float(np.hypot(*along))
+        if length_m == 0.0:
+            continue
+        share = min(max(float((point - a) @ along) / length_m**2, 0.0), 1.0)
+        apart_m = float(np.hypot(*(a + share * along - point)))
+        best = min(best, (apart_m, float(stations[i]) + share * length_m))
+    return best[1]
+
+
+def _on(line: FloatArray, s_m: float) -> tuple[FloatArray, FloatArray]:
+    """The point at a station of a polyline, and the unit vector along it there."""
+    stations = arc_lengths(line)
+    i = min(max(int(np.searchsorted(stations, s_m, side="right")) - 1, 0), len(line) - 2)
+    along = line[i + 1] - line[i]
+    length_m = max(float(np.hypot(*along)), 1e-9)
+    return line[i] + (s_m - float(stations[i])) / length_m * along, along / length_m

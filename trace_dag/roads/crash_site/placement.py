@@ -1,0 +1,392 @@
+"""Where the crash is on the map: which road, where on it, and at which crossing.
+
+The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above.
+What the report says of the road decides: its name or number, its class, lanes, limit, whether it is divided, and how
+far the point lies from it. Each is a log-likelihood ratio (how many times likelier it is to be reported so of this
+road than of another), so that they add up. The weights are judgements, not fits: a name is hardly ever wrong but often
+missing in OSM, a class is often one step off, and four coded points in five lie within 300 ft (California's check),
+most of them within a lane of the road.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from trace_dag.crash.classes import RoadTopology
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.osm.drivable import SERVICE_HIGHWAYS
+from trace_dag.roads.crash_site.carriageways import carriageway_at
+from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
+from trace_dag.roads.crash_site.reported_road import (
+    Trafficway,
+    lanes_as_reported,
+    pair_of,
+    trafficway_of,
+    trafficway_on_map,
+)
+from trace_dag.roads.crash_site.street_names import SAME_STREET, parse_street, similarity
+from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import CrashPlacement
+from trace_dag.settings import RoadSettings
+
+_LOOK_AROUND_M: Final = 100.0  # named roads are looked for this far even if a crash is not moved so far
+_OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street
+_DISTANCE_SCALE_M: Final = 6.0
+_CROSSING_SCALE_M: Final = 15.0
+_INSIDE_LANE_M: Final = 1.0  # a moved point comes to lie this far inside the lane's border
+_TURNING_LANE_M: Final = 1.5  # a turn's surface belongs to its street a little less than a straight one
+_NOT_ITS_STREET: Final = -10.0  # a driveway that was drawn for the crash on the street
+_SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
+
+# FUNC_SYS: interstate, other freeway, principal arterial, minor arterial, major and minor collector, local.
+_RANK_OF_FUNCTION: Final = {1: 0.0, 2: 0.7, 3: 2.0, 4: 2.8, 5: 3.7, 6: 4.4, 7: 5.6}
+_RANK_OF_HIGHWAY: Final = {
+    highway: float(rank)
+    for rank, highways in enumerate(
+        (
+            ("motorway",),
+            ("trunk",),
+            ("primary",),
+            ("secondary",),
+            ("tertiary",),
+            ("unclassified",),
+            ("residential", "living_street", "road"),
+        )
+    )
+    for highway in highways
+}
+_AT_DRIVEWAY: Final = (4, 8)  # RELJCT2
+_AT_INTERSECTION: Final = (2, 3)  # RELJCT2
+_ON_RAMP: Final = (20,)  # RELJCT2
+_NO_INTERSECTION: Final = (RoadTopology.NOT_AN_INTERSECTION, RoadTopology.OTHERS)
+
+
+def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSettings) -> CrashPlacement:
+    """The crash on the map, in the network's frame.
+
+    A point on the surface of the road it belongs to stays where it is, one beside it is moved just inside the nearest
+    lane, by at most ``settings.max_move_m``.
+
+    Raises :class:`Rejection` (``crash_off_road``) if no road lies so near, or if the road that the report names is
+    farther away and the ones at hand have other names.
+    """
+    return _Placer(network, record, settings).place()
+
+
+def is_at_intersection(record: CrashRecord) -> bool:
+    """Whether the crash happened at or because of an intersection (``TYP_INT``, else ``RELJCT2``)."""
+    if record.road_topology not in _NO_INTERSECTION:
+        return True
+    return record.road_topology == RoadTopology.OTHERS and record.junction_relation_code in _AT_INTERSECTION
+
+
+def is_named(crossing: Crossing, record: CrashRecord) -> bool:
+    """Whether a crossing is the one the report names: both of its streets meet there."""
+    return _are_same_streets(_name_similarities(crossing, record))
+
+
+def rank_of(highway: str) -> float:
+    """Rank of a road class, 0 for motorways to 6 for residential streets, 7 for the rest; a link ranks as its class."""
+    return _RANK_OF_HIGHWAY.get(highway.removesuffix("_link"), float(len(_RANK_OF_HIGHWAY)))
+
+
+def class_steps(record: CrashRecord, road: Road) -> float | None:
+    """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
+
+    None where either says nothing: a driveway or a track has no functional class.
+    """
+    expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
+    mapped = _RANK_OF_HIGHWAY.get(road.highway.removesuffix("_link"))
+    return None if expected is None or mapped is None else abs(mapped - expected)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    road: Road
+    distance_m: float
+    score: float
+    evidence: tuple[str, ...]
+    name_similarity: float | None
+
+
+@dataclass
+class _Nearness:
+    """The lanes by which a road (or its ways through junctions) comes nearest to the point."""
+
+    distance_m: float = math.inf
+    matches: list[LaneMatch] = field(default_factory=list)
+
+
+class _Placer:
+    def __init__(self, network: RoadNetwork, record: CrashRecord, settings: RoadSettings) -> None:
+        self._network = network
+        self._record = record
+        self._settings = settings
+        x_m, y_m = network.frame.to_local(record.latitude_deg, record.longitude_deg).tolist()
+        self._x_m, self._y_m = float(x_m), float(y_m)
+        self._crossings = find_crossings(network)
+        self._near = self._streets_near()
+
+    def place(self) -> CrashPlacement:
+        candidates = [self._judge(road_id, near.distance_m) for road_id, near in self._near.items()]
+        if is_at_intersection(self._record):
+            crossing = self._crossing()
+            at_crossing = [c for c in candidates if crossing is not None and c.road.id in crossing.road_ids]
+            if crossing is not None and any(c.distance_m <= self._settings.max_move_m for c in at_crossing):
+                return self._at_crossing(crossing, _best(at_crossing))
+        best = self._best_within_reach(candidates)
+        matches = self._near[best.road.id].matches
+        cross = self._named(self._record.trafficway_2, exclude=(best.road.id,))
+        junction_id = None
+        if self._record.junction_relation_code in _AT_DRIVEWAY:
+            junction_id, driveways = self._driveway()
+            cross = cross or driveways
+        return self._placement(best, matches, junction_id, cross)
+
+    # --- streets ---------------------------------------------------------------------------------------------
+    def _streets_near(self) -> dict[str, _Nearness]:
+        """Roads around the point. A way through a junction counts for the roads it comes from and leads to."""
+        near: dict[str, _Nearness] = {}
+        for match in self._network.nearest_lanes(self._x_m, self._y_m, _LOOK_AROUND_M):
+            road = self._network.road_by_id[match.lane.road_id]
+            if road.junction_id is None:
+                owners, extra_m = [road.id], 0.0
+            else:
+                owners = [end.id for end in self._joined_by(road)]
+                extra_m = 0.0 if road.turn in (None, "straight") else _TURNING_LANE_M
+            for owner in owners:
+                entry = near.setdefault(owner, _Nearness())
+                entry.distance_m = min(entry.distance_m, match.outside_m + extra_m)
+                entry.matches.append(match)
+        return near
+
+    def _judge(self, road_id: str, distance_m: float) -> _Candidate:
+        road, record = self._network.road_by_id[road_id], self._record
+        weights: dict[str, float] = {"distance": -math.log1p((distance_m / _DISTANCE_SCALE_M) ** 2)}
+        named = similarity(record.trafficway_1, road.names)
+        if named is not None:
+            weights["name"] = 5.5 * named - 1.5
+        if named is None or named < SAME_STREET:
+            crossing_name = similarity(record.trafficway_2, road.names)
+            if crossing_name is not None and crossing_name >= SAME_STREET:
+                weights["name of the other street"] = -2.0
+        weights["class"] = _NOT_ITS_STREET if road.inferred else self._class_weight(road)
+        if distance_m <= self._settings.max_move_m:
+            weights |= self._street_weights(road)
+        evidence = tuple(name for name, weight in weights.items() if weight > 0)
+        return _Candidate(road, distance_m, sum(weights.values()), evidence, named)
+
+    def _street_weights(self, road: Road) -> dict[str, float]:
+        weights: dict[str, float] = {}
+        street = carriageway_at(self._network, road.id, self._x_m, self._y_m)
+        vehicles = pair_of(self._record)
+        ways = [way for vehicle in vehicles if (way := trafficway_of(vehicle)) is not None]
+        if ways:
+            weights["trafficway"] = 0.6 if trafficway_on_map(street) in ways else -0.4
+        if road.lanes_from_tags and any(vehicle.lanes for vehicle in vehicles):
+            fits = any(v.lanes in lanes_as_reported(street, trafficway_of(v)) for v in vehicles if v.lanes)
+            weights["lanes"] = 0.7 if fits else -0.5
+        limits = [vehicle.speed_limit_mps for vehicle in vehicles if vehicle.speed_limit_mps]
+        if limits and road.speed_mps is not None:
+            posted = road.speed_mps
+            weights["limit"] = 0.5 if any(abs(limit - posted) < _SAME_SPEED_MPS for limit in limits) else -0.3
+        return weights
+
+    def _class_weight(self, road: Road) -> float:
+        record = self._record
+        weight = 0.0
+        highway = road.highway.removesuffix("_link")
+        if highway in SERVICE_HIGHWAYS:
+            return -1.0 if record.junction_relation_code in _AT_DRIVEWAY else -2.5
+        steps = class_steps(record, road)
+        if steps is not None:
+            weight += 0.7 if steps < 0.9 else 0.0 if steps < 1.7 else -0.7 if steps < 2.7 else -1.5
+        on_ramp = (
+            record.junction_relation_code in _ON_RAMP
+            or parse_street(record.trafficway_1).ramp
+            or any(trafficway_of(vehicle) == Trafficway.RAMP for vehicle in pair_of(record))
+        )
+        if road.highway.endswith("_link"):
+            weight += 1.5 if on_ramp else -1.5
+        return weight
+
+    def _best_within_reach(self, candidates: list[_Candidate]) -> _Candidate:
+        limit_m, reported = self._settings.max_move_m, self._record.trafficway_1
+        within = [candidate for candidate in candidates if candidate.distance_m <= limit_m]
+        if not within:
+            nearest = min(candidates, key=lambda candidate: candidate.distance_m, default=None)
+            far = f"the nearest road is {nearest.distance_m:.1f} m" if nearest else f"no road is {_LOOK_AROUND_M:.0f} m"
+            raise Rejection(
+                Reason.CRASH_OFF_ROAD,
+                f"The reported point lies off the road: {far} away, more than {limit_m:.0f} m.",
+                measured=nearest.distance_m if nearest else None,
+                threshold=limit_m,
+            )
+        best = _best(within)
+        named = [c for c in candidates if c.name_similarity is not None and c.name_similarity >= SAME_STREET]
+        contradicted = best.name_similarity is not None and best.name_similarity < _OTHER_STREET
+        if named and contradicted and not is_at_intersection(self._record):
+            nearest_named = min(named, key=lambda candidate: candidate.distance_m)
+            raise Rejection(
+                Reason.CRASH_OFF_ROAD,
+                f"The report names {reported}, which is {nearest_named.distance_m:.1f} m from the reported point, more "
+                f"than {limit_m:.0f} m; the road there is {best.road.name or best.road.highway}.",
+                measured=nearest_named.distance_m,
+                threshold=limit_m,
+            )
+        return best
+
+    def _named(self, reported: str, *, exclude: Collection[str]) -> tuple[str, ...]:
+        """Roads near the point that a report's street name means."""
+        if not reported:
+            return ()
+        return tuple(
+            road_id
+            for road_id in self._near
+            if road_id not in exclude
+            and (similarity(reported, self._network.road_by_id[road_id].names) or 0.0) >= SAME_STREET
+        )
+
+    # --- crossings -------------------------------------------------------------------------------------------
+    def _crossing(self) -> Crossing | None:
+        """The crossing the report means: by distance, the names of its streets, and its kind."""
+        record, best, best_score = self._record, None, -math.inf
+        for crossing in self._crossings:
+            if crossing.kind is None:
+                continue
+            distance_m = self._distance_to(crossing)
+            similarities = _name_similarities(crossing, record)
+            if distance_m > (_LOOK_AROUND_M if _are_same_streets(similarities) else self._settings.max_move_m):
+                continue
+            score = -math.log1p((distance_m / _CROSSING_SCALE_M) ** 2)
+            score += sum(4.0 * value - 1.0 for value in similarities if value is not None)
+            score += 1.0 if crossing.kind == record.road_topology else 0.0
+            if score > best_score:
+                best, best_score = crossing, score
+        return best
+
+    def _distance_to(self, crossing: Crossing) -> float:
+        """From the point to the surface of a crossing's junctions."""
+        inside = [
+            match.outside_m
+            for near in self._near.values()
+            for match in near.matches
+            if self._network.road_by_id[match.lane.road_id].junction_id in crossing.junction_ids
+        ]
+        if inside:
+            return min(inside)
+        return math.hypot(crossing.centre_xy_m[0] - self._x_m, crossing.centre_xy_m[1] - self._y_m)
+
+    def _at_crossing(self, crossing: Crossing, best: _Candidate) -> CrashPlacement:
+        names = {name for arm in crossing.arms for name in arm.names}
+        surface = [match for near in self._near.values() for match in near.matches]
+        surface = [match for match in dict.fromkeys(surface) if self._belongs(match.lane, crossing, names)]
+        junction = min(crossing.junction_ids, key=lambda junction_id: self._junction_distance(junction_id))
+        return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
+
+    def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
+        """Whether a lane is of the crossing or of one of its streets beyond (past the next driveway, say)."""
+        road = self._network.road_by_id[lane.road_id]
+        if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
+            return True
+        ends = (road,) if road.junction_id is None else self._joined_by(road)
+        return all(not set(names).isdisjoint(end.names) for end in ends)
+
+    def _joined_by(self, connecting: Road) -> tuple[Road, ...]:
+        links = (connecting.predecessor, connecting.successor)
+        return tuple(
+            self._network.road_by_id[link.element_id]
+            for link in links
+            if link is not None and link.element_type == "road"
+        )
+
+    def _junction_distance(self, junction_id: str) -> float:
+        inside = [
+            match.outside_m
+            for near in self._near.values()
+            for match in near.matches
+            if self._network.road_by_id[match.lane.road_id].junction_id == junction_id
+        ]
+        return min(inside, default=math.inf)
+
+    def _cross_roads(self, crossing: Crossing, road: Road) -> tuple[str, ...]:
+        """Roads of the crossing that are not of the crash's own street, the ones ``TWAY_ID2`` names if it does."""
+        own = set(crossing.street_of(road.id))
+        others = [arm for arm in crossing.arms if own.isdisjoint(arm.road_ids)]
+        if self._record.trafficway_2:
+            named = [
+                arm
+                for arm in others
+                if (similarity(self._record.trafficway_2, sorted(arm.names)) or 0.0) >= SAME_STREET
+            ]
+            others = named or others
+        return tuple(road_id for arm in others for road_id in arm.road_ids)
+
+    def _driveway(self) -> tuple[str | None, tuple[str, ...]]:
+        """The junction of the nearest driveway within reach, and the driveways there."""
+        best: tuple[float, str] | None = None
+        for junction in self._network.junctions:
+            distance_m = self._junction_distance(junction.id)
+            if distance_m <= self._settings.max_move_m and self._driveways_at(junction.id):
+                best = min(best or (distance_m, junction.id), (distance_m, junction.id))
+        return (best[1], self._driveways_at(best[1])) if best else (None, ())
+
+    def _driveways_at(self, junction_id: str) -> tuple[str, ...]:
+        return tuple(
+            road.id
+            for road in self._network.roads
+            if road.highway in SERVICE_HIGHWAYS
+            and road.junction_id is None
+            and any(
+                link is not None and link.element_type == "junction" and link.element_id == junction_id
+                for link in (road.predecessor, road.successor)
+            )
+        )
+
+    # --- the point -------------------------------------------------------------------------------------------
+    def _placement(
+        self, best: _Candidate, matches: Iterable[LaneMatch], junction_id: str | None, cross: tuple[str, ...]
+    ) -> CrashPlacement:
+        nearest = min(matches, key=lambda match: (match.outside_m, abs(match.offset_m)))
+        x_m, y_m = self._x_m, self._y_m
+        if nearest.outside_m > 0:
+            half_m = self._network.width_m(nearest.lane, nearest.s_m) / 2
+            most_m = max(half_m - _INSIDE_LANE_M, 0.0)
+            pose = self._network.pose(nearest.lane, nearest.s_m, min(max(nearest.offset_m, -most_m), most_m))
+            x_m, y_m = pose.x_m, pose.y_m
+        moved_m = math.hypot(x_m - self._x_m, y_m - self._y_m)
+        distance = f"{best.distance_m:.1f} m from the point" if best.distance_m > 0 else "under the point"
+        return CrashPlacement(
+            x_m=x_m,
+            y_m=y_m,
+            z_m=self._network.surface_height_m(nearest.lane, nearest.s_m),
+            road_id=best.road.id,
+            moved_m=moved_m,
+            matched_by=", ".join((*best.evidence, distance)),
+            lane=self._network.project(nearest.lane, x_m, y_m),
+            junction_id=junction_id,
+            cross_road_ids=cross,
+        )
+
+
+def _best(candidates: list[_Candidate]) -> _Candidate:
+    return max(candidates, key=lambda candidate: (candidate.score, -candidate.distance_m))
+
+
+def _are_same_streets(similarities: Iterable[float | None]) -> bool:
+    return all(value is not None and value >= SAME_STREET for value in similarities)
+
+
+def _name_similarities(crossing: Crossing, record: CrashRecord) -> tuple[float | None, float | None]:
+    first, second = (
+        max(
+            (value for arm in crossing.arms if (value := similarity(name, sorted(arm.names))) is not None), default=None
+        )
+        for name in (record.trafficway_1, record.trafficway_2)
+    )
+    return first, second

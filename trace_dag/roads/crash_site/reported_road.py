@@ -1,0 +1,98 @@
+"""What the report says of the road each vehicle was on, in terms that a map can be asked about.
+
+FARS elements, by the FARS Analytical User's Manual: ``VTRAFWAY`` describes the trafficway. ``VNUM_LAN`` counts the
+lanes of the roadway the vehicle was on: both directions together where the trafficway is not divided, only the
+vehicle's own roadway where it is; turn lanes count where they belong to what the vehicle drove on, 7 means seven or
+more. ``VTRAFCON`` is the traffic control that
+applied to the vehicle.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.roads.crash_site.carriageways import Carriageway
+
+MOST_LANES: Final = 7  # VNUM_LAN: seven or more
+
+
+class Trafficway(StrEnum):
+    """``VTRAFWAY`` as far as a map shows it."""
+
+    UNDIVIDED = "undivided"
+    DIVIDED = "divided"
+    ONE_WAY = "one_way"
+    RAMP = "ramp"
+
+
+class Control(StrEnum):
+    """``VTRAFCON`` as far as a map shows it."""
+
+    NONE = "none"
+    SIGNAL = "signal"
+    STOP = "stop"
+    YIELD = "yield"
+
+
+_TRAFFICWAYS: Final = {
+    1: Trafficway.UNDIVIDED,
+    2: Trafficway.DIVIDED,
+    3: Trafficway.DIVIDED,
+    4: Trafficway.ONE_WAY,
+    5: Trafficway.UNDIVIDED,
+    6: Trafficway.RAMP,
+    7: Trafficway.DIVIDED,
+}
+_CONTROLS: Final = {
+    0: Control.NONE,
+    **dict.fromkeys((1, 2, 3, 4, 8, 9), Control.SIGNAL),
+    20: Control.STOP,
+    21: Control.YIELD,
+}
+
+
+def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
+    """The trafficway, None where not reported or a driveway."""
+    return None if vehicle.trafficway_code is None else _TRAFFICWAYS.get(vehicle.trafficway_code)
+
+
+def control_of(vehicle: VehicleRecord) -> Control | None:
+    """The traffic control, None where not reported or of a kind no map holds (a person, a warning sign)."""
+    return None if vehicle.traffic_control_code is None else _CONTROLS.get(vehicle.traffic_control_code)
+
+
+def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
+    """The two vehicles that collided, else all."""
+    return record.colliding_pair or record.vehicles
+
+
+def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:
+    """What ``VNUM_LAN`` would be on a street of the map, given how ``VTRAFWAY`` describes it.
+
+    Several values where lanes begin, end or only turn near the place, or the two directions differ; and where the
+    report does not say whether the trafficway is divided, both readings of a divided one.
+    """
+    values: set[int] = set()
+    for count in street.counts:
+        if street.one_way:
+            both = {count.total + other.total for other in street.opposite_counts}
+            if trafficway == Trafficway.UNDIVIDED and both:
+                values |= both
+            else:
+                values |= {count.total} | (both if trafficway is None else set())
+        elif trafficway == Trafficway.DIVIDED or (trafficway is None and street.median):
+            values.update(side + count.centre for side in (count.along, count.against))
+        else:
+            values.add(count.total)
+    return frozenset(min(value, MOST_LANES) for value in values)
+
+
+def trafficway_on_map(street: Carriageway) -> Trafficway:
+    """How ``VTRAFWAY`` would describe a street of the map."""
+    if street.road.highway.endswith("_link"):
+        return Trafficway.RAMP
+    if street.divided:
+        return Trafficway.DIVIDED
+    return Trafficway.ONE_WAY if street.one_way else Trafficway.UNDIVIDED

@@ -1,0 +1,283 @@
+"""The curves of a junction: connecting roads for its movements.
+
+Lanes that go straight on side by side share one connecting road whose reference line continues the OSM geometry;
+every other lane gets a connecting road of its own whose reference line is the lane's centre.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from trace_dag.roads.from_osm.movements import ArmLane, Movement
+from trace_dag.roads.from_osm.polyline_fit import fit_plan
+from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
+from trace_dag.roads.map.curves import (
+    PlanPose,
+    PlanView,
+    connect,
+    cut_plan,
+    join_plans,
+    plan_pose,
+    reverse_plan,
+    without_slivers,
+)
+from trace_dag.roads.map.model import (
+    Connection,
+    ContactPoint,
+    Cubic,
+    Lane,
+    LaneSection,
+    LaneType,
+    Road,
+    RoadLink,
+    RoadMark,
+)
+
+_NO_MARK: Final = RoadMark("none", "standard", "both")
+_STRAIGHT_RADIUS_M: Final = 25.0
+_MOST_CURVED: Final = 0.19  # lane offset over radius
+_STRAIGHT_PATH_RAD: Final = 1.2
+_SHORTEST_M: Final = 0.05  # below it two arms touch and there is nothing to connect
+_HALF_CAR_M: Final = 0.95
+_OVERRUN_M: Final = 0.3  # by which a car that turns round may leave the ground between the ends of the roads
+_STEP_M: Final = 0.5
+
+
+class _Link(NamedTuple):
+    """Lanes next to each other that share a connecting road, left to right.
+
+    ``offsets_m``: where the left border of the leftmost lane lies left of the reference line at its start and end.
+    """
+
+    movement: Movement
+    lanes: tuple[tuple[ArmLane, ArmLane], ...]
+    plan: PlanView
+    offsets_m: tuple[float, float]
+    kind: LaneType = LaneType.DRIVING
+
+
+def build_connections(
+    movements: Sequence[Movement], junction_id: str, new_road_id: Callable[[], str]
+) -> tuple[list[Road], list[Connection]]:
+    """Connecting roads and connections of one junction."""
+    roads: list[Road] = []
+    connections: list[Connection] = []
+    for link in _possible([link for link in _links(movements) if link.plan.length_m >= _SHORTEST_M]):
+        road_id = new_road_id()
+        roads.append(_road(link, road_id, junction_id))
+        connections.append(
+            Connection(
+                id=str(len(connections)),
+                incoming_road=link.movement.origin.road_id,
+                connecting_road=road_id,
+                contact_point=ContactPoint.START,
+                lane_links=tuple((lane.id, -index - 1) for index, (lane, _) in enumerate(link.lanes)),
+            )
+        )
+    return roads, connections
+
+
+def _links(movements: Sequence[Movement]) -> list[_Link]:
+    links: list[_Link] = []
+    for movement in movements:
+        plan = _along_streets(movement) if movement.turn == "straight" else None
+        if plan is None or _is_sharp(movement, plan):
+            links.extend(link for pair in movement.lanes if (link := _lane_link(movement, pair)) is not None)
+            continue
+        run: list[tuple[ArmLane, ArmLane]] = []
+        for pair in movement.lanes:
+            if run and not (_adjacent(run[-1][0], pair[0]) and _adjacent(run[-1][1], pair[1])):
+                links.append(_street_link(movement, run, plan))
+                run = []
+            run.append(pair)
+        links.append(_street_link(movement, run, plan))
+        origin, target = movement.origin, movement.target
+        if origin.centre and target.centre and origin.road_id <= target.road_id:
+            middle = (origin.centre, _seen_outbound(target.centre))
+            links.append(_street_link(movement, [middle], plan, LaneType.BIDIRECTIONAL))
+    return links
+
+
+def _street_link(
+    movement: Movement, lanes: Sequence[tuple[ArmLane, ArmLane]], plan: PlanView, kind: LaneType = LaneType.DRIVING
+) -> _Link:
+    """Lanes that follow the streets' own geometry through the junction."""
+    first_in, first_out = lanes[0]
+    offsets_m = first_in.offset_m + first_in.width_m / 2, first_out.offset_m + first_out.width_m / 2
+    return _Link(movement, tuple(lanes), plan, offsets_m, kind)
+
+
+def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
+    """A lane with a road of its own; None where no sensible curve leads from its one end to the other."""
+    lane_in, lane_out = pair
+    start = _shifted(movement.origin.inbound, lane_in.offset_m)
+    end = _shifted(movement.target.outbound, lane_out.offset_m)
+    plan = connect(start, end)
+    if plan is None:
+        return None
+    if tightest_radius_m(plan) < TIGHTEST_RADIUS_M:
+        plan = max(plan, drivable_turn(start, end) or plan, key=tightest_radius_m)
+    return _Link(movement, (pair,), plan, (lane_in.width_m / 2, lane_out.width_m / 2))
+
+
+def _possible(links: list[_Link]) -> list[_Link]:
+    """The links without those no car can drive, unless a lane has no other way on or in.
+
+    Those are U-turns that leave the junction's ground (across a median of no width a car turns round only where there
+    is room to swing out first) and corners that stay too tight with swinging out.
+    """
+    undrivable = [link for link in links if not _drivable(link, links)]
+    if not undrivable:
+        return links
+    ways: Counter[tuple[str, ContactPoint, int]] = Counter(end for link in links for end in _lane_ends(link))
+    impossible = []
+    for link in undrivable:
+        if all(ways[end] > 1 for end in _lane_ends(link)):
+            ways.subtract(_lane_ends(link))
+            impossible.append(link)
+    return [link for link in links if not any(link is other for other in impossible)]
+
+
+def _drivable(link: _Link, links: Sequence[_Link]) -> bool:
+    if link.movement.turn == "u_turn":
+        return _fits(link, links)
+    return tightest_radius_m(link.plan) >= CORNER_RADIUS_M * 0.999
+
+
+def _lane_ends(link: _Link) -> list[tuple[str, ContactPoint, int]]:
+    origin, target = link.movement.origin, link.movement.target
+    return [
+        *((origin.road_id, origin.contact, lane.id) for lane, _ in link.lanes),
+        *((target.road_id, target.contact, lane.id) for _, lane in link.lanes),
+    ]
+
+
+def _fits(link: _Link, links: Sequence[_Link]) -> bool:
+    """Whether a car on a link stays between the ends of the junction's roads."""
+    import shapely
+
+    if tightest_radius_m(link.plan) < TIGHTEST_RADIUS_M * 0.999:
+        return False
+    arms = {(a.road_id, a.contact): a for each in links for a in (each.movement.origin, each.movement.target)}
+    corners = [
+        (corner.x_m, corner.y_m)
+        for arm in arms.values()
+        for sign, lanes in ((1, arm.incoming), (-1, arm.outgoing))
+        for lane in lanes
+        for side in (1, -1)
+        for corner in (_shifted(arm.inbound, sign * lane.offset_m + side * lane.width_m / 2),)
+    ]
+    ground = shapely.MultiPoint(corners).convex_hull.buffer(_OVERRUN_M)
+    count = math.ceil(link.plan.length_m / _STEP_M) + 1
+    path = [plan_pose(link.plan, link.plan.length_m * i / (count - 1))[:2] for i in range(count)]
+    return bool(ground.covers(shapely.LineString(path).buffer(_HALF_CAR_M, cap_style="flat")))
+
+
+def _is_sharp(movement: Movement, plan: PlanView) -> bool:
+    """Whether straight on is a bend in which lanes side by side differ in length by a fifth, or too tight for a car."""
+    outermost = max(max(abs(a.offset_m), abs(b.offset_m)) for a, b in movement.lanes)
+    return tightest_radius_m(plan) < max(outermost / _MOST_CURVED, TIGHTEST_RADIUS_M + outermost)
+
+
+def _adjacent(left: ArmLane, right: ArmLane) -> bool:
+    return abs(left.offset_m - left.width_m / 2 - right.offset_m - right.width_m / 2) < 1e-6
+
+
+def _seen_outbound(lane: ArmLane) -> ArmLane:
+    return ArmLane(lane.id, lane.type, -lane.offset_m, lane.width_m, lane.turns)
+
+
+def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
+    return PlanPose(
+        pose.x_m - left_m * math.sin(pose.heading_rad),
+        pose.y_m + left_m * math.cos(pose.heading_rad),
+        pose.heading_rad,
+    )
+
+
+def _along_streets(movement: Movement) -> PlanView | None:
+    """The streets' own geometry through the junction, or None where it bends back on itself."""
+    head, first = _split_last_line(movement.origin.rest)
+    tail, last = _split_last_line(movement.target.rest)
+    points = [first, *_distinct(movement, first, last), last]
+    middle = _drop_repeats(points)
+    if len(middle) < 2:
+        return None
+    directions = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(middle)]
+    if any(abs(math.remainder(b - a, math.tau)) > _STRAIGHT_PATH_RAD for a, b in pairwise(directions)):
+        return None
+    plan = fit_plan(middle, _STRAIGHT_RADIUS_M, keep_ends=True)
+    return join_plans([p for p in (head, plan, reverse_plan(tail)) if p.elements])
+
+
+def _split_last_line(rest: PlanView) -> tuple[PlanView, tuple[float, float]]:
+    """A plan without its last line, and where that line begins."""
+    last = rest.elements[-1]
+    return cut_plan(rest, 0.0, last.s_m), (last.x_m, last.y_m)
+
+
+def _distinct(movement: Movement, first: tuple[float, float], last: tuple[float, float]) -> list[tuple[float, float]]:
+    start = plan_pose(movement.origin.rest, movement.origin.rest.length_m)
+    end = plan_pose(movement.target.rest, movement.target.rest.length_m)
+    return [(start.x_m, start.y_m), *movement.waypoints[1:], (end.x_m, end.y_m)]
+
+
+def _drop_repeats(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    kept = [points[0]]
+    for point in points[1:]:
+        if math.hypot(point[0] - kept[-1][0], point[1] - kept[-1][1]) > 1e-3:
+            kept.append(point)
+    return kept
+
+
+def _road(link: _Link, road_id: str, junction_id: str) -> Road:
+    movement = link.movement
+    plan = without_slivers(link.plan)
+    length = plan.length_m
+    origin, target = movement.origin, movement.target
+    lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=_NO_MARK)]
+    for index, (lane_in, lane_out) in enumerate(link.lanes):
+        lanes.append(
+            Lane(
+                id=-index - 1,
+                type=link.kind,
+                widths=(_ease(lane_in.width_m, lane_out.width_m, length),),
+                predecessor=lane_in.id,
+                successor=lane_out.id,
+                mark=_NO_MARK,
+            )
+        )
+    return Road(
+        id=road_id,
+        length_m=length,
+        plan=plan.elements,
+        lane_sections=(LaneSection(0.0, tuple(lanes)),),
+        lane_offset=(_ease(*link.offsets_m, length),),
+        junction_id=junction_id,
+        predecessor=RoadLink("road", origin.road_id, origin.contact),
+        successor=RoadLink("road", target.road_id, target.contact),
+        highway=origin.profile.highway,
+        name=origin.profile.name if movement.turn == "straight" else "",
+        speed_mps=_lower(origin.profile.speed_forward_mps, target.profile.speed_backward_mps),
+        # Where a junction reaches onto a bridge, what it crosses there is below it.
+        layer=max(origin.profile.layer, target.profile.layer, key=abs),
+        bridge=origin.profile.bridge and target.profile.bridge,
+        tunnel=origin.profile.tunnel and target.profile.tunnel,
+        turn=movement.turn,
+        inferred=origin.profile.inferred or target.profile.inferred,
+    )
+
+
+def _lower(a: float | None, b: float | None) -> float | None:
+    return min((speed for speed in (a, b) if speed is not None), default=None)
+
+
+def _ease(start: float, end: float, length: float) -> Cubic:
+    change = end - start
+    if abs(change) < 1e-9:
+        return Cubic(0.0, start)
+    return Cubic(0.0, start, 0.0, 3 * change / length**2, -2 * change / length**3)

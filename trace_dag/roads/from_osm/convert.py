@@ -1,0 +1,220 @@
+"""OSM to road network: the native converter.
+
+Every street between two junctions becomes one road per stretch of one name, class and structure, with both directions
+in it; every junction gets a connecting road per permitted movement. The parts are beside this module:
+:mod:`~trace_dag.roads.from_osm.street_graph`, :mod:`~trace_dag.roads.from_osm.lanes`,
+:mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.movements` and
+:mod:`~trace_dag.roads.from_osm.connecting_roads`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Final
+
+import trace_dag
+from trace_dag.errors import Reason, Rejection
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
+from trace_dag.roads.from_osm.connecting_roads import build_connections
+from trace_dag.roads.from_osm.controllers import with_controllers
+from trace_dag.roads.from_osm.elevation import elevate
+from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, end_profile, lay_out
+from trace_dag.roads.from_osm.movements import (
+    InnerWay,
+    JunctionArm,
+    Movement,
+    TurnRestrictions,
+    find_movements,
+    make_arm,
+)
+from trace_dag.roads.from_osm.polyline_fit import fit_plan
+from trace_dag.roads.from_osm.signs import place_signs
+from trace_dag.roads.from_osm.street_graph import Street, build_street_graph
+from trace_dag.roads.from_osm.street_roads import StreetRoads, build_street_roads
+from trace_dag.roads.from_osm.tags import CrossSection, WayProfile, read_profile
+from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_plan
+from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.settings import RoadSettings
+
+CONVERTER: Final = f"trace-dag native {trace_dag.__version__}"
+_EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's outer border
+_LANE_STEP_RATIO: Final = 5.2  # bends this much wider than the outermost lane's offset: all lanes near equal length
+
+
+@dataclass(frozen=True)
+class WayHints:
+    """What another source says of one way, used only where its tags are silent."""
+
+    lanes: int | None = None  # in all, both directions and centre turn lane included
+    speed_mps: float | None = None
+
+
+@no_garbage_collection()
+def convert(
+    extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints] | None = None
+) -> RoadNetwork:
+    """The road network of an extract, in ``frame``. ``hints`` by OSM way id fill gaps in its tags.
+
+    Raises :class:`Rejection` (``map_distorted``) if the extract holds no road that could be built.
+    """
+    known = hints or {}
+
+    def profile_of(way: OsmWay) -> WayProfile:
+        hint = known.get(way.id)
+        if hint is None:
+            return read_profile(way)
+        return read_profile(way, lanes_hint=hint.lanes, speed_hint_mps=hint.speed_mps)
+
+    graph = build_street_graph(extract, frame, profile_of)
+    streets = graph.streets
+    if not streets:
+        raise Rejection(
+            Reason.MAP_DISTORTED,
+            f"no road can be built from the extract: {len(extract.ways)} ways, none of them drivable with two nodes "
+            "at different places",
+            measured=0.0,
+            threshold=1.0,
+        )
+    plans = [fit_plan(street.points, _least_radius_m(street)) for street in streets]
+    layout = lay_out(streets, plans)
+    ids = count()
+
+    def new_id() -> str:
+        return str(next(ids))
+
+    built: dict[int, StreetRoads] = {}
+    returning = layout.returning()
+    for index, street in enumerate(streets):
+        if index not in layout.inner:
+            built[index] = build_street_roads(
+                street, plans[index], layout.trims[index], new_id, returns=index in returning
+            )
+    restrictions = _restrictions(extract, graph.aliases)
+    junctions: list[Junction] = []
+    connecting: list[Road] = []
+    links: dict[tuple[int, bool], str] = {}
+    crossings: list[tuple[JunctionArea, list[Movement]]] = []
+    for area in layout.junctions:
+        arms = _arms(area, streets, plans, layout, built)
+        inner = [_inner_way(streets[i], plans[i]) for i in area.inner_streets]
+        movements = find_movements(arms, inner, restrictions)
+        crossings.append((area, movements))
+        junction_id = new_id()
+        roads, connections = build_connections(movements, junction_id, new_id)
+        if not connections:
+            continue
+        connecting.extend(roads)
+        points = [graph.positions[node] for node in area.node_ids]
+        centre = (sum(x for x, _ in points) / len(points), sum(y for _, y in points) / len(points))
+        junctions.append(
+            Junction(junction_id, tuple(connections), osm_node_ids=tuple(area.node_ids), centre_xy_m=centre)
+        )
+        used = {(r.element_id, r.contact_point) for road in roads for r in (road.predecessor, road.successor) if r}
+        for end, arm in zip(area.ends, arms, strict=True):
+            if (arm.road_id, arm.contact) in used:
+                links[end.street, end.at_start] = junction_id
+    signs = place_signs(extract, graph, plans, built, crossings)
+    roads_out: list[Road] = []
+    for index, street_roads in built.items():
+        for road in _linked(street_roads.roads, links.get((index, True)), links.get((index, False))):
+            roads_out.append(replace(road, signals=signs[road.id]) if road.id in signs else road)
+    network = RoadNetwork(
+        frame=frame,
+        roads=(*roads_out, *connecting),
+        junctions=tuple(junctions),
+        converter=CONVERTER,
+        attribution=extract.attribution,
+    )
+    network = with_controllers(network)
+    return elevate(network, extract) if settings.elevation else network
+
+
+def _least_radius_m(street: Street) -> float:
+    """Radius at which the lanes of a street differ little in length and none folds at its inner edge."""
+    return max(radius for span in street.spans for radius in _radii_needed(span.profile.section))
+
+
+def _radii_needed(section: CrossSection) -> Iterator[float]:
+    """What each lane of a cross-section asks for."""
+    for lanes, sign in ((section.left, 1), (section.forward, -1)):
+        border = section.offset_m
+        for lane in lanes:
+            centre, border = border + sign * lane.width_m / 2, border + sign * lane.width_m
+            yield max(_EDGE_RATIO * abs(border), _LANE_STEP_RATIO * abs(centre) if lane.type.drivable else 0.0)
+
+
+def _linked(roads: list[Road], start_junction: str | None, end_junction: str | None) -> list[Road]:
+    """Roads of one street linked to each other and to the junctions at its ends; lanes that lead nowhere unlinked."""
+    linked = []
+    for i, road in enumerate(roads):
+        predecessor = RoadLink("junction", start_junction) if start_junction is not None else None
+        successor = RoadLink("junction", end_junction) if end_junction is not None else None
+        if i > 0:
+            predecessor = RoadLink("road", roads[i - 1].id, ContactPoint.END)
+        if i + 1 < len(roads):
+            successor = RoadLink("road", roads[i + 1].id, ContactPoint.START)
+        linked.append(replace(road, predecessor=predecessor, successor=successor))
+    return linked
+
+
+def _arms(
+    area: JunctionArea, streets: list[Street], plans: list[PlanView], layout: Layout, built: dict[int, StreetRoads]
+) -> list[JunctionArm]:
+    arms = []
+    for end in area.ends:
+        street, plan = streets[end.street], plans[end.street]
+        trim = layout.trims[end.street][0 if end.at_start else 1]
+        made = built[end.street]
+        if end.at_start:
+            rest = reverse_plan(cut_plan(plan, 0.0, trim))
+            road, contact, lanes, node = made.roads[0], ContactPoint.START, made.start_lanes, street.start_node
+        else:
+            rest = cut_plan(plan, plan.length_m - trim, plan.length_m)
+            road, contact, lanes, node = made.roads[-1], ContactPoint.END, made.end_lanes, street.end_node
+        assert node is not None
+        arms.append(
+            make_arm(road.id, contact, node, end_profile(street, end.at_start), plan_pose(rest, 0.0), rest, lanes)
+        )
+    return arms
+
+
+def _inner_way(street: Street, plan: PlanView) -> InnerWay:
+    nodes = (street.node_ids[0], street.node_ids[-1])
+    return InnerWay(street.spans[0].profile, nodes, tuple(street.points), plan.length_m)
+
+
+def _restrictions(extract: OsmExtract, aliases: Mapping[int, int]) -> TurnRestrictions:
+    """Turn restrictions for cars; those that cannot be read or hold at certain hours only are left out."""
+    restrictions = TurnRestrictions()
+    for relation in extract.relations:
+        kind = relation.tags.get("restriction:motorcar") or relation.tags.get("restriction") or ""
+        if not kind.startswith(("no_", "only_")) or "motorcar" in relation.tags.get("except", ""):
+            continue
+        for origin, via, target in _restriction_paths(relation, aliases):
+            restrictions.add(origin, via, target, only=kind.startswith("only_"))
+    return restrictions
+
+
+def _restriction_paths(
+    relation: OsmRelation, aliases: Mapping[int, int]
+) -> list[tuple[int, int | tuple[int, ...], int]]:
+    ways: dict[str, list[int]] = {"from": [], "to": [], "via": []}
+    via_nodes: list[int] = []
+    for member in relation.members:
+        if member.type == "way" and member.role in ways:
+            ways[member.role].append(member.id)
+        elif member.type == "node" and member.role == "via":
+            via_nodes.append(aliases.get(member.id, member.id))
+    via: int | tuple[int, ...]
+    if via_nodes:
+        via = via_nodes[0]
+    elif ways["via"]:
+        via = tuple(ways["via"])
+    else:
+        return []
+    return [(origin, via, target) for origin in ways["from"] for target in ways["to"]]

@@ -1,0 +1,249 @@
+"""Signals and signs: from tagged OSM nodes to the approach they hold for, on its right-hand side at the stop line.
+
+A node on an approach holds for the traffic towards its junction; a node on the junction itself for every approach
+(signals, all-way stops) or for the minor ones (stop, give way). Speed limit signs stand where a stretch with a tagged
+limit begins. Types are CARLA's for what CARLA acts on (1000001, 205, 206, 274).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Final, NamedTuple
+
+from trace_dag.osm.types import OsmExtract, OsmNode
+from trace_dag.roads.from_osm.junction_areas import JunctionArea
+from trace_dag.roads.from_osm.movements import JunctionArm, Movement
+from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
+from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.map.cubic_profile import CubicProfile
+from trace_dag.roads.map.curves import PlanView, Point
+from trace_dag.roads.map.model import ContactPoint, Road, Signal
+from trace_dag.units import mps_to_mph
+
+_APPROACH_M: Final = 60.0  # a node farther than this from a junction stands by itself (a pedestrian crossing)
+_BESIDE_M: Final = 0.8  # distance of a post from the edge of the road
+_STOP_LINE_M: Final = 0.5  # distance of a stop line from the end of the road
+_LIMIT_SIGN_M: Final = 15.0  # distance of a speed limit sign from where its stretch begins
+_LEAST_LIMIT_M: Final = 100.0  # stretches shorter than this get no sign of their own
+
+
+class _Kind(NamedTuple):
+    type: str
+    name: str
+    dynamic: bool
+    z_offset_m: float
+    height_m: float
+    width_m: float
+
+
+_KINDS: Final = {
+    "traffic_signals": _Kind("1000001", "Signal", True, 4.6, 1.0, 0.35),
+    "stop": _Kind("206", "Stop", False, 2.1, 0.75, 0.75),
+    "give_way": _Kind("205", "Yield", False, 2.1, 0.8, 0.9),
+}
+_LIMIT_KIND: Final = _Kind("274", "SpeedLimit", False, 2.1, 0.75, 0.6)
+
+
+@dataclass(frozen=True)
+class _Post:
+    """A sign at a place of a road for one direction of traffic."""
+
+    road: Road
+    s_m: float
+    forward: bool
+
+
+def place_signs(
+    extract: OsmExtract,
+    graph: StreetGraph,
+    plans: Sequence[PlanView],
+    built: Mapping[int, StreetRoads],
+    crossings: Sequence[tuple[JunctionArea, list[Movement]]],
+) -> dict[str, tuple[Signal, ...]]:
+    """Signals by road id. ``crossings`` are the junctions with the movements they permit."""
+    streets, positions = graph.streets, graph.positions
+    controls = {
+        graph.aliases.get(node.id, node.id): node
+        for node in extract.nodes.values()
+        if node.tags.get("highway") in _KINDS
+    }
+    placed: dict[str, list[Signal]] = defaultdict(list)
+    ids = count()
+    served: set[tuple[str, bool, str]] = set()  # road, direction and type that have their own node
+
+    def place(post: _Post, kind: _Kind, node_id: int | None, value: float | None = None) -> None:
+        placed[post.road.id].append(_signal(str(next(ids)), post, kind, node_id, value))
+
+    if controls:
+        inside = _junction_nodes(streets, crossings)
+        for index, street_roads in built.items():
+            for post, node in _approach_posts(streets[index], plans[index], street_roads, controls, inside):
+                kind = _KINDS[node.tags["highway"]]
+                key = (post.road.id, post.forward, kind.type)
+                if key not in served:
+                    served.add(key)
+                    place(post, kind, node.id)
+        roads = {road.id: road for street_roads in built.values() for road in street_roads.roads}
+        for area, movements in crossings:
+            tagged = {i: controls[i] for i in sorted(_nodes_of(area, streets) & controls.keys())}
+            for arm, node in _arm_controls(tagged, movements, positions):
+                kind = _KINDS[node.tags["highway"]]
+                forward = arm.contact == ContactPoint.END
+                key = (arm.road_id, forward, kind.type)
+                if key in served:
+                    continue
+                served.add(key)
+                road = roads[arm.road_id]
+                stop_m = min(_STOP_LINE_M, road.length_m / 2)
+                place(_Post(road, road.length_m - stop_m if forward else stop_m, forward), kind, node.id)
+    for street_roads in built.values():
+        for post, limit_mps in _limit_posts(street_roads.roads):
+            place(post, _LIMIT_KIND, None, limit_mps)
+    return {road_id: tuple(signals) for road_id, signals in placed.items()}
+
+
+def _nodes_of(area: JunctionArea, streets: Sequence[Street]) -> set[int]:
+    """OSM nodes of a junction, those of the streets inside it included."""
+    return {*area.node_ids, *(node for index in area.inner_streets for node in streets[index].node_ids)}
+
+
+def _junction_nodes(streets: Sequence[Street], crossings: Sequence[tuple[JunctionArea, list[Movement]]]) -> set[int]:
+    return {node for area, _ in crossings for node in _nodes_of(area, streets)}
+
+
+def _approach_posts(
+    street: Street,
+    plan: PlanView,
+    street_roads: StreetRoads,
+    controls: Mapping[int, OsmNode],
+    inside: set[int],
+) -> Iterator[tuple[_Post, OsmNode]]:
+    """Posts of the tagged nodes along a street that are no part of a junction."""
+    for k, node_id in enumerate(street.node_ids):
+        node = controls.get(node_id)
+        if node is None or node_id in inside:
+            continue
+        s = plan.vertex_s_m[k]
+        span = next(span for span in street.spans if span.first <= k <= span.last)
+        to_end = plan.length_m - s if street.end_node is not None else None
+        to_start = s if street.start_node is not None else None
+        for forward in _directions(node, span.profile.oneway, span.profile.against_way, to_start, to_end):
+            yield _post_at(street_roads, s, forward), node
+
+
+def _directions(
+    node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
+) -> tuple[bool, ...]:
+    """For which directions along the street a node holds: as tagged, else towards the junction it stands at."""
+    if oneway:
+        return (True,)
+    tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""
+    if tagged in ("forward", "backward"):
+        return ((tagged == "forward") != against_way,)
+    if tagged == "both":
+        return (True, False)
+    near_end = to_end is not None and to_end <= _APPROACH_M
+    near_start = to_start is not None and to_start <= _APPROACH_M
+    if near_end and near_start:
+        assert to_end is not None
+        assert to_start is not None
+        return (to_end <= to_start,)
+    if near_end or near_start:
+        return (near_end,)
+    return (True, False)
+
+
+def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
+    """A post at ``s_m`` of a street, moved to its stop line where the street is cut off before that."""
+    number = max((i for i, begin in enumerate(street_roads.begins_m) if begin <= s_m), default=0)
+    road = street_roads.roads[number]
+    least = min(_STOP_LINE_M, road.length_m / 2)
+    return _Post(road, min(max(s_m - street_roads.begins_m[number], least), road.length_m - least), forward)
+
+
+def _arm_controls(
+    tagged: Mapping[int, OsmNode], movements: Sequence[Movement], positions: Mapping[int, Point]
+) -> list[tuple[JunctionArm, OsmNode]]:
+    """Which arm of a junction is under which of the nodes tagged on it: of several of a kind, the nearest."""
+    candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
+    for node_id, node in tagged.items():
+        for arm in _controlled_arms(node, movements):
+            key = (arm.road_id, arm.contact, node.tags["highway"])
+            candidates.setdefault(key, (arm, []))[1].append(node_id)
+    found = []
+    for arm, node_ids in candidates.values():
+        nearest = min(node_ids, key=lambda i: (i != arm.node, math.dist(positions[i], arm.inbound[:2]), i))
+        found.append((arm, tagged[nearest]))
+    return found
+
+
+def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[JunctionArm]:
+    """Arms of a junction that a node on the junction itself holds for."""
+    arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
+    everyone = list(arms.values())
+    if node.tags["highway"] == "traffic_signals" or node.tags.get("stop") == "all":
+        return everyone
+    ranks = {key: arm.profile.rank for key, arm in arms.items()}
+    major = min(ranks.values(), default=0)
+    minor = [arm for key, arm in arms.items() if ranks[key] > major]
+    if minor:
+        return minor
+    # All of one class: the stem of a T, from where nothing goes straight on, gives way.
+    straight = {(m.origin.road_id, m.origin.contact) for m in movements if m.turn == "straight"}
+    stems = [arm for key, arm in arms.items() if key not in straight]
+    return stems or everyone
+
+
+def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
+    """Where a stretch with another limit than the one before begins, in either direction."""
+    for forward in (True, False):
+        ordered = roads if forward else list(reversed(roads))
+        before: float | None = None
+        for road in ordered:
+            limit = _limit(road, forward)
+            if limit is not None and limit != before and road.length_m >= _LEAST_LIMIT_M:
+                s = _LIMIT_SIGN_M if forward else road.length_m - _LIMIT_SIGN_M
+                yield _Post(road, s, forward), limit
+                before = limit
+
+
+def _limit(road: Road, forward: bool) -> float | None:
+    """Speed limit of one direction of a road, None if untagged or if nothing drives that way."""
+    lanes = [lane for lane in road.lane_sections[0].lanes if lane.type.drivable and (lane.id < 0) == forward]
+    return next((lane.speed_mps for lane in lanes if lane.speed_mps is not None), None)
+
+
+def _signal(signal_id: str, post: _Post, kind: _Kind, node_id: int | None, limit_mps: float | None) -> Signal:
+    edge = _edge_m(post.road, post.s_m, right=post.forward)
+    mph = None if limit_mps is None else float(round(mps_to_mph(limit_mps)))
+    return Signal(
+        id=signal_id,
+        s_m=post.s_m,
+        t_m=edge - _BESIDE_M if post.forward else edge + _BESIDE_M,
+        type=kind.type,
+        subtype="-1" if mph is None else f"{mph:.0f}",
+        name=kind.name if mph is None else f"{kind.name}_{mph:.0f}",
+        orientation="+" if post.forward else "-",
+        value=mph,
+        unit=None if mph is None else "mph",
+        dynamic=kind.dynamic,
+        z_offset_m=kind.z_offset_m,
+        height_m=kind.height_m,
+        width_m=kind.width_m,
+        osm_node_id=node_id,
+    )
+
+
+def _edge_m(road: Road, s_m: float, *, right: bool) -> float:
+    """Where the road's surface ends on one side, metres left of the reference line."""
+    section = max((x for x in road.lane_sections if x.s_m <= s_m), key=lambda x: x.s_m)
+    edge = CubicProfile.of(road.lane_offset).at(s_m)
+    for lane in section.lanes:
+        if lane.id != 0 and (lane.id < 0) == right:
+            width = CubicProfile.of(lane.widths).at(s_m - section.s_m)
+            edge += -width if right else width
+    return edge

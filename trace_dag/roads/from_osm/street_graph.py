@@ -1,0 +1,294 @@
+"""From ways to streets: the pieces of road between junctions, and where those are.
+
+OSM ways are cut and named for the mappers' convenience. A street here runs from one junction (a node where three or
+more arms meet) or dead end to the next, through every node where one way merely continues another, each stretch
+keeping the profile of the way it came from. Data as found in the wild: nodes may be missing, doubled, or at one
+place; ways may touch themselves, overlap or oppose each other's direction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.types import OsmExtract, OsmWay
+from trace_dag.roads.from_osm.tags import WayProfile
+from trace_dag.roads.map.curves import Point
+
+_SAME_PLACE_M: Final = 0.05
+_FARTHEST_M: Final = 1e5  # from the crash; beyond it coordinates are wrong
+_CLIPPED_M: Final = 12.0  # least length of a road from its junction to the border of the box
+_STUB_M: Final = 3.0  # dead ends shorter than this are slips of the pen or of the cut
+_HOOK_RAD: Final = math.radians(5)
+_SAME_ROAD_RAD: Final = math.radians(100)  # a way that turns more sharply at its end is not continued by the next
+
+
+@dataclass(frozen=True)
+class Span:
+    """Points ``first`` to ``last`` of a street, and the profile of their way seen in the street's direction."""
+
+    profile: WayProfile
+    first: int
+    last: int
+
+
+@dataclass
+class Street:
+    """A piece of road between two junction nodes (or dead ends). One-way stretches all run along it.
+
+    ``start_node`` and ``end_node`` are junction nodes, or None at a dead end. Where two arms meet but cannot be one
+    street (a hairpin, one-ways head-on, the seam of a closed ring), that node is a junction too.
+    """
+
+    node_ids: list[int]
+    points: list[Point]
+    spans: list[Span]
+    start_node: int | None = None
+    end_node: int | None = None
+
+
+@dataclass
+class StreetGraph:
+    """All streets, the junction nodes' positions, and which OSM node each merged node now is."""
+
+    streets: list[Street]
+    positions: dict[int, Point]
+    aliases: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass
+class _Edge:
+    """A way's stretch between two nodes where something else happens."""
+
+    profile: WayProfile
+    node_ids: list[int]
+
+
+def build_street_graph(
+    extract: OsmExtract, frame: LocalFrame, profile_of: Callable[[OsmWay], WayProfile]
+) -> StreetGraph:
+    """Streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left."""
+    positions = _local_positions(extract, frame)
+    aliases: dict[int, int] = {}
+    ways: list[_Edge] = []
+    for way in extract.ways:
+        if not is_drivable(way.tags, service_roads=True):
+            continue
+        node_ids = _usable_nodes(way, positions, aliases)
+        if len(node_ids) < 2:
+            continue
+        profile = profile_of(way)
+        ways.append(_Edge(profile, node_ids[::-1] if profile.against_way else node_ids))
+    for edge in ways:
+        edge.node_ids = _without_repeats([_canonical(node, aliases) for node in edge.node_ids])
+    pieces = _without_overlaps(ways)
+    arms = _count_arms(pieces)
+    clipped = {_canonical(node.id, aliases) for node in extract.nodes.values() if node.clipped}
+    for piece in pieces:
+        _prolong(piece, arms, positions, clipped)
+    pieces = [piece for piece in pieces if _without_hook(piece, arms, positions)]
+    arms = _count_arms(pieces)
+    edges = _split_at_junctions(pieces, arms, positions)
+    streets = _chain(edges, arms, positions)
+    return StreetGraph(streets, positions, aliases)
+
+
+def _local_positions(extract: OsmExtract, frame: LocalFrame) -> dict[int, Point]:
+    if not extract.nodes:
+        return {}
+    ids = list(extract.nodes)
+    degrees = np.array([(extract.nodes[i].latitude_deg, extract.nodes[i].longitude_deg) for i in ids])
+    local = frame.to_local(degrees[:, 0], degrees[:, 1])
+    usable = np.abs(np.nan_to_num(local, nan=np.inf)).max(axis=1) < _FARTHEST_M
+    return {i: (x, y) for i, (x, y), ok in zip(ids, local.tolist(), usable.tolist(), strict=True) if ok}
+
+
+def _canonical(node: int, aliases: dict[int, int]) -> int:
+    while node in aliases:
+        node = aliases[node]
+    return node
+
+
+def _usable_nodes(way: OsmWay, positions: dict[int, Point], aliases: dict[int, int]) -> list[int]:
+    """Nodes of a way that exist, those at one place merged into one."""
+    kept: list[int] = []
+    for node in way.node_ids:
+        if node not in positions:
+            continue
+        if kept:
+            (x0, y0), (x1, y1) = positions[kept[-1]], positions[node]
+            if abs(x1 - x0) < _SAME_PLACE_M and abs(y1 - y0) < _SAME_PLACE_M:
+                a, b = _canonical(kept[-1], aliases), _canonical(node, aliases)
+                if a != b:
+                    aliases[b] = a
+                continue
+        kept.append(node)
+    return kept
+
+
+def _without_repeats(node_ids: list[int]) -> list[int]:
+    return [node for index, node in enumerate(node_ids) if index == 0 or node != node_ids[index - 1]]
+
+
+def _without_overlaps(ways: list[_Edge]) -> list[_Edge]:
+    """Ways cut where they repeat a segment that an earlier way (or the way itself) already has."""
+    seen: set[tuple[int, int]] = set()
+    pieces: list[_Edge] = []
+    for way in ways:
+        run: list[int] = way.node_ids[:1]
+        for a, b in pairwise(way.node_ids):
+            segment = (a, b) if a < b else (b, a)
+            if segment in seen:
+                if len(run) > 1:
+                    pieces.append(_Edge(way.profile, run))
+                run = [b]
+                continue
+            seen.add(segment)
+            run.append(b)
+        if len(run) > 1:
+            pieces.append(_Edge(way.profile, run))
+    return pieces
+
+
+def _count_arms(pieces: list[_Edge]) -> dict[int, int]:
+    """How many ways leave each node, one that passes through counting twice."""
+    arms: dict[int, int] = defaultdict(int)
+    for piece in pieces:
+        for node in piece.node_ids[1:-1]:
+            arms[node] += 2
+        arms[piece.node_ids[0]] += 1
+        arms[piece.node_ids[-1]] += 1
+    return arms
+
+
+def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], clipped: set[int]) -> None:
+    """A road cut off by the box just after a junction goes straight on a little: in reality it does not end there."""
+    for nodes in (piece.node_ids, piece.node_ids[::-1]):
+        if nodes[-1] not in clipped or arms[nodes[-1]] != 1:
+            continue
+        length = 0.0
+        for a, b in pairwise(nodes[::-1]):
+            length += math.dist(positions[a], positions[b])
+            if arms[b] > 2 or length > _CLIPPED_M:
+                break
+        if length < _CLIPPED_M:
+            (x0, y0), (x1, y1) = positions[nodes[-2]], positions[nodes[-1]]
+            share = (_CLIPPED_M - length) / math.hypot(x1 - x0, y1 - y0)
+            positions[nodes[-1]] = (x1 + share * (x1 - x0), y1 + share * (y1 - y0))
+
+
+def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point]) -> bool:
+    """Takes the last metres off a dead end where they bend away; False for a dead end that is nothing else."""
+    nodes = piece.node_ids
+    for last in (-1, 0):
+        taken = 0.0
+        while arms[nodes[last]] == 1 and len(nodes) > 2:
+            a, b, c = nodes[-3:] if last else nodes[2::-1]
+            taken += math.dist(positions[b], positions[c])
+            if taken > _STUB_M or arms[b] > 2:
+                break
+            if _bend(positions[a], positions[b], positions[c]) < _HOOK_RAD:
+                break
+            nodes.pop(last)
+            arms[b] = 1
+    met = sorted((arms[nodes[0]], arms[nodes[-1]]))
+    length = sum(math.dist(positions[a], positions[b]) for a, b in pairwise(nodes))
+    return length > _STUB_M or met[0] != 1 or met[1] < 3
+
+
+def _split_at_junctions(pieces: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[_Edge]:
+    """Pieces cut where three or more arms meet and where one turns back on itself."""
+    edges: list[_Edge] = []
+    for piece in pieces:
+        nodes = piece.node_ids
+        begin = 0
+        for index in range(1, len(nodes)):
+            if (
+                index == len(nodes) - 1
+                or arms[nodes[index]] > 2
+                or _bend(*(positions[node] for node in nodes[index - 1 : index + 2])) > _SAME_ROAD_RAD
+            ):
+                edges.append(_Edge(piece.profile, nodes[begin : index + 1]))
+                begin = index
+    return edges
+
+
+def _chain(edges: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> list[Street]:
+    """Edges joined where one way continues another. One-way edges begin, so that they set the direction."""
+    ends: dict[int, list[int]] = defaultdict(list)
+    for index, edge in enumerate(edges):
+        ends[edge.node_ids[0]].append(index)
+        ends[edge.node_ids[-1]].append(index)
+    used = [False] * len(edges)
+
+    def following(last: _Edge) -> _Edge | None:
+        node = last.node_ids[-1]
+        for number in ends[node] if arms[node] == 2 else ():
+            edge = edges[number]
+            if used[number] or (edge.node_ids[0] != node and edge.profile.oneway):
+                continue
+            edge = edge if edge.node_ids[0] == node else _turned(edge)
+            if _bend(positions[last.node_ids[-2]], positions[node], positions[edge.node_ids[1]]) <= _SAME_ROAD_RAD:
+                used[number] = True
+                return edge
+        return None
+
+    def preceding(first: _Edge) -> _Edge | None:
+        node = first.node_ids[0]
+        for number in ends[node] if arms[node] == 2 else ():
+            edge = edges[number]
+            if used[number] or (edge.node_ids[-1] != node and edge.profile.oneway):
+                continue
+            edge = edge if edge.node_ids[-1] == node else _turned(edge)
+            if _bend(positions[edge.node_ids[-2]], positions[node], positions[first.node_ids[1]]) <= _SAME_ROAD_RAD:
+                used[number] = True
+                return edge
+        return None
+
+    streets: list[Street] = []
+    for index in sorted(range(len(edges)), key=lambda number: not edges[number].profile.oneway):
+        if used[index]:
+            continue
+        used[index] = True
+        chain = [edges[index]]
+        while (after := following(chain[-1])) is not None:
+            chain.append(after)
+        while (before := preceding(chain[0])) is not None:
+            chain.insert(0, before)
+        streets.append(_street(chain, arms, positions))
+    return streets
+
+
+def _turned(edge: _Edge) -> _Edge:
+    return _Edge(edge.profile.reversed(), edge.node_ids[::-1])
+
+
+def _bend(before: Point, at: Point, after: Point) -> float:
+    first = math.atan2(at[1] - before[1], at[0] - before[0])
+    second = math.atan2(after[1] - at[1], after[0] - at[0])
+    return abs(math.remainder(second - first, math.tau))
+
+
+def _street(chain: list[_Edge], arms: dict[int, int], positions: dict[int, Point]) -> Street:
+    node_ids = list(chain[0].node_ids)
+    spans = [Span(chain[0].profile, 0, len(node_ids) - 1)]
+    for edge in chain[1:]:
+        first = len(node_ids) - 1
+        node_ids.extend(edge.node_ids[1:])
+        spans.append(Span(edge.profile, first, len(node_ids) - 1))
+    start, end = node_ids[0], node_ids[-1]
+    return Street(
+        node_ids,
+        [positions[node] for node in node_ids],
+        spans,
+        start_node=start if arms[start] >= 2 else None,
+        end_node=end if arms[end] >= 2 else None,
+    )

@@ -1,0 +1,1 @@
+"""The guarantees of a road map, measured on the stored file."""

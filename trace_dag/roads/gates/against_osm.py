@@ -1,0 +1,394 @@
+"""Measurements of a road map against the OSM extract it was made from: numbers, no judgement.
+
+The network is that read back from the file. What can be measured of the map alone is
+:mod:`trace_dag.roads.gates.measures`'s, thresholds and outcomes are :mod:`trace_dag.roads.gates.gates`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import shapely
+
+from trace_dag.geometry import arc_lengths
+from trace_dag.osm.drivable import is_drivable
+from trace_dag.roads.from_osm.tags import INFERRED_TAG
+from trace_dag.roads.map.model import LaneRef
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from trace_dag.geometry import FloatArray
+    from trace_dag.osm.types import OsmExtract, OsmWay
+    from trace_dag.roads.map.model import Road
+    from trace_dag.roads.map.network import RoadNetwork
+
+_SAMPLE_M: Final = 1.0
+_JUNCTION_MARGIN_M: Final = 2.0
+_LONGEST_INNER_WAY_M: Final = 60.0
+_LEAST_MISSING_M: Final = 1.0  # what a box leaves of a way at its border may be a few centimetres
+_LEAST_ANCHOR_SEGMENT_M: Final = 6.0
+_ANCHOR_SPACING_M: Final = 60.0
+_LEAST_END_ROAD_M: Final = 30.0
+
+
+@dataclass(frozen=True)
+class WayDeviation:
+    """How far the OSM centre lines lie from the roads made of them, outside junctions, by length."""
+
+    mean_m: float
+    worst_m: float
+    share_within_1m: float
+    length_m: float
+    worst_way_id: int | None
+    worst_public_m: float
+    """Worst deviation of ways that are no service roads."""
+    worst_public_way_id: int | None
+    missing_way_ids: tuple[int, ...]
+    """Ways of more than a metre outside junctions of which no road was made."""
+    missing_public_way_ids: tuple[int, ...]
+
+
+class _Anchor(NamedTuple):
+    """A place in OSM and on the map."""
+
+    degrees: tuple[float, float]  # latitude, longitude
+    place: tuple[float, float]  # x, y in metres
+
+
+class MapComparison:
+    """One network beside the extract it was made from."""
+
+    def __init__(self, network: RoadNetwork, extract: OsmExtract) -> None:
+        self.network = network
+        self.extract = extract
+
+    @cached_property
+    def ways(self) -> list[OsmWay]:
+        """The ways vehicles drive on."""
+        return [way for way in self.extract.ways if is_drivable(way.tags, service_roads=True)]
+
+    @cached_property
+    def _node_xy(self) -> dict[int, tuple[float, float]]:
+        ids = list(self.extract.nodes)
+        if not ids:
+            return {}
+        lat = np.array([self.extract.nodes[i].latitude_deg for i in ids])
+        lon = np.array([self.extract.nodes[i].longitude_deg for i in ids])
+        return {i: (x, y) for i, (x, y) in zip(ids, self.network.frame.to_local(lat, lon).tolist(), strict=True)}
+
+    def way_line(self, way: OsmWay) -> FloatArray:
+        """A way's nodes in the local frame, shape (n, 2), repeated points left out."""
+        points = np.array([self._node_xy[node_id] for node_id in way.node_ids])
+        keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])
+        return np.asarray(points[keep])
+
+    @cached_property
+    def roads_of_way(self) -> dict[int, list[Road]]:
+        """Roads between junctions by the ways they were made of."""
+        found: dict[int, list[Road]] = defaultdict(list)
+        for road in self.network.roads:
+            if road.junction_id is None:
+                for way_id in road.osm_way_ids:
+                    found[way_id].append(road)
+        return found
+
+    @cached_property
+    def _fold_of_node(self) -> dict[int, str]:
+        """Junctions where no streets meet, by their nodes: a way folds back there more sharply than one road can.
+
+        Such a place hides nothing of the way, unlike a crossing, whose movements replace the centre lines.
+        """
+        arms: Counter[int] = Counter()
+        for way in self.ways:
+            for pair in pairwise(way.node_ids):
+                arms.update(pair)
+        return {
+            node_id: junction.id
+            for junction in self.network.junctions
+            if all(arms[node_id] <= 2 for node_id in junction.osm_node_ids)
+            for node_id in junction.osm_node_ids
+        }
+
+    @cached_property
+    def junction_areas(self) -> shapely.Geometry:
+        """Hulls of the crossings: inside them the arms' centre lines are replaced by movements.
+
+        A hull holds the surfaces of the movements, the OSM nodes of the junction and the ways between them.
+        """
+        points: dict[str, list[FloatArray]] = defaultdict(list)
+        folds = set(self._fold_of_node.values())
+        for ref in self.network.drivable_lanes():
+            junction_id = self.network.road_by_id[ref.road_id].junction_id
+            if junction_id is not None and junction_id not in folds:
+                geometry = self.network.geometry(ref)
+                points[junction_id] += geometry.borders()
+        for junction_id, inner in self._inner_ways().items():
+            points[junction_id].append(inner)
+        hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in points.values()]
+        areas = shapely.union_all(shapely.buffer(np.array(hulls, dtype=object), _JUNCTION_MARGIN_M))
+        shapely.prepare(areas)
+        return areas
+
+    def _inner_ways(self) -> dict[str, FloatArray]:
+        """Nodes of each crossing, and of the short pieces of way that lead from one of its nodes to another."""
+        neighbours: dict[int, list[int]] = defaultdict(list)
+        for way in self.ways:
+            for a, b in pairwise(way.node_ids):
+                neighbours[a].append(b)
+                neighbours[b].append(a)
+        found = {}
+        for junction in self.network.junctions:
+            nodes = {i for i in junction.osm_node_ids if i in neighbours and i not in self._fold_of_node}
+            inner = {i for start in nodes for i in self._paths_between(start, nodes, neighbours)}
+            if nodes:
+                found[junction.id] = np.array([self._node_xy[i] for i in sorted(nodes | inner)])
+        return found
+
+    def _paths_between(self, start: int, nodes: set[int], neighbours: dict[int, list[int]]) -> Iterator[int]:
+        """Nodes on the short paths without a branch from ``start`` to another of ``nodes``."""
+        for first in neighbours[start]:
+            path, length_m = [start, first], math.dist(self._node_xy[start], self._node_xy[first])
+            while path[-1] not in nodes and len(neighbours[path[-1]]) == 2 and length_m < _LONGEST_INNER_WAY_M:
+                a, b = neighbours[path[-1]]
+                path.append(b if a == path[-2] else a)
+                length_m += math.dist(self._node_xy[path[-2]], self._node_xy[path[-1]])
+            if path[-1] in nodes and length_m < _LONGEST_INNER_WAY_M:
+                yield from path
+
+    def way_deviation(self) -> WayDeviation:
+        """Distance of every way, metre by metre, to the axes of its own roads, outside junctions.
+
+        The axis is the reference line or, on one-way roads, the middle of the lanes, whichever is nearer: converters
+        differ in which of the two they lay along the way.
+        """
+        distances: list[FloatArray] = []
+        worst: dict[bool, tuple[float, int | None]] = {False: (0.0, None), True: (0.0, None)}
+        missing: list[OsmWay] = []
+        areas = self.junction_areas
+        for way in self.ways:
+            line = self.way_line(way)
+            if len(line) < 2 or INFERRED_TAG in way.tags:  # what is ours has nothing to be compared with
+                continue
+            points = _resampled(line)
+            outside = points[~shapely.contains_xy(areas, points[:, 0], points[:, 1])]
+            roads = self.roads_of_way.get(way.id)
+            if not roads:
+                if arc_lengths(line)[-1] * len(outside) / len(points) > _LEAST_MISSING_M:
+                    missing.append(way)
+                continue
+            if not len(outside):
+                continue
+            roads = [*roads, *self._roads_through_folds(way)]
+            distance = _distances(outside, [axis for road in roads for axis in self._axes(road)])
+            distances.append(distance)
+            service = way.tags.get("highway") == "service"
+            worst[service] = max(worst[service], (float(distance.max()), way.id), key=lambda found: found[0])
+        every = np.concatenate(distances) if distances else np.zeros(0)
+        return WayDeviation(
+            mean_m=float(every.mean()) if len(every) else 0.0,
+            worst_m=max(distance for distance, _ in worst.values()),
+            share_within_1m=float(np.mean(every <= 1.0)) if len(every) else 1.0,
+            length_m=len(every) * _SAMPLE_M,
+            worst_way_id=max(worst.values(), key=lambda found: found[0])[1],
+            worst_public_m=worst[False][0],
+            worst_public_way_id=worst[False][1],
+            missing_way_ids=tuple(way.id for way in missing),
+            missing_public_way_ids=tuple(way.id for way in missing if way.tags.get("highway") != "service"),
+        )
+
+    def _roads_through_folds(self, way: OsmWay) -> list[Road]:
+        """Connecting roads of the folds that a way passes or ends at."""
+        folds = {self._fold_of_node[node_id] for node_id in way.node_ids if node_id in self._fold_of_node}
+        return [road for road in self.network.roads if road.junction_id in folds] if folds else []
+
+    def _axes(self, road: Road) -> Iterator[FloatArray]:
+        line = self.network.road_geometry(road.id).line
+        starts = [element.s_m for element in road.plan]
+        stations = np.union1d(line.stations(_SAMPLE_M), starts)
+        points = line.sample(stations)
+        yield points[:, :2]
+        if all(lane.id <= 0 for section in road.lane_sections for lane in section.lanes):
+            t = self._middle_of_lanes(road, stations)
+            yield np.column_stack([points[:, 0] - t * np.sin(points[:, 2]), points[:, 1] + t * np.cos(points[:, 2])])
+
+    def _middle_of_lanes(self, road: Road, stations_m: FloatArray) -> FloatArray:
+        """``t`` of the middle of the drivable lanes."""
+        middle = np.zeros(len(stations_m))
+        for index, section in enumerate(road.lane_sections):
+            here = stations_m >= section.s_m
+            borders = []
+            for lane in section.lanes:
+                if lane.id and lane.type.drivable:
+                    geometry = self.network.geometry(LaneRef(road.id, index, lane.id))
+                    centre, half = geometry.centre.sample(stations_m[here]), geometry.width.sample(stations_m[here]) / 2
+                    borders += [centre - half, centre + half]
+            if borders:
+                middle[here] = (np.max(borders, axis=0) + np.min(borders, axis=0)) / 2
+        return middle
+
+    def lanes_against_tags(self) -> tuple[int, int, list[str]]:
+        """Roads whose lane count is tagged, how many of them differ, and how.
+
+        A road made of one way is compared in the middle, where no lane has begun to open or close for a junction.
+        """
+        by_id = {way.id: way for way in self.ways}
+        compared, differing = 0, []
+        for road in self.network.roads:
+            if road.junction_id is not None or len(road.osm_way_ids) != 1 or road.osm_way_ids[0] not in by_id:
+                continue
+            tagged = tagged_lane_count(by_id[road.osm_way_ids[0]].tags)
+            if tagged is None:
+                continue
+            compared += 1
+            count = lane_count(road, road.length_m / 2)
+            if count != tagged:
+                differing.append(f"road {road.id} has {count} lanes, way {road.osm_way_ids[0]} is tagged {tagged}")
+        return compared, len(differing), differing
+
+    def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and y.
+
+        First the nodes at which a way ends alone, whose place on the map is the open end of its road: they show every
+        error of scale and position. Where those are few, places inside straight segments fill up the number; their
+        place on the map is the nearest point of the way's own road, which shows errors across the road only.
+        """
+        ends = self._end_anchors()
+        chosen = [ends[i] for i in _spread([place for _, place in ends], count)]
+        if len(chosen) < count:
+            inside = self._segment_anchors()
+            known = [place for _, place in chosen]
+            chosen += [inside[i] for i in _spread([place for _, place in inside], count - len(chosen), known)]
+        if not chosen:
+            return np.zeros((0, 2)), np.zeros((0, 2))
+        return np.array([degrees for degrees, _ in chosen]), np.array([place for _, place in chosen])
+
+    def _end_anchors(self) -> list[_Anchor]:
+        """Nodes that end one way and belong to no other, and the open road end nearest to each.
+
+        Stumps do not count, neither short ways nor short last segments: what a box cuts off is lengthened and smoothed.
+        """
+        uses = Counter(node_id for way in self.ways for node_id in dict.fromkeys(way.node_ids))
+        found: list[_Anchor] = []
+        for way in self.ways:
+            line = self.way_line(way)
+            if len(line) < 2 or arc_lengths(line)[-1] < _LEAST_END_ROAD_M:
+                continue
+            open_ends = [(end, road) for road in self.roads_of_way.get(way.id, ()) for end in self._open_ends(road)]
+            for node_id, inward in ((way.node_ids[0], line[1]), (way.node_ids[-1], line[-2])):
+                here = self._node_xy[node_id]
+                if uses[node_id] > 1 or not open_ends or math.dist(here, inward) < _LEAST_ANCHOR_SEGMENT_M:
+                    continue
+                if shapely.contains_xy(self.junction_areas, *here):
+                    continue
+                place, road = min(open_ends, key=lambda end: math.dist(end[0], here))
+                if road.length_m > _LEAST_END_ROAD_M and math.dist(place, here) < _ANCHOR_SPACING_M:
+                    node = self.extract.nodes[node_id]
+                    found.append(_Anchor((node.latitude_deg, node.longitude_deg), place))
+        return found
+
+    def _open_ends(self, road: Road) -> Iterator[tuple[float, float]]:
+        line = self.network.road_geometry(road.id).line
+        for link, s_m in ((road.predecessor, 0.0), (road.successor, road.length_m)):
+            if link is None:
+                x, y, _, _ = line.at(s_m)
+                yield x, y
+
+    def _segment_anchors(self) -> list[_Anchor]:
+        """Places every 60 m inside the ways' segments, outside junctions."""
+        found: list[_Anchor] = []
+        for way in self.ways:
+            roads = self.roads_of_way.get(way.id)
+            if not roads:
+                continue
+            for a, b in pairwise(way.node_ids):
+                here, there = np.array(self._node_xy[a]), np.array(self._node_xy[b])
+                length_m = math.dist(here, there)
+                if length_m < _LEAST_ANCHOR_SEGMENT_M:
+                    continue
+                first, last = self.extract.nodes[a], self.extract.nodes[b]
+                pieces = math.ceil(length_m / _ANCHOR_SPACING_M)
+                for share in (np.arange(pieces) + 0.5) / pieces:
+                    place = here + share * (there - here)
+                    if not shapely.contains_xy(self.junction_areas, *place):
+                        latitude = first.latitude_deg + share * (last.latitude_deg - first.latitude_deg)
+                        longitude = first.longitude_deg + share * (last.longitude_deg - first.longitude_deg)
+                        found.append(_Anchor((latitude, longitude), self._place_on(roads, place)))
+        return found
+
+    def _place_on(self, roads: Sequence[Road], xy_m: FloatArray) -> tuple[float, float]:
+        feet = []
+        for road in roads:
+            line = self.network.road_geometry(road.id).line
+            x, y, _, _ = line.at(line.project(float(xy_m[0]), float(xy_m[1])).s_m)
+            feet.append((x, y))
+        return min(feet, key=lambda foot: math.dist(foot, xy_m))
+
+
+def _distances(points: FloatArray, lines: Sequence[FloatArray]) -> FloatArray:
+    """Distance of each point to the nearest of some lines."""
+    segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
+    tree = shapely.STRtree(np.asarray(shapely.linestrings(segments), dtype=object))
+    _, distances = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
+    return np.asarray(distances)
+
+
+def _resampled(line: FloatArray) -> FloatArray:
+    along = arc_lengths(line)
+    at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SAMPLE_M) + 1))
+    return np.column_stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])])
+
+
+def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[tuple[float, float]] = ()) -> list[int]:
+    """Farthest-point sampling: indices of places far from each other and from the known ones."""
+    if not places or count < 1:
+        return []
+    points = np.array(places)
+    start = np.array(known) if known else points.mean(axis=0)[None]
+    distance = np.min(np.hypot(points[:, None, 0] - start[:, 0], points[:, None, 1] - start[:, 1]), axis=1)
+    chosen: list[int] = []
+    while len(chosen) < min(count, len(points)) and (distance.max() > 1.0 or not (chosen or known)):
+        latest = int(np.argmax(distance))
+        chosen.append(latest)
+        to_latest = np.hypot(*(points - points[latest]).T)
+        distance = to_latest if len(chosen) == 1 and not known else np.minimum(distance, to_latest)
+    return chosen
+
+
+def lane_count(road: Road, s_m: float) -> int:
+    """Lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
+    section = max((section for section in road.lane_sections if section.s_m <= s_m), key=lambda section: section.s_m)
+    return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)
+
+
+def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
+    """Lanes in all as the tags say, if they say so without contradicting themselves.
+
+    A two-way street of one lane counts as two: OpenDRIVE has no lane that both directions share, so each gets its half.
+    """
+    values = {key: _whole(tags.get(key)) for key in ("lanes", "lanes:forward", "lanes:backward", "lanes:both_ways")}
+    one_way = tags.get("oneway") in ("yes", "true", "1", "-1") or tags.get("junction") in ("roundabout", "circular")
+    one_way |= tags.get("highway") in ("motorway", "motorway_link") and tags.get("oneway") != "no"
+    total = values["lanes"]
+    parts = (values["lanes:forward"], values["lanes:backward"])
+    if not one_way and parts[0] is not None and parts[1] is not None:
+        by_parts = parts[0] + parts[1] + (values["lanes:both_ways"] or 0)
+        # A centre turn lane is often counted in the total only.
+        if total is not None and total - by_parts not in (0, 1):
+            return None
+        total = total if total is not None else by_parts
+    if total is None or total < 1:
+        return None
+    if one_way:
+        return total
+    return max(total, 2)
+
+
+def _whole(text: str | None) -> int | None:
+    return int(text) if text is not None and text.isascii() and text.isdigit() else None

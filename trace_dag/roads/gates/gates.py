@@ -1,0 +1,299 @@
+"""The guarantees of a road map: each measured on the stored file, with its threshold, and whether it holds.
+
+A gate is never silent: one that could not be evaluated says why. :func:`require` turns the first gate that does not
+hold into the rejection ``map_distorted`` (``crash_off_road`` for the crash's place).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from trace_dag.errors import Reason, Rejection
+from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
+from trace_dag.roads.gates import measures
+from trace_dag.roads.gates.against_osm import MapComparison
+from trace_dag.roads.map.curves import SHORTEST_ELEMENT_M
+from trace_dag.roads.report import CrashPlacement, MapGate
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+    from trace_dag.osm.types import OsmExtract
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.map.stored_map import StoredMap
+
+_SHOWN: Final = 3  # examples named in a gate's detail
+_ANCHORS: Final = 8
+_LEAST_ANCHORS: Final = 5
+_CRASH_GATE: Final = "crash_on_road"
+_CARLA_SPACING_M: Final = 10.0
+
+
+@dataclass(frozen=True)
+class MapLimits:
+    """Thresholds of the gates. The defaults are what the native converter guarantees; infinity measures only."""
+
+    rule_violations: float = 0
+    stored_difference_m: float = 1e-3
+    mean_way_deviation_m: float = 0.25
+    worst_way_deviation_m: float = 3.0  # of public ways; bends of driveways are sharper than a car can turn
+    share_within_1m: float = 0.9  # drawn corners cut by driveable bends: parking lots have most
+    ways_missing: float = 0
+    lanes_against_tags: float = 0.0  # share of tagged roads that differ
+    link_gap_m: float = 0.01  # as the official checker
+    link_kink_deg: float = 1.0
+    turn_radius_m: float = CORNER_RADIUS_M
+    u_turn_radius_m: float = TIGHTEST_RADIUS_M
+    shortest_element_m: float = SHORTEST_ELEMENT_M
+    geodesic_m: float = 1.0
+    grade: float = 0.08
+    ramp_grade: float = 0.12
+    clearance_m: float = 4.5
+    crash_outside_m: float = 0.01
+
+
+OSM2ODR_LIMITS: Final = MapLimits(
+    rule_violations=math.inf,
+    mean_way_deviation_m=1.0,
+    worst_way_deviation_m=math.inf,
+    share_within_1m=0.8,
+    ways_missing=math.inf,
+    lanes_against_tags=math.inf,
+    link_gap_m=math.inf,
+    link_kink_deg=math.inf,
+    turn_radius_m=0.0,
+    u_turn_radius_m=0.0,
+    shortest_element_m=0.0,
+    geodesic_m=10.0,
+    clearance_m=0.0,
+)
+"""What is asked of Osm2Odr's maps: flat, with kinks in roads and gaps at links, lanes of its own at ramps."""
+
+
+def check_map(
+    network: RoadNetwork,
+    extract: OsmExtract,
+    stored_map: StoredMap,
+    placement: CrashPlacement | None = None,
+    *,
+    limits: MapLimits | None = None,
+) -> tuple[MapGate, ...]:
+    """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
+
+    Everything is measured on the file read back. One that breaks more rules than allowed is measured no further.
+    """
+    limits = limits or MapLimits()
+    rules = _count_gate("opendrive_rules", stored_map.violations, "violations", limits.rule_violations)
+    if not rules.passed:
+        return (rules,)
+    stored = stored_map.network
+    comparison = MapComparison(stored, extract)
+    return (
+        rules,
+        _stored(network, stored, limits),
+        *_ways(comparison, limits),
+        _lanes(comparison, limits),
+        *_links(stored, limits),
+        *_curves(stored, limits),
+        *_neighbours(stored),
+        _geodesics(comparison, limits),
+        *_heights(stored, limits),
+        _crash(stored, placement, limits),
+        _carla(stored_map),
+    )
+
+
+def require(gates: Iterable[MapGate]) -> None:
+    """Raise :class:`Rejection` for the first gate that does not hold, with what it measured."""
+    for gate in gates:
+        if gate.passed is False:
+            reason = Reason.CRASH_OFF_ROAD if gate.name == _CRASH_GATE else Reason.MAP_DISTORTED
+            raise Rejection(reason, _sentence(gate), measured=gate.value, threshold=gate.threshold)
+
+
+def _sentence(gate: MapGate) -> str:
+    value = "nothing" if gate.value is None else f"{gate.value:.4g}"
+    limit = "" if gate.threshold is None else f" (limit {gate.threshold:.4g})"
+    detail = f": {gate.detail}" if gate.detail else ""
+    return f"The map fails its gate {gate.name.replace('_', ' ')} with {value} {gate.unit}{limit}{detail}."
+
+
+def _at_most(name: str, value: float, threshold: float, unit: str, detail: str = "") -> MapGate:
+    limit = threshold if math.isfinite(threshold) else None
+    return MapGate(name, value, limit, unit, value <= threshold, detail)
+
+
+def _at_least(name: str, value: float, threshold: float, unit: str, detail: str) -> MapGate:
+    # Lines are made to the limit itself: a rounding error is no shortfall.
+    return MapGate(name, value, threshold, unit, value >= threshold * (1 - 1e-3), detail)
+
+
+def _count_gate(name: str, found: list[str], unit: str, threshold: float = 0) -> MapGate:
+    return _at_most(name, len(found), threshold, unit, "; ".join(found[:_SHOWN]))
+
+
+def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> MapGate:
+    """The stored file describes the same lanes in the same places."""
+    name, unit = "stored_difference", "m"
+    before, after = network.lanes(), stored.lanes()
+    if set(before) != set(after):
+        difference = len(set(before) ^ set(after))
+        return MapGate(name, None, limits.stored_difference_m, unit, False, f"{difference} lanes differ")
+    largest = 0.0
+    for ref in before:
+        here, there = network.geometry(ref), stored.geometry(ref)
+        for s_here, s_there in ((here.begin_m, there.begin_m), (here.end_m, there.end_m)):
+            a, b = here.pose(s_here), there.pose(s_there)
+            largest = max(largest, math.dist((a.x_m, a.y_m, a.z_m), (b.x_m, b.y_m, b.z_m)))
+    return _at_most(name, largest, limits.stored_difference_m, unit)
+
+
+def _ways(comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
+    deviation = comparison.way_deviation()
+    length = f"over {deviation.length_m:.0f} m of ways outside junctions"
+    yield _at_most("way_deviation_mean", deviation.mean_m, limits.mean_way_deviation_m, "m", length)
+    worst = f"way {deviation.worst_public_way_id}; {deviation.worst_m:.2f} m with service roads"
+    yield _at_most(
+        "way_deviation_worst",
+        deviation.worst_public_m,
+        limits.worst_way_deviation_m,
+        "m",
+        worst if deviation.worst_public_way_id is not None else "",
+    )
+    share = deviation.share_within_1m
+    passed = share >= limits.share_within_1m
+    yield MapGate("way_length_within_1m", share, limits.share_within_1m, "of length", passed, length)
+    missing = [f"way {way_id}" for way_id in deviation.missing_public_way_ids]
+    yield _count_gate("ways_missing", missing, "public ways", limits.ways_missing)
+
+
+def _lanes(comparison: MapComparison, limits: MapLimits) -> MapGate:
+    compared, differing, examples = comparison.lanes_against_tags()
+    name, unit = "lanes_against_tags", "of tagged roads differ"
+    if not compared:
+        return MapGate(name, None, limits.lanes_against_tags, unit, None, "no road of this map has its lanes tagged")
+    detail = "; ".join([f"{compared} roads compared", *examples[:_SHOWN]])
+    return _at_most(name, differing / compared, limits.lanes_against_tags, unit, detail)
+
+
+def _links(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
+    yield _count_gate("links_both_ways", measures.one_sided_links(stored), "one-sided links")
+    gaps = measures.link_gaps(stored)
+    for name, unit, limit, size in (
+        ("link_gap", "m", limits.link_gap_m, [math.hypot(gap.position_m, gap.height_m) for gap in gaps]),
+        ("link_kink", "degrees", limits.link_kink_deg, [math.degrees(gap.heading_rad) for gap in gaps]),
+    ):
+        if not gaps:
+            yield MapGate(name, 0.0, limit, unit, True, "no lane leads into another")
+            continue
+        worst = int(np.argmax(size))
+        source, target = gaps[worst].source, gaps[worst].target
+        where = f"road {source.road_id} lane {source.lane_id} to road {target.road_id} lane {target.lane_id}"
+        yield _at_most(name, size[worst], limit, unit, f"{len(gaps)} links, worst {where}")
+    stranded = measures.stranded_lanes(stored)
+    detail = "; ".join(stranded[:_SHOWN])
+    yield MapGate("lanes_leading_nowhere", len(stranded), None, "lanes", None if stranded else True, detail)
+
+
+def _curves(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
+    """A car can drive every lane through a junction, and no piece of a line is too short for other readers."""
+    turns = measures.tightest_turns(stored)
+    names = ("turn_radius", "u_turn_radius")
+    for name, turn, limit_m in zip(names, turns, (limits.turn_radius_m, limits.u_turn_radius_m), strict=True):
+        if turn.road_id is None:
+            yield MapGate(name, None, limit_m, "m", True, "no lane turns")
+        else:
+            yield _at_least(name, turn.radius_m, limit_m, "m", f"road {turn.road_id}")
+    length_m, road_id = measures.shortest_element(stored)
+    yield _at_least("shortest_element", length_m, limits.shortest_element_m, "m", f"road {road_id}")
+
+
+def _neighbours(stored: RoadNetwork) -> Iterator[MapGate]:
+    """Each neighbour has the lane as its neighbour in turn, and they share a border."""
+    broken: list[str] = []
+    for ref in stored.drivable_lanes():
+        geometry = stored.geometry(ref)
+        middle = (geometry.begin_m + geometry.end_m) / 2
+        for side, other in zip(("left", "right"), stored.neighbours(ref), strict=True):
+            if other is None:
+                continue
+            neighbour = stored.geometry(other)
+            between = abs(geometry.centre.at(middle) - neighbour.centre.at(middle))
+            widths = (geometry.width.at(middle) + neighbour.width.at(middle)) / 2
+            if ref not in stored.neighbours(other) or abs(between - widths) > 1e-6:
+                broken.append(f"lane {ref.lane_id} of road {ref.road_id} and its {side} neighbour {other.lane_id}")
+    yield _count_gate("neighbours_both_ways", broken, "pairs")
+
+
+def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
+    """Pairwise distances between well-spread places: on the map, and on the WGS84 ellipsoid between OSM coordinates."""
+    from pyproj import Geod
+
+    geographic, places = comparison.geodesic_anchors(_ANCHORS)
+    name, unit = "geodesic_distances", "m"
+    if len(places) < _LEAST_ANCHORS:
+        detail = f"{len(places)} places far enough apart, {_LEAST_ANCHORS} needed"
+        return MapGate(name, None, limits.geodesic_m, unit, None, detail)
+    first, second = np.triu_indices(len(places), 1)
+    on_map = np.hypot(*(places[first] - places[second]).T)
+    on_earth = _geodesic_m(Geod(ellps="WGS84"), geographic[first], geographic[second])
+    spread = float(on_map.max())
+    detail = f"{len(first)} distances between {len(places)} places up to {spread:.0f} m apart"
+    return _at_most(name, float(np.abs(on_map - on_earth).max()), limits.geodesic_m, unit, detail)
+
+
+def _geodesic_m(geod: object, a_deg: FloatArray, b_deg: FloatArray) -> FloatArray:
+    return np.asarray(geod.inv(a_deg[:, 1], a_deg[:, 0], b_deg[:, 1], b_deg[:, 0])[2])  # type: ignore[attr-defined]
+
+
+def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
+    main, ramp = measures.steepest_grades(stored)
+    for name, steepest, limit in (("grade", main, limits.grade), ("ramp_grade", ramp, limits.ramp_grade)):
+        detail = f"road {steepest.road_id}" if steepest.road_id is not None else "level"
+        # The profile is fitted to the limit itself: a rounding error is not a steeper road.
+        yield MapGate(name, steepest.grade, limit, "rise over run", steepest.grade <= limit * (1 + 1e-3), detail)
+    found = measures.crossings(stored)
+    separated = [crossing for crossing in found if crossing.separated]
+    level = (
+        f"{len(found) - len(separated)} at one level without a junction in OSM" if len(found) > len(separated) else ""
+    )
+    if not separated:
+        yield MapGate("clearance", None, limits.clearance_m, "m", True, level or "no road passes over another")
+        return
+    lowest = min(separated, key=lambda crossing: crossing.clearance_m)
+    where = f"roads {lowest.road_ids[0]} and {lowest.road_ids[1]} at ({lowest.x_m:.0f}, {lowest.y_m:.0f})"
+    detail = "; ".join(filter(None, [f"{len(separated)} crossings of levels, lowest {where}", level]))
+    passed = lowest.clearance_m >= limits.clearance_m - 1e-3
+    yield MapGate("clearance", lowest.clearance_m, limits.clearance_m, "m", passed, detail)
+
+
+def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLimits) -> MapGate:
+    if placement is None:
+        return MapGate(_CRASH_GATE, None, limits.crash_outside_m, "m", None, "no crash was placed")
+    search_m = 50.0
+    matches = stored.nearest_lanes(placement.x_m, placement.y_m, search_m, z_m=placement.z_m)
+    if not matches:
+        detail = f"no lane within {search_m:.0f} m at the crash's height"
+        return MapGate(_CRASH_GATE, None, limits.crash_outside_m, "m", False, detail)
+    return _at_most(
+        _CRASH_GATE, matches[0].outside_m, limits.crash_outside_m, "m", f"nearest road {matches[0].lane.road_id}"
+    )
+
+
+def _carla(stored_map: StoredMap) -> MapGate:
+    """CARLA's own parser reads the map and finds lanes in it."""
+    unit = f"waypoints {_CARLA_SPACING_M:.0f} m apart"
+    if importlib.util.find_spec("carla") is None:
+        return MapGate("carla_map", None, None, unit, None, "the carla extra is not installed")
+    import carla
+
+    try:
+        waypoints = len(carla.Map(stored_map.name, stored_map.xodr.decode()).generate_waypoints(_CARLA_SPACING_M))
+    except RuntimeError as error:
+        return MapGate("carla_map", None, None, unit, False, f"carla.Map: {error}")
+    return MapGate("carla_map", waypoints, None, unit, waypoints > 0)

@@ -1,0 +1,183 @@
+"""Measurements of a road map against itself: numbers, no judgement.
+
+The network is that read back from the file. Measurements against OpenStreetMap are
+:mod:`trace_dag.roads.gates.against_osm`'s, thresholds and outcomes are :mod:`trace_dag.roads.gates.gates`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.separations import find_separations
+from trace_dag.units import wrap_angle
+
+if TYPE_CHECKING:
+    from trace_dag.roads.map.network import RoadNetwork
+
+_TURN_STEP_M: Final = 0.25
+
+
+class LinkGap(NamedTuple):
+    """What a driver meets where one lane goes over into the next."""
+
+    position_m: float
+    height_m: float
+    heading_rad: float
+    source: LaneRef
+    target: LaneRef
+
+
+def link_gaps(network: RoadNetwork) -> list[LinkGap]:
+    """Gaps at every link between drivable lanes, sections and junctions included."""
+    gaps = []
+    for ref in network.drivable_lanes():
+        following = network.successors(ref)
+        if not following:
+            continue
+        geometry = network.geometry(ref)
+        leave = geometry.pose(geometry.end_m if geometry.direction > 0 else geometry.begin_m)
+        for target in following:
+            entered = network.geometry(target)
+            enter = entered.pose(entered.begin_m if entered.direction > 0 else entered.end_m)
+            gaps.append(
+                LinkGap(
+                    math.hypot(enter.x_m - leave.x_m, enter.y_m - leave.y_m),
+                    abs(enter.z_m - leave.z_m),
+                    abs(wrap_angle(enter.heading_rad - leave.heading_rad)),
+                    ref,
+                    target,
+                )
+            )
+    return gaps
+
+
+def one_sided_links(network: RoadNetwork) -> list[str]:
+    """Lanes that name a next lane which names no lane back, inside roads and between roads."""
+    found = []
+    for ref in network.drivable_lanes():
+        road = network.road_by_id[ref.road_id]
+        geometry = network.geometry(ref)
+        forward = geometry.direction > 0
+        last = ref.section == (len(road.lane_sections) - 1 if forward else 0)
+        link = road.successor if forward else road.predecessor
+        if last and (road.junction_id is not None or link is None or link.element_type != "road"):
+            continue  # an arm names the junction, and the junction's connections name its lanes
+        for target in network.successors(ref):
+            lane = network.lane(target)
+            back = lane.predecessor if network.direction(target) > 0 else lane.successor
+            if back is None:
+                found.append(f"{_named(ref)} leads into {_named(target)}, which names no lane back")
+    return found
+
+
+def stranded_lanes(network: RoadNetwork) -> list[str]:
+    """Full-width lanes that end before a junction or another road which none of their movements enters.
+
+    Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
+    """
+    found = []
+    for ref in network.drivable_lanes():
+        geometry = network.geometry(ref)
+        road = network.road_by_id[ref.road_id]
+        forward = geometry.direction > 0
+        if geometry.lane.type.value == "bidirectional" or network.successors(ref):
+            continue
+        end_m = geometry.end_m if forward else geometry.begin_m
+        inside = 0 <= ref.section + geometry.direction < len(road.lane_sections)
+        link = road.successor if forward else road.predecessor
+        if (inside or link is not None) and geometry.width.at(end_m) > 1.0:
+            found.append(f"{_named(ref)} leads nowhere at s={end_m:.0f}")
+    return found
+
+
+def _named(ref: LaneRef) -> str:
+    return f"lane {ref.lane_id} of road {ref.road_id}, section {ref.section}"
+
+
+class TightestTurn(NamedTuple):
+    """Least radius (m) of a lane's centre in a junction, infinite where all go straight, and the road it is on."""
+
+    radius_m: float
+    road_id: str | None
+
+
+def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
+    """Tightest turn of all lanes through junctions, and the tightest of those that turn round (``u_turn``)."""
+    tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
+    for road in network.roads:
+        if road.junction_id is None:
+            continue
+        for ref in network.drivable_lanes_of(road):
+            geometry = network.geometry(ref)
+            line = geometry.between(geometry.begin_m, geometry.end_m, _TURN_STEP_M)
+            turned = np.abs(np.diff(line[:, 3]))
+            if not turned.any():
+                continue
+            driven_m = np.hypot(*np.diff(line[:, :2], axis=0).T)
+            radius_m = float((driven_m / np.maximum(turned, 1e-9)).min())
+            u_turn = road.turn == "u_turn"
+            if radius_m < tightest[u_turn].radius_m:
+                tightest[u_turn] = TightestTurn(radius_m, road.id)
+    return min(tightest.values()), tightest[True]
+
+
+def shortest_element(network: RoadNetwork) -> tuple[float, str | None]:
+    """Length (m) of the shortest piece of a reference line, and the road it is in."""
+    return min(
+        ((element.length_m, road.id) for road in network.roads for element in road.plan), default=(math.inf, None)
+    )
+
+
+class SteepestGrade(NamedTuple):
+    """Largest absolute grade (rise over run) and the road it is on."""
+
+    grade: float
+    road_id: str | None
+
+
+def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
+    """Steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or to them)."""
+    minor = {road.id for road in network.roads if road.highway.endswith("_link") or road.highway == "service"}
+    for road in network.roads:
+        if road.junction_id is not None:
+            arms = {link.element_id for link in (road.predecessor, road.successor) if link is not None}
+            if arms & minor:
+                minor.add(road.id)
+    steepest = {False: SteepestGrade(0.0, None), True: SteepestGrade(0.0, None)}
+    for road in network.roads:
+        geometry = network.road_geometry(road.id)
+        if geometry.elevation.constant is not None:
+            continue
+        grade = float(np.abs(geometry.elevation.sample_slope(geometry.line.stations(1.0))).max())
+        if grade > steepest[road.id in minor].grade:
+            steepest[road.id in minor] = SteepestGrade(grade, road.id)
+    return steepest[False], steepest[True]
+
+
+class RoadCrossing(NamedTuple):
+    """Two roads that cross in plan without meeting in a junction."""
+
+    road_ids: tuple[str, str]
+    x_m: float
+    y_m: float
+    clearance_m: float
+    separated: bool
+    """Whether OSM says that one passes above the other (layer, bridge or tunnel differ)."""
+
+
+def crossings(network: RoadNetwork) -> list[RoadCrossing]:
+    """Where reference lines cross although their roads share neither junction nor link."""
+    found = []
+    for crossing in find_separations(network):
+        heights = [
+            network.road_geometry(road.id).height_at(s_m)
+            for road, s_m in zip(crossing.roads, crossing.s_m, strict=True)
+        ]
+        ids = (crossing.roads[0].id, crossing.roads[1].id)
+        clearance_m = abs(heights[0] - heights[1])
+        found.append(RoadCrossing(ids, crossing.x_m, crossing.y_m, clearance_m, crossing.levels_differ))
+    return found

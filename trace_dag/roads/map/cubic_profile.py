@@ -1,0 +1,114 @@
+"""Piecewise cubics over a road's ``s``: widths, lane offsets, elevation, and sums of them.
+
+OpenDRIVE describes every quantity that varies along a road as cubics that each hold from their own ``s`` on
+(ASAM OpenDRIVE 1.7, sections 8.4, 9.3 and 9.5.1). Sums of such profiles, such as the distance of a lane's centre from
+the reference line, are piecewise cubics again, so they are added up once and then evaluated directly.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+    from trace_dag.roads.map.model import Cubic
+
+_Coefficients = tuple[float, float, float, float]
+
+
+class CubicProfile:
+    """A piecewise cubic in ``s`` (metres along a road); before its first piece the first piece is continued."""
+
+    __slots__ = ("_arrays", "constant", "knots_m", "pieces")
+
+    def __init__(self, knots_m: Sequence[float], pieces: Sequence[_Coefficients]) -> None:
+        self.knots_m = tuple(knots_m)
+        self.pieces = tuple(pieces)
+        self.constant: float | None = (
+            self.pieces[0][0] if len(self.pieces) == 1 and self.pieces[0][1:] == (0.0, 0.0, 0.0) else None
+        )
+        self._arrays: tuple[FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def of(cls, cubics: Iterable[Cubic], *, origin_m: float = 0.0) -> Self:
+        """From OpenDRIVE records whose ``s`` counts from ``origin_m``; no record at all is 0 everywhere."""
+        ordered = list(cubics)
+        if not ordered:
+            return cls((origin_m,), ((0.0, 0.0, 0.0, 0.0),))
+        if len(ordered) > 1:
+            ordered.sort(key=lambda cubic: cubic.s_m)
+        return cls([origin_m + c.s_m for c in ordered], [(c.a, c.b, c.c, c.d) for c in ordered])
+
+    @classmethod
+    def weighted_sum(cls, terms: Iterable[tuple[float, CubicProfile]]) -> Self:
+        """Sum of ``weight * profile`` over all terms."""
+        profiles = [(weight, profile) for weight, profile in terms if weight]
+        if not profiles:
+            return cls((0.0,), ((0.0, 0.0, 0.0, 0.0),))
+        if all(profile.constant is not None for _, profile in profiles):
+            total = sum(weight * profile.pieces[0][0] for weight, profile in profiles)
+            return cls((profiles[0][1].knots_m[0],), ((total, 0.0, 0.0, 0.0),))
+        knots = sorted({knot for _, profile in profiles for knot in profile.knots_m})
+        pieces = []
+        for knot in knots:
+            shifted = [(weight, profile.coefficients_at(knot)) for weight, profile in profiles]
+            pieces.append(
+                (
+                    sum(w * c[0] for w, c in shifted),
+                    sum(w * c[1] for w, c in shifted),
+                    sum(w * c[2] for w, c in shifted),
+                    sum(w * c[3] for w, c in shifted),
+                )
+            )
+        return cls(knots, pieces)
+
+    def coefficients_at(self, s_m: float) -> _Coefficients:
+        """Coefficients of the piece valid at ``s_m``, with ``s_m`` as its origin."""
+        index = max(bisect_right(self.knots_m, s_m) - 1, 0)
+        a, b, c, d = self.pieces[index]
+        u = s_m - self.knots_m[index]
+        return (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d)
+
+    def at(self, s_m: float) -> float:
+        """Value at one ``s_m``."""
+        if self.constant is not None:
+            return self.constant
+        index = bisect_right(self.knots_m, s_m) - 1 if len(self.knots_m) > 1 else 0
+        index = max(index, 0)
+        a, b, c, d = self.pieces[index]
+        u = s_m - self.knots_m[index]
+        return a + u * (b + u * (c + u * d))
+
+    def slope(self, s_m: float) -> float:
+        """Derivative with respect to ``s`` at one ``s_m``."""
+        if self.constant is not None:
+            return 0.0
+        index = max(bisect_right(self.knots_m, s_m) - 1, 0)
+        _, b, c, d = self.pieces[index]
+        u = s_m - self.knots_m[index]
+        return b + u * (2 * c + 3 * u * d)
+
+    def sample(self, s_m: FloatArray) -> FloatArray:
+        """Values at many ``s``, same shape."""
+        if self.constant is not None:
+            return np.full(s_m.shape, self.constant)
+        u, pieces = self._located(s_m)
+        return pieces[:, 0] + u * (pieces[:, 1] + u * (pieces[:, 2] + u * pieces[:, 3]))
+
+    def sample_slope(self, s_m: FloatArray) -> FloatArray:
+        """Derivatives at many ``s``, same shape."""
+        if self.constant is not None:
+            return np.zeros(s_m.shape)
+        u, pieces = self._located(s_m)
+        return pieces[:, 1] + u * (2 * pieces[:, 2] + 3 * u * pieces[:, 3])
+
+    def _located(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if self._arrays is None:
+            self._arrays = (np.array(self.knots_m), np.array(self.pieces))
+        knots, pieces = self._arrays
+        index = np.maximum(np.searchsorted(knots, s_m, side="right") - 1, 0)
+        return s_m - knots[index], pieces[index]

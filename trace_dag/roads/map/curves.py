@@ -1,0 +1,214 @@
+"""Curves of the plan view: lines and arcs one after the other, cut, turned round, joined, and led from pose to pose.
+
+Plane geometry only, on plain floats: thousands of pieces per map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from trace_dag.roads.map.model import PlanElement
+
+Point = tuple[float, float]
+
+_FLAT_RAD: Final = 5e-4
+_SAME_DIRECTION_RAD: Final = 1e-6
+LARGEST_RADIUS_M: Final = 5000.0  # readers that work in single precision, CARLA for one, lose arcs far flatter
+_MIN_LENGTH_M: Final = 1e-6
+SHORTEST_ELEMENT_M: Final = 0.01
+_AROUND_SLIVER_M: Final = 0.5
+_DETOUR_M: Final = 2.0
+
+
+class PlanPose(NamedTuple):
+    """Position (metres) and heading (radians) on a reference line."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+class PlanView(NamedTuple):
+    """Elements of a reference line, its length, and ``s_m`` of each vertex of the polyline it was fitted to."""
+
+    elements: tuple[PlanElement, ...]
+    length_m: float
+    vertex_s_m: tuple[float, ...] = ()
+
+
+def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
+    """Pose ``ds_m`` along one line or arc."""
+    turn = element.curvature_1pm * ds_m
+    half = turn / 2
+    chord = ds_m if abs(half) < 1e-9 else ds_m * math.sin(half) / half
+    direction = element.heading_rad + half
+    return PlanPose(
+        element.x_m + chord * math.cos(direction),
+        element.y_m + chord * math.sin(direction),
+        element.heading_rad + turn,
+    )
+
+
+def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
+    """Pose at ``s_m``; beyond the ends the first or last element goes on."""
+    found = plan.elements[0]
+    for element in plan.elements:
+        if element.s_m > s_m:
+            break
+        found = element
+    return element_pose(found, s_m - found.s_m)
+
+
+def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
+    """The stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again. Keeps no vertices."""
+    kept: list[PlanElement] = []
+    for element in plan.elements:
+        if element.s_m >= end_m:
+            break
+        first = max(begin_m, element.s_m)
+        last = min(end_m, element.s_m + element.length_m)
+        if last - first <= _MIN_LENGTH_M:
+            continue
+        pose = element_pose(element, first - element.s_m)
+        kept.append(PlanElement(first - begin_m, *pose, last - first, element.curvature_1pm))
+    return PlanView(tuple(kept), end_m - begin_m)
+
+
+def reverse_plan(plan: PlanView) -> PlanView:
+    """The same line run from its end."""
+    reversed_elements = []
+    for element in reversed(plan.elements):
+        x, y, heading = element_pose(element, element.length_m)
+        s = max(plan.length_m - element.s_m - element.length_m, 0.0)
+        reversed_elements.append(PlanElement(s, x, y, heading + math.pi, element.length_m, -element.curvature_1pm))
+    return PlanView(tuple(reversed_elements), plan.length_m)
+
+
+def join_plans(plans: Sequence[PlanView]) -> PlanView:
+    """Plans one after the other; each must begin where and as the one before ends."""
+    elements: list[PlanElement] = []
+    offset = 0.0
+    for plan in plans:
+        for e in plan.elements:
+            last = elements[-1] if elements else None
+            if last and last.curvature_1pm == e.curvature_1pm == 0.0 and _same_direction(last, e):
+                length = last.length_m + e.length_m
+                elements[-1] = PlanElement(last.s_m, last.x_m, last.y_m, last.heading_rad, length)
+            elif offset == 0.0:
+                elements.append(e)
+            else:
+                elements.append(PlanElement(e.s_m + offset, e.x_m, e.y_m, e.heading_rad, e.length_m, e.curvature_1pm))
+        offset += plan.length_m
+    return PlanView(tuple(elements), offset)
+
+
+def _same_direction(a: PlanElement, b: PlanElement) -> bool:
+    return abs(math.remainder(a.heading_rad - b.heading_rad, math.tau)) < _SAME_DIRECTION_RAD
+
+
+def connect(start: PlanPose, end: PlanPose) -> PlanView | None:
+    """A smooth curve from one pose to another: line, arc, line where one bend does it, otherwise two arcs.
+
+    None where only a detour leads there (the end lies behind the start, with the same heading).
+    """
+    turn = math.remainder(end.heading_rad - start.heading_rad, math.tau)
+    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
+    c0, s0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
+    if abs(turn) > 0.03 and abs(turn) < 2.6:
+        # Where the two tangents meet: `ahead` from the start, `behind` before the end.
+        c1, s1 = math.cos(end.heading_rad), math.sin(end.heading_rad)
+        sine = c0 * s1 - s0 * c1
+        ahead = (dx * s1 - dy * c1) / sine
+        behind = (c0 * dy - s0 * dx) / sine
+        tangent = min(ahead, behind)
+        if tangent > 0.5:
+            return _single_bend(start, end, turn, tangent, ahead, behind)
+    elif abs(turn) < 1e-9 and abs(dx * s0 - dy * c0) < 1e-6 and dx * c0 + dy * s0 > 0:
+        return _plan_of([(start, math.hypot(dx, dy), 0.0)])
+    plan = _biarc(start, end)
+    return plan if plan.length_m <= 3 * math.hypot(dx, dy) + _DETOUR_M else None
+
+
+def _single_bend(start: PlanPose, end: PlanPose, turn: float, tangent: float, ahead: float, behind: float) -> PlanView:
+    curvature = math.tan(turn / 2) / tangent
+    pieces = [(start, ahead - tangent, 0.0)]
+    c, s = math.cos(start.heading_rad), math.sin(start.heading_rad)
+    bend = PlanPose(start.x_m + (ahead - tangent) * c, start.y_m + (ahead - tangent) * s, start.heading_rad)
+    pieces.append((bend, turn / curvature, curvature))
+    c, s = math.cos(end.heading_rad), math.sin(end.heading_rad)
+    out = behind - tangent
+    pieces.append((PlanPose(end.x_m - out * c, end.y_m - out * s, start.heading_rad + turn), out, 0.0))
+    return _plan_of(pieces)
+
+
+def _biarc(start: PlanPose, end: PlanPose) -> PlanView:
+    """Two arcs with a common tangent, of equal tangent length at both ends (Bolton, CAD 7(1), 1975)."""
+    vx, vy = end.x_m - start.x_m, end.y_m - start.y_m
+    c0, s0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
+    c1, s1 = math.cos(end.heading_rad), math.sin(end.heading_rad)
+    tx, ty = c0 + c1, s0 + s1
+    vv, vt = vx * vx + vy * vy, vx * tx + vy * ty
+    denominator = 2 * (1 - (c0 * c1 + s0 * s1))
+    if denominator > 1e-9:
+        d = (-vt + math.sqrt(max(vt * vt + denominator * vv, 0.0))) / denominator
+    elif abs(vt) > 1e-9:
+        d = vv / (2 * vt)
+    else:
+        d = math.sqrt(vv) / 2
+    mx = (start.x_m + end.x_m + d * (c0 - c1)) / 2
+    my = (start.y_m + end.y_m + d * (s0 - s1)) / 2
+    first = _arc_to(start, mx, my)
+    middle = PlanPose(mx, my, first[0].heading_rad + first[1] * first[2])
+    return _plan_of([first, _arc_to(middle, end.x_m, end.y_m)])
+
+
+def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, float]:
+    """The arc that leaves ``start`` and passes through a point: its start, length and curvature.
+
+    One too flat for single precision is the straight line there, at most 0.03 degrees off the start's heading.
+    """
+    dx, dy = x_m - start.x_m, y_m - start.y_m
+    chord = math.hypot(dx, dy)
+    if chord < _MIN_LENGTH_M:
+        return start, 0.0, 0.0
+    angle = math.remainder(math.atan2(dy, dx) - start.heading_rad, math.tau)
+    if abs(math.sin(angle)) < min(chord / (2 * LARGEST_RADIUS_M), _FLAT_RAD) and abs(angle) < 1.0:
+        return PlanPose(start.x_m, start.y_m, start.heading_rad + angle), chord, 0.0
+    return start, chord * angle / math.sin(angle), 2 * math.sin(angle) / chord
+
+
+def without_slivers(plan: PlanView) -> PlanView:
+    """The same line with a smooth curve of about a metre in place of every element shorter than a centimetre.
+
+    It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
+    or drops what is shorter than its tolerance would lose the heading that such an element adds.
+    """
+    for _ in plan.elements:  # each turn leaves fewer
+        sliver = next((e for e in plan.elements if e.length_m < SHORTEST_ELEMENT_M), None)
+        if sliver is None or plan.length_m < 2 * SHORTEST_ELEMENT_M:
+            break
+        begin_m = _snapped(plan, sliver.s_m - _AROUND_SLIVER_M)
+        end_m = _snapped(plan, sliver.s_m + sliver.length_m + _AROUND_SLIVER_M)
+        curve = _biarc(plan_pose(plan, begin_m), plan_pose(plan, end_m))
+        pieces = cut_plan(plan, 0.0, begin_m), curve, cut_plan(plan, end_m, plan.length_m)
+        plan = join_plans([piece for piece in pieces if piece.elements])
+    return plan
+
+
+def _snapped(plan: PlanView, s_m: float) -> float:
+    """``s_m`` within the plan, moved onto the border of an element that it is almost at."""
+    borders = (0.0, plan.length_m, *(element.s_m for element in plan.elements))
+    nearest = min(borders, key=lambda border: abs(border - s_m))
+    return nearest if abs(nearest - s_m) < 2 * SHORTEST_ELEMENT_M else min(max(s_m, 0.0), plan.length_m)
+
+
+def _plan_of(pieces: Sequence[tuple[PlanPose, float, float]]) -> PlanView:
+    elements: list[PlanElement] = []
+    s = 0.0
+    for pose, length, curvature in pieces:
+        if length > _MIN_LENGTH_M:
+            elements.append(PlanElement(s, *pose, length, curvature))
+            s += length
+    return PlanView(tuple(elements), s)

@@ -1,0 +1,151 @@
+"""Lanes by place: what ``nearest_lanes`` looks at, lane surfaces and the drivable area.
+
+Whoever looks a place up on a large map needs a few of its lanes: boxes around the roads are made of all of them at
+once, lines along the lanes of those roads alone that a question comes near.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from trace_dag.geometry import FloatArray
+    from trace_dag.roads.map.lane_geometry import LaneGeometry
+    from trace_dag.roads.map.model import Cubic, LaneRef, LaneSection, Road
+
+    LanesOf = Callable[[Road], Iterable[tuple[LaneRef, LaneGeometry]]]
+
+_JOIN_M = 0.02
+"""Slivers between lanes narrower than this are closed in the drivable area."""
+_SEARCH_M = 1.5
+"""Room for what lies between two points of a lane's search line, and for what it cuts off in curves."""
+
+
+class LaneIndex:
+    """The drivable lanes of some roads by place. ``lanes_of`` gives those of one road."""
+
+    def __init__(self, roads: Sequence[Road], lanes_of: LanesOf) -> None:
+        self._roads = tuple(roads)
+        self._lanes_of = lanes_of
+        self._boxes = _boxes(self._roads)
+        self._looked_up: dict[int, _Lines | None] = {}
+
+    def near(self, x_m: float, y_m: float, distance_m: float) -> Iterator[tuple[LaneRef, LaneGeometry]]:
+        """Candidates whose surface may lie within ``distance_m`` of a point, in the order of the roads."""
+        low_x, low_y, high_x, high_y = self._boxes
+        apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
+        apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
+        for number in np.flatnonzero(np.hypot(apart_x, apart_y) <= distance_m):
+            lines = self._lines(int(number))
+            if lines is None:
+                continue
+            apart_2 = (lines.points[:, 0] - x_m) ** 2 + (lines.points[:, 1] - y_m) ** 2
+            near = np.minimum.reduceat(apart_2, lines.first) <= (distance_m + lines.reach_m) ** 2
+            for lane in np.flatnonzero(near):
+                yield lines.lanes[lane]
+
+    def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
+        """Roads that may have a lane in a box (west, south, east, north), in their order."""
+        west, south, east, north = box_m
+        low_x, low_y, high_x, high_y = self._boxes
+        touching = (low_x < east) & (high_x > west) & (low_y < north) & (high_y > south)
+        return [self._roads[number] for number in np.flatnonzero(touching)]
+
+    def _lines(self, number: int) -> _Lines | None:
+        """The lanes of a road with their lines; None if it has none to drive in."""
+        if number not in self._looked_up:
+            lanes = list(self._lanes_of(self._roads[number]))
+            self._looked_up[number] = _Lines.of(lanes) if lanes else None
+        return self._looked_up[number]
+
+
+class _Lines(NamedTuple):
+    """The search lines of a road's lanes, one after the other."""
+
+    lanes: list[tuple[LaneRef, LaneGeometry]]
+    points: FloatArray  # (n, 2)
+    first: NDArray[np.intp]  # of each lane's points
+    reach_m: FloatArray  # from its line to its surface, and room for what the line leaves out
+
+    @classmethod
+    def of(cls, lanes: list[tuple[LaneRef, LaneGeometry]]) -> _Lines:
+        lines = [geometry.search_line for _, geometry in lanes]
+        first = np.cumsum([0, *(len(line) for line in lines[:-1])])
+        reach_m = np.array([_widest_m(geometry) / 2 + _SEARCH_M for _, geometry in lanes])
+        return cls(lanes, np.concatenate(lines), first, reach_m)
+
+
+def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
+    """A lane's surface."""
+    left, right = geometry.borders(step_m)
+    return shapely.Polygon(np.concatenate([left, right[::-1]]))
+
+
+def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely.MultiPolygon:
+    """Union of the lanes' surfaces."""
+    surfaces = np.array([polygon(geometry, step_m) for geometry in lanes], dtype=object)
+    area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
+    closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
+    parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
+    return shapely.MultiPolygon(parts)
+
+
+def _widest_m(geometry: LaneGeometry) -> float:
+    if geometry.width.constant is not None:
+        return geometry.width.constant
+    return float(np.max(geometry.width.sample(np.linspace(geometry.begin_m, geometry.end_m, 9))))
+
+
+def _boxes(roads: Sequence[Road]) -> FloatArray:
+    """Boxes no lane of a road reaches out of, shape (4, n): low x, low y, high x, high y."""
+    if not roads:
+        return np.zeros((4, 0))
+    pieces = [
+        (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm, each.poly is not None)
+        for number, road in enumerate(roads)
+        for each in road.plan
+    ]
+    owner, x, y, heading, length, curvature, cubic = np.array(pieces, dtype=float).T
+    turn = curvature * length
+    chord = length * np.sinc(turn / math.tau)
+    end_x, end_y = x + chord * np.cos(heading + turn / 2), y + chord * np.sin(heading + turn / 2)
+    # An arc rises above its chord by less than this; a cubic of this length stays within it of its beginning.
+    rise = np.where(cubic > 0, length, length * np.minimum(np.abs(turn), math.tau) / 8)
+    rise += np.array([_farthest_lane_m(road) for road in roads])[owner.astype(int)]
+    first = np.flatnonzero(np.diff(owner, prepend=-1.0))
+    return np.stack(
+        [
+            np.minimum.reduceat(np.minimum(x, end_x) - rise, first),
+            np.minimum.reduceat(np.minimum(y, end_y) - rise, first),
+            np.maximum.reduceat(np.maximum(x, end_x) + rise, first),
+            np.maximum.reduceat(np.maximum(y, end_y) + rise, first),
+        ]
+    )
+
+
+def _farthest_lane_m(road: Road) -> float:
+    """A distance from the reference line beyond which no lane of a road lies."""
+    offset_m = _bound_m(road.lane_offset, road.length_m)
+    return offset_m + max((_width_bound_m(section, road.length_m) for section in road.lane_sections), default=0.0)
+
+
+def _width_bound_m(section: LaneSection, length_m: float) -> float:
+    return sum(_bound_m(lane.widths, length_m) for lane in section.lanes)
+
+
+def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
+    """No value of piecewise cubics over a length is larger: each term is taken at its largest."""
+    bound = 0.0
+    for number, cubic in enumerate(cubics):
+        end_m = cubics[number + 1].s_m if number + 1 < len(cubics) else length_m
+        ds = max(end_m - cubic.s_m, 0.0)
+        bound = max(bound, abs(cubic.a) + ds * (abs(cubic.b) + ds * (abs(cubic.c) + ds * abs(cubic.d))))
+    return bound

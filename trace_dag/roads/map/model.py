@@ -1,0 +1,220 @@
+"""OpenDRIVE's concepts as plain types: what is written to and read back from ``.xodr``.
+
+Frame: the project's local frame. Lane ids follow OpenDRIVE: positive left of the reference line, negative right of it,
+0 the reference line itself; in right-hand traffic negative lanes travel along the reference line and positive ones
+against it. One-way roads have only negative lanes. What these types can be asked together is in
+:class:`trace_dag.roads.map.network.RoadNetwork`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+
+class LaneType(StrEnum):
+    """OpenDRIVE 1.7 ``e_laneType`` values in use here."""
+
+    DRIVING = "driving"
+    BIDIRECTIONAL = "bidirectional"  # centre turn lane
+    SHOULDER = "shoulder"
+    PARKING = "parking"
+    MEDIAN = "median"
+    SIDEWALK = "sidewalk"
+    BORDER = "border"
+    ENTRY = "entry"
+    EXIT = "exit"
+    NONE = "none"
+
+    @property
+    def drivable(self) -> bool:
+        """Whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
+        return self in _DRIVABLE
+
+
+_DRIVABLE: Final = frozenset({LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT})
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """``a + b*ds + c*ds**2 + d*ds**3`` from ``s_m`` on (widths, elevation, lane offset), metres."""
+
+    s_m: float
+    a: float
+    b: float = 0.0
+    c: float = 0.0
+    d: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlanElement:
+    """A piece of reference line: line (``curvature_1pm`` 0), arc, or ``paramPoly3`` (``poly`` set).
+
+    ``poly`` holds aU, bU, cU, dU, aV, bV, cV, dV; ``poly_normalized`` is OpenDRIVE's ``pRange``. Only maps of
+    others have it: our own writer uses lines and arcs.
+    """
+
+    s_m: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    length_m: float
+    curvature_1pm: float = 0.0
+    poly: tuple[float, float, float, float, float, float, float, float] | None = None
+    poly_normalized: bool = False
+
+
+@dataclass(frozen=True)
+class RoadMark:
+    """Mark on the outer border of a lane (of lane 0: the centre line). ``type`` as OpenDRIVE ``e_roadMarkType``."""
+
+    type: str = "broken"
+    colour: str = "standard"
+    lane_change: str = "both"
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One lane of a lane section. ``mark`` is what is written; ``legal_mark`` what the law paints."""
+
+    id: int
+    type: LaneType
+    widths: tuple[Cubic, ...]  # s_m relative to the section's start
+    predecessor: int | None = None
+    successor: int | None = None
+    mark: RoadMark | None = None
+    legal_mark: RoadMark | None = None
+    speed_mps: float | None = None
+    turns: tuple[str, ...] = ()  # OSM turn:lanes values of this lane: left, through, right, ...
+
+
+@dataclass(frozen=True)
+class LaneSection:
+    """Lanes from ``s_m`` to the next section or the road's end, by id; lane 0 has no width."""
+
+    s_m: float
+    lanes: tuple[Lane, ...]
+
+
+class ContactPoint(StrEnum):
+    """Which end of a road a link touches."""
+
+    START = "start"
+    END = "end"
+
+
+@dataclass(frozen=True)
+class RoadLink:
+    """Predecessor or successor of a road: a road (with contact point) or a junction."""
+
+    element_type: str  # "road" or "junction"
+    element_id: str
+    contact_point: ContactPoint | None = None
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A traffic signal or sign. ``type`` 1000001 is CARLA's traffic light, 206 stop, 205 yield, 274 speed limit.
+
+    ``orientation`` is OpenDRIVE's: "+" valid for traffic along the reference line, "-" against it.
+    """
+
+    id: str
+    s_m: float
+    t_m: float
+    type: str
+    subtype: str = "-1"
+    name: str = ""
+    orientation: str = "+"
+    value: float | None = None
+    unit: str | None = None
+    dynamic: bool = False
+    z_offset_m: float = 0.0
+    height_m: float = 0.0
+    width_m: float = 0.0
+    osm_node_id: int | None = None
+
+
+@dataclass(frozen=True)
+class Road:
+    """A stretch of road between junctions, or a connecting road inside one (``junction_id`` set).
+
+    ``highway`` is the OSM class it came from, ``names`` its street names and route numbers as tagged (name, ref,
+    alt_name, ...), ``osm_way_ids`` its sources, in order.
+    """
+
+    id: str
+    length_m: float
+    plan: tuple[PlanElement, ...]
+    lane_sections: tuple[LaneSection, ...]
+    elevation: tuple[Cubic, ...] = ()
+    lane_offset: tuple[Cubic, ...] = ()
+    name: str = ""
+    junction_id: str | None = None
+    predecessor: RoadLink | None = None
+    successor: RoadLink | None = None
+    signals: tuple[Signal, ...] = ()
+    highway: str = ""
+    names: tuple[str, ...] = ()
+    osm_way_ids: tuple[int, ...] = ()
+    speed_mps: float | None = None
+    layer: int = 0
+    bridge: bool = False
+    tunnel: bool = False
+    lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
+    turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
+    inferred: str = ""  # why it is there, if it is not OpenStreetMap's but drawn because the crash report asks for it
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A permitted movement through a junction: from an incoming road over a connecting road."""
+
+    id: str
+    incoming_road: str
+    connecting_road: str
+    contact_point: ContactPoint
+    lane_links: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Signals that always show the same; ``sequence`` is its turn among the controllers of one junction."""
+
+    id: str
+    signal_ids: tuple[str, ...]
+    name: str = ""
+    sequence: int = 0
+
+
+@dataclass(frozen=True)
+class Junction:
+    """A crossing. ``osm_node_ids`` are the OSM nodes it was made of (several where crossings were joined)."""
+
+    id: str
+    connections: tuple[Connection, ...]
+    name: str = ""
+    osm_node_ids: tuple[int, ...] = ()
+    kind: str = ""  # "four_way", "t", "y", "roundabout", ... as seen in the map
+    centre_xy_m: tuple[float, float] | None = None
+    controller_ids: tuple[str, ...] = ()  # of its traffic lights, in their sequence
+
+
+class LaneRef(NamedTuple):
+    """A lane: road id, index of the lane section, OpenDRIVE lane id."""
+
+    road_id: str
+    section: int
+    lane_id: int
+
+
+@dataclass(frozen=True)
+class LaneMatch:
+    """Where a point lies relative to a lane: ``s_m`` along the road's reference line, ``offset_m`` to the left of
+    the lane's centre as seen in its direction of travel, and how far outside the lane's borders it is (0 inside)."""
+
+    lane: LaneRef
+    s_m: float
+    offset_m: float
+    outside_m: float

@@ -1,0 +1,242 @@
+"""A road network: all roads and junctions around one crash, and the questions the later stages ask of them.
+
+A network read from any OpenDRIVE file (ours, the published benchmark's, Osm2Odr's) answers the same queries. Frame and
+lane ids are those of :mod:`trace_dag.roads.map.model`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, LocalFrame, Pose
+from trace_dag.roads.map.lane_geometry import LaneGeometry, RoadGeometry
+from trace_dag.roads.map.lane_index import LaneIndex, drivable_area, polygon
+from trace_dag.roads.map.lane_links import LaneLinks
+from trace_dag.roads.map.model import Controller, Junction, Lane, LaneMatch, LaneRef, Road
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from shapely import MultiPolygon, Polygon
+
+SAME_LEVEL_M: Final = 2.5
+"""Surfaces further apart than this in height are different levels: half of the usual clearance of 4.9 m."""
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """All roads and junctions around one crash, in its local frame."""
+
+    frame: LocalFrame
+    roads: tuple[Road, ...]
+    junctions: tuple[Junction, ...] = ()
+    converter: str = ""  # name and version of what made it
+    attribution: str = ""
+    controllers: tuple[Controller, ...] = ()
+
+    @cached_property
+    def road_by_id(self) -> dict[str, Road]:
+        """Roads by OpenDRIVE id."""
+        return {road.id: road for road in self.roads}
+
+    @cached_property
+    def junction_by_id(self) -> dict[str, Junction]:
+        """Junctions by OpenDRIVE id."""
+        return {junction.id: junction for junction in self.junctions}
+
+    # --- lanes -----------------------------------------------------------------------------------------------
+    @cached_property
+    def _geometry(self) -> _Roads:
+        return _Roads(self.road_by_id)
+
+    @cached_property
+    def _lanes(self) -> _Lanes:
+        return _Lanes(self._geometry)
+
+    @cached_property
+    def _drivable(self) -> tuple[LaneRef, ...]:
+        return tuple(ref for road in self.roads for ref in self.drivable_lanes_of(road))
+
+    @cached_property
+    def _drivable_of(self) -> dict[str, tuple[LaneRef, ...]]:
+        lane_of = self._lane_by_ref
+        return {road.id: tuple(ref for ref in _lanes_of(road) if lane_of[ref].type.drivable) for road in self.roads}
+
+    @cached_property
+    def _links(self) -> LaneLinks:
+        return LaneLinks(self.roads, self.junctions, self._lane_by_ref, self._drivable_of)
+
+    @cached_property
+    def _index(self) -> LaneIndex:
+        return LaneIndex(self.roads, lambda road: [(ref, self._lanes[ref]) for ref in self.drivable_lanes_of(road)])
+
+    def drivable_lanes(self) -> tuple[LaneRef, ...]:
+        """Every lane traffic drives in, all roads, junctions included."""
+        return self._drivable
+
+    def drivable_lanes_of(self, road: Road) -> tuple[LaneRef, ...]:
+        """The lanes of one road traffic drives in."""
+        return self._drivable_of[road.id]
+
+    def is_drivable(self, ref: LaneRef) -> bool:
+        """Whether there is such a lane and traffic drives in it."""
+        lane = self._lane_by_ref.get(ref)
+        return lane is not None and lane.type.drivable
+
+    def lanes(self) -> tuple[LaneRef, ...]:
+        """Every lane but the centre ones, drivable or not."""
+        return tuple(ref for road in self.roads for ref in _lanes_of(road))
+
+    def lane(self, ref: LaneRef) -> Lane:
+        """The lane itself."""
+        return self._lane_by_ref[ref]
+
+    @cached_property
+    def _lane_by_ref(self) -> dict[LaneRef, Lane]:
+        return {
+            LaneRef(road.id, index, lane.id): lane
+            for road in self.roads
+            for index, section in enumerate(road.lane_sections)
+            for lane in section.lanes
+            if lane.id != 0
+        }
+
+    def lane_span(self, ref: LaneRef) -> tuple[float, float]:
+        """``s_m`` where the lane begins and ends along its road's reference line (begin < end always)."""
+        geometry = self._lanes[ref]
+        return geometry.begin_m, geometry.end_m
+
+    def direction(self, ref: LaneRef) -> int:
+        """+1 if the lane's traffic goes along the reference line, -1 if against it."""
+        return -1 if ref.lane_id > 0 else 1
+
+    def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one drives into at the lane's end, in its direction of travel (several at a junction)."""
+        return self._links.successors(ref)
+
+    def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
+        """Lanes one can have come from, in the direction of travel."""
+        return self._links.predecessors(ref)
+
+    def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
+        """Drivable lanes directly left and right as seen in the direction of travel (either direction of traffic)."""
+        outward = 1 if ref.lane_id > 0 else -1
+        inner_id = ref.lane_id - outward if abs(ref.lane_id) > 1 else -outward
+        left = LaneRef(ref.road_id, ref.section, inner_id)
+        right = LaneRef(ref.road_id, ref.section, ref.lane_id + outward)
+        return (left if self.is_drivable(left) else None, right if self.is_drivable(right) else None)
+
+    # --- places ----------------------------------------------------------------------------------------------
+    def geometry(self, ref: LaneRef) -> LaneGeometry:
+        """Centre, borders, width and height of a lane, for many evaluations on the same lane."""
+        return self._lanes[ref]
+
+    def road_geometry(self, road_id: str) -> RoadGeometry:
+        """Reference line, lane offset and elevation of a road."""
+        return self._geometry[road_id]
+
+    def pose(self, ref: LaneRef, s_m: float, offset_m: float = 0.0) -> Pose:
+        """Pose at ``s_m`` on the lane's centre, ``offset_m`` to its left, heading in its direction of travel.
+
+        The offset is measured at right angles to the reference line, as OpenDRIVE's ``t`` is.
+        """
+        return self._lanes[ref].pose(s_m, offset_m)
+
+    def poses(self, ref: LaneRef, s_m: FloatArray, offset_m: float = 0.0) -> FloatArray:
+        """Like :meth:`pose` for ``s_m`` of shape (n,): shape (n, 4), x, y, z (metres), heading (radians)."""
+        return self._lanes[ref].sample(np.asarray(s_m, float), offset_m)
+
+    def width_m(self, ref: LaneRef, s_m: float) -> float:
+        """Width of the lane at ``s_m``."""
+        return self._lanes[ref].width.at(s_m)
+
+    def centreline(self, ref: LaneRef, step_m: float = 1.0) -> FloatArray:
+        """Centre of the lane in its direction of travel, shape (n, 4): x, y, z (metres), heading (radians).
+
+        Points are at most ``step_m`` apart along the reference line, ends included; headings are continuous. The array
+        is shared and read-only.
+        """
+        return self._lanes[ref].centreline(step_m)
+
+    def lane_polygon(self, ref: LaneRef, step_m: float = 2.0) -> Polygon:
+        """The lane's surface seen from above."""
+        return polygon(self._lanes[ref], step_m)
+
+    @cached_property
+    def drivable_area(self) -> MultiPolygon:
+        """Everything traffic drives on, junctions included, seen from above."""
+        return drivable_area(self._lanes[ref] for ref in self._drivable)
+
+    def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
+        """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
+        return LaneMatch(ref, *self._lanes[ref].project(x_m, y_m))
+
+    def nearest_lanes(
+        self, x_m: float, y_m: float, max_distance_m: float, *, z_m: float | None = None
+    ) -> list[LaneMatch]:
+        """Drivable lanes within ``max_distance_m`` of a point, nearest first (inside before outside).
+
+        The distance is that to the lane's surface; lanes that contain the point are ordered by distance from their
+        centres. With ``z_m``, lanes whose surface is more than :data:`SAME_LEVEL_M` above or below are left out.
+        """
+        matches = []
+        for ref, geometry in self._index.near(x_m, y_m, max_distance_m):
+            match = LaneMatch(ref, *geometry.project(x_m, y_m))
+            level = z_m is None or abs(geometry.road.height_at(match.s_m) - z_m) <= SAME_LEVEL_M
+            if match.outside_m <= max_distance_m and level:
+                matches.append(match)
+        matches.sort(key=lambda match: (match.outside_m, abs(match.offset_m), match.lane))
+        return matches
+
+    def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
+        """Roads that may have a lane in a box (west, south, east, north; m), in their order; none is missed."""
+        return self._index.roads_within(box_m)
+
+    def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
+        """Height of the road surface at ``s_m``."""
+        return self._lanes[ref].road.height_at(s_m)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Fields only: what the queries have cached is rebuilt, not sent to other processes."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+def _lanes_of(road: Road) -> Iterator[LaneRef]:
+    """Every lane of a road but the centre ones: by section, outward on the left, then on the right."""
+    for index, section in enumerate(road.lane_sections):
+        ids = sorted(
+            (lane.id for lane in section.lanes if lane.id != 0), key=lambda lane_id: (lane_id < 0, abs(lane_id))
+        )
+        for lane_id in ids:
+            yield LaneRef(road.id, index, lane_id)
+
+
+class _Roads(dict[str, RoadGeometry]):
+    """Geometry of roads by id, made when first asked for."""
+
+    def __init__(self, roads: Mapping[str, Road]) -> None:
+        super().__init__()
+        self._roads = roads
+
+    def __missing__(self, road_id: str) -> RoadGeometry:
+        self[road_id] = geometry = RoadGeometry(self._roads[road_id])
+        return geometry
+
+
+class _Lanes(dict[LaneRef, LaneGeometry]):
+    """Geometry of lanes, made for a lane section when one of its lanes is first asked for."""
+
+    def __init__(self, roads: _Roads) -> None:
+        super().__init__()
+        self._roads = roads
+
+    def __missing__(self, ref: LaneRef) -> LaneGeometry:
+        for lane_id, geometry in self._roads[ref.road_id].lanes_of(ref.section).items():
+            self[ref._replace(lane_id=lane_id)] = geometry
+        if ref not in self:
+            raise KeyError(ref)
+        return self[ref]

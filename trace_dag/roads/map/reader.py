@@ -1,0 +1,472 @@
+"""OpenDRIVE to :class:`~trace_dag.roads.map.network.RoadNetwork`: our own maps and other converters'.
+
+Reads versions 1.4 to 1.8 as far as the road model goes: plan view (line, arc, ``paramPoly3``; spirals as arcs,
+``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals,
+links, junctions. Superelevation, objects, railways and controllers are left aside. XML is parsed without entities or
+network access.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+from lxml import etree
+
+from trace_dag.errors import UserError
+from trace_dag.geometry import LocalFrame
+from trace_dag.roads.map.cubic_profile import CubicProfile
+from trace_dag.roads.map.model import (
+    Connection,
+    ContactPoint,
+    Controller,
+    Cubic,
+    Junction,
+    Lane,
+    LaneSection,
+    LaneType,
+    PlanElement,
+    Road,
+    RoadLink,
+    RoadMark,
+    Signal,
+)
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.units import MPS_PER_KMH, MPS_PER_MPH
+
+_MPS_PER_UNIT: Final = {"m/s": 1.0, "mph": MPS_PER_MPH, "km/h": MPS_PER_KMH}
+# e_laneType values the model has no word of its own for.
+_OTHER_LANE_TYPES: Final = {
+    "onRamp": LaneType.ENTRY,
+    "offRamp": LaneType.EXIT,
+    "mwyEntry": LaneType.ENTRY,
+    "mwyExit": LaneType.EXIT,
+    "connectingRamp": LaneType.DRIVING,
+    "slipLane": LaneType.DRIVING,
+    "bus": LaneType.DRIVING,
+    "taxi": LaneType.DRIVING,
+    "HOV": LaneType.DRIVING,
+    "stop": LaneType.SHOULDER,
+    "curb": LaneType.BORDER,
+    "walking": LaneType.SIDEWALK,
+}
+_LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
+_LONGEST_ROAD_M: Final = 1e6  # longer is a slip, and sampling it would fill the memory
+_ARC_TURN_RAD: Final = 0.005
+"""Turn per arc that stands for a piece of a spiral: off the clothoid by less than a millimetre on any road."""
+
+_Notes = dict[str, list[str]]
+
+
+def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
+    """Read an OpenDRIVE file; ``name`` (a path) is for error messages.
+
+    The frame's origin is ``lat_0`` and ``lon_0`` of the ``geoReference``; a false origin is taken into account neither
+    by CARLA nor here: coordinates are used as they stand. ``legal_mark`` is set where it differs from ``mark``.
+
+    Raises :class:`UserError` for anything that cannot be read as OpenDRIVE.
+    """
+    return network_of(parse_opendrive(data, name), name=name)
+
+
+def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
+    """The network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
+    reader = _Reader(name)
+    header = root.find("header")
+    if header is None:
+        raise UserError(f"{name}: not OpenDRIVE: no <header>")
+    return RoadNetwork(
+        frame=reader.frame(header),
+        roads=tuple(reader.road(element) for element in root.iterchildren("road")),
+        junctions=tuple(reader.junction(element) for element in root.iterchildren("junction")),
+        controllers=tuple(reader.controller(element) for element in root.iterchildren("controller")),
+        converter=header.get("vendor", ""),
+        attribution=_first(_notes(header), "attribution"),
+    )
+
+
+def parse_opendrive(data: bytes, name: str) -> etree._Element:
+    """The document's root, tags without namespaces; ``name`` is for messages. Raises :class:`UserError`."""
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise UserError(
+            f"{name}: not OpenDRIVE ({error}); expected an XML document <OpenDRIVE> ... </OpenDRIVE>"
+        ) from error
+    if b"xmlns" in data or root.nsmap:  # in any other encoding than ASCII's kin the root at least says so
+        for element in root.iter(tag=etree.Element):
+            if element.tag.startswith("{"):
+                element.tag = etree.QName(element).localname
+    if root.tag != "OpenDRIVE":
+        raise UserError(f"{name}: not OpenDRIVE: the document is a <{root.tag}>, expected <OpenDRIVE>")
+    return root
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Elements to types; knows the file's name for messages."""
+
+    name: str
+
+    # --- values ----------------------------------------------------------------------------------------------
+    def _fail(self, element: etree._Element, problem: str) -> UserError:
+        owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
+        place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"
+        return UserError(f"{self.name}: {problem} ({place}); mend the file or convert the map again")
+
+    def _text(self, element: etree._Element, key: str) -> str:
+        value = element.get(key)
+        if value is None:
+            raise self._fail(element, f"<{element.tag}> without {key!r}")
+        return value
+
+    def _number(self, element: etree._Element, key: str, default: float | None = None) -> float:
+        value = element.get(key)
+        if value is None:
+            if default is not None:
+                return default
+            value = self._text(element, key)
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise self._fail(element, f"<{element.tag} {key}={value!r}>: expected a finite number")
+        return number
+
+    def _integer(self, element: etree._Element, key: str) -> int:
+        value = self._text(element, key)
+        try:
+            return int(value)
+        except ValueError:
+            raise self._fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
+
+    def _note_integers(self, element: etree._Element, notes: _Notes, code: str) -> tuple[int, ...]:
+        text = _first(notes, code)
+        try:
+            return tuple(int(part) for part in text.split())
+        except ValueError:
+            raise self._fail(element, f"userData {code} {text!r}: expected integers") from None
+
+    # --- header ----------------------------------------------------------------------------------------------
+    def frame(self, header: etree._Element) -> LocalFrame:
+        reference = header.findtext("geoReference") or ""
+        values = dict(re.findall(r"\+(lat_0|lon_0)=(-?[\d.]+(?:[eE][-+]?\d+)?)", reference))
+        if len(values) < 2:
+            raise UserError(
+                f"{self.name}: no origin in <geoReference> ({reference.strip()[:80]!r}); expected a PROJ string with "
+                "+lat_0 and +lon_0, without which the map has no place on Earth"
+            )
+        return LocalFrame(float(values["lat_0"]), float(values["lon_0"]))
+
+    # --- roads -----------------------------------------------------------------------------------------------
+    def road(self, element: etree._Element) -> Road:
+        length = self._number(element, "length")
+        parts = _children(element)
+        plan = tuple(piece for child in parts.get("planView", ()) for piece in self._plan(child))
+        if not plan or not 0.0 < length <= _LONGEST_ROAD_M:
+            raise self._fail(element, f"road of length {length:g} with {len(plan)} pieces of plan view")
+        junction = element.get("junction", "-1")
+        link, lanes = parts.get("link"), parts.get("lanes", ())
+        notes = _notes(element)
+        return Road(
+            id=self._text(element, "id"),
+            length_m=length,
+            plan=plan,
+            lane_sections=tuple(self._sections(element, lanes, length)),
+            elevation=self._cubics(child for child in parts.get("elevationProfile", ()) if child.tag == "elevation"),
+            lane_offset=self._cubics(child for child in lanes if child.tag == "laneOffset"),
+            name=element.get("name", ""),
+            junction_id=None if junction == "-1" else junction,
+            predecessor=None if link is None else self._road_link(link, "predecessor"),
+            successor=None if link is None else self._road_link(link, "successor"),
+            signals=tuple(self._signal(child) for child in parts.get("signals", ()) if child.tag == "signal"),
+            highway=_first(notes, "highway"),
+            names=tuple(notes.get("altName", ())),
+            osm_way_ids=self._note_integers(element, notes, "osmWays"),
+            speed_mps=self._road_speed(element),
+            layer=sum(self._note_integers(element, notes, "layer")),
+            bridge=_first(notes, "bridge") == "true",
+            tunnel=_first(notes, "tunnel") == "true",
+            lanes_from_tags=_first(notes, "lanesFromTags") == "true",
+            turn=_first(notes, "turn") or None,
+            inferred=_first(notes, "inferred"),
+        )
+
+    def _plan(self, geometry: etree._Element) -> Iterable[PlanElement]:
+        if geometry.tag != "geometry":
+            return ()
+        number = self._number
+        place = (number(geometry, "s"), number(geometry, "x"), number(geometry, "y"), number(geometry, "hdg"))
+        length = number(geometry, "length")
+        shape = next(iter(geometry), None)
+        if shape is None:
+            raise self._fail(geometry, "<geometry> without a shape")
+        match shape.tag:
+            case "line":
+                return (PlanElement(*place, length),)
+            case "arc":
+                return (PlanElement(*place, length, number(shape, "curvature")),)
+            case "paramPoly3":
+                a_u, b_u, c_u, d_u = (number(shape, key) for key in ("aU", "bU", "cU", "dU"))
+                a_v, b_v, c_v, d_v = (number(shape, key) for key in ("aV", "bV", "cV", "dV"))
+                normalized = shape.get("pRange", "normalized") == "normalized"
+                poly = (a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v)
+                return (PlanElement(*place, length, poly=poly, poly_normalized=normalized),)
+            case "poly3":
+                a, b, c, d = (number(shape, key) for key in "abcd")
+                u_end = _poly3_reach(b, c, d, length)
+                scaled = (0.0, u_end, 0.0, 0.0, a, b * u_end, c * u_end**2, d * u_end**3)
+                return (PlanElement(*place, length, poly=scaled, poly_normalized=True),)
+            case "spiral":
+                start, end = number(shape, "curvStart"), number(shape, "curvEnd")
+                return _spiral_as_arcs(PlanElement(*place, length), start, end)
+            case other:
+                raise self._fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
+
+    def _cubics(self, elements: Iterable[etree._Element], key: str = "s") -> tuple[Cubic, ...]:
+        return tuple(self._cubic(element, key) for element in elements)
+
+    def _cubic(self, element: etree._Element, key: str) -> Cubic:
+        get = element.get
+        numbers = get(key, "0"), get("a", "0"), get("b", "0"), get("c", "0"), get("d", "0")
+        cubic = _cubic_of(numbers)
+        if cubic is None:  # say which number it is
+            cubic = Cubic(*(self._number(element, name, 0.0) for name in (key, "a", "b", "c", "d")))
+        return cubic
+
+    def _road_link(self, link: etree._Element, which: str) -> RoadLink | None:
+        element = next(link.iterchildren(which), None)
+        if element is None:
+            return None
+        return RoadLink(self._text(element, "elementType"), self._text(element, "elementId"), self._contact(element))
+
+    def _contact(self, element: etree._Element) -> ContactPoint | None:
+        value = element.get("contactPoint")
+        if value is None:
+            return None
+        if value not in ("start", "end"):
+            raise self._fail(element, f"contactPoint={value!r}: expected start or end")
+        return ContactPoint(value)
+
+    def _road_speed(self, road: etree._Element) -> float | None:
+        return next((self._speed(speed) for speed in road.iterfind("type/speed")), None)
+
+    def _speed(self, element: etree._Element) -> float | None:
+        if element.get("max") in ("no limit", "undefined"):
+            return None
+        unit = element.get("unit", "m/s")
+        if unit not in _MPS_PER_UNIT:
+            raise self._fail(element, f"speed unit {unit!r}: expected one of {', '.join(_MPS_PER_UNIT)}")
+        return self._number(element, "max") * _MPS_PER_UNIT[unit]
+
+    def _signal(self, element: etree._Element) -> Signal:
+        value = element.get("value")
+        return Signal(
+            id=self._text(element, "id"),
+            s_m=self._number(element, "s"),
+            t_m=self._number(element, "t"),
+            type=element.get("type", ""),
+            subtype=element.get("subtype", "-1"),
+            name=element.get("name", ""),
+            orientation=element.get("orientation", "none"),
+            value=None if value in (None, "-1") else self._number(element, "value"),
+            unit=element.get("unit"),
+            dynamic=element.get("dynamic") == "yes",
+            z_offset_m=self._number(element, "zOffset", 0.0),
+            height_m=self._number(element, "height", 0.0),
+            width_m=self._number(element, "width", 0.0),
+            osm_node_id=next(iter(self._note_integers(element, _notes(element), "osmNode")), None),
+        )
+
+    # --- lanes -----------------------------------------------------------------------------------------------
+    def _sections(
+        self, road: etree._Element, lanes: Iterable[etree._Element], road_length_m: float
+    ) -> Iterator[LaneSection]:
+        sections = [child for child in lanes if child.tag == "laneSection"]
+        sections.sort(key=lambda section: self._number(section, "s"))
+        if not sections:
+            raise self._fail(road, "<road> without a lane section")
+        ends = [*(self._number(section, "s") for section in sections[1:]), road_length_m]
+        for section, end in zip(sections, ends, strict=True):
+            begin = self._number(section, "s")
+            # A section without length holds no place on the road and would have to be skipped by every query.
+            if end - begin <= 1e-9 and len(sections) > 1:
+                raise self._fail(section, f"lane section at s={begin:g} without length")
+            sides = [side for side in section if side.tag in ("left", "center", "right")]
+            read = [self._lane(lane) for side in sides for lane in side.iterchildren("lane")]
+            read.sort(key=lambda lane: -lane.id)
+            if not all(lane.widths for lane in read if lane.id):
+                read = self._with_border_widths(section, read)
+            yield LaneSection(begin, tuple(read))
+
+    def _lane(self, element: etree._Element) -> Lane:
+        parts = _children(element)
+        notes = _notes(element) if "userData" in parts else {}
+        written = None
+        if (mark := parts.get("roadMark")) is not None:
+            written = _mark(mark.get("type", "none"), mark.get("color", "standard"), mark.get("laneChange", "both"))
+        legal = _mark_of(_first(notes, "legalMark"))
+        link, speed = parts.get("link"), parts.get("speed")
+        turns = _first(notes, "turns")
+        return Lane(
+            id=self._integer(element, "id"),
+            type=_LANE_TYPES.get(element.get("type", "none"), LaneType.NONE),
+            widths=self._cubics(element.iterchildren("width"), "sOffset") if "width" in parts else (),
+            predecessor=None if link is None else self._lane_link(link, "predecessor"),
+            successor=None if link is None else self._lane_link(link, "successor"),
+            # Which of the two marks is the road mark depends on how the map was written.
+            mark=written if legal is None else _mark_of(_first(notes, "mark")),
+            legal_mark=legal,
+            speed_mps=None if speed is None else self._speed(speed),
+            turns=tuple(turns.split(";")) if turns else (),
+        )
+
+    def _lane_link(self, link: etree._Element, which: str) -> int | None:
+        element = next(link.iterchildren(which), None)
+        return None if element is None else self._integer(element, "id")
+
+    def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
+        """Lanes given by ``<border>`` instead of ``<width>``: the width is the distance to the border further in."""
+        borders = {
+            self._integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))
+            for lane in section.iterfind("*/lane")
+            if lane.find("border") is not None and lane.find("width") is None
+        }
+        out = []
+        for lane in lanes:
+            if lane.id in borders:
+                sign = 1 if lane.id > 0 else -1
+                terms = [(float(sign), borders[lane.id])]
+                if lane.id - sign in borders:
+                    terms.append((-float(sign), borders[lane.id - sign]))
+                width = CubicProfile.weighted_sum(terms)
+                widths = tuple(Cubic(s, *piece) for s, piece in zip(width.knots_m, width.pieces, strict=True))
+                lane = Lane(**{**vars(lane), "widths": widths})
+            out.append(lane)
+        return out
+
+    # --- junctions -------------------------------------------------------------------------------------------
+    def junction(self, element: etree._Element) -> Junction:
+        notes = _notes(element)
+        return Junction(
+            id=self._text(element, "id"),
+            connections=tuple(
+                self._connection(child)
+                for child in element.iterchildren("connection")
+                # Virtual and direct junctions (1.7) connect roads without connecting roads of their own.
+                if child.get("connectingRoad") is not None and child.get("incomingRoad") is not None
+            ),
+            name=element.get("name", ""),
+            osm_node_ids=self._note_integers(element, notes, "osmNodes"),
+            kind=_first(notes, "kind"),
+            centre_xy_m=self._centre(element, notes),
+            controller_ids=tuple(self._text(child, "id") for child in element.iterchildren("controller")),
+        )
+
+    def controller(self, element: etree._Element) -> Controller:
+        return Controller(
+            id=self._text(element, "id"),
+            signal_ids=tuple(self._text(child, "signalId") for child in element.iterchildren("control")),
+            name=element.get("name", ""),
+            sequence=0 if element.get("sequence") is None else self._integer(element, "sequence"),
+        )
+
+    def _centre(self, element: etree._Element, notes: _Notes) -> tuple[float, float] | None:
+        text = _first(notes, "centre")
+        if not text:
+            return None
+        try:
+            x, y = (float(part) for part in text.split())
+        except ValueError:
+            raise self._fail(element, f"userData centre {text!r}: expected two numbers") from None
+        return x, y
+
+    def _connection(self, element: etree._Element) -> Connection:
+        contact = self._contact(element)
+        if contact is None:
+            raise self._fail(element, "<connection> without 'contactPoint'")
+        links = ((self._integer(e, "from"), self._integer(e, "to")) for e in element.iterchildren("laneLink"))
+        return Connection(
+            id=self._text(element, "id"),
+            incoming_road=self._text(element, "incomingRoad"),
+            connecting_road=self._text(element, "connectingRoad"),
+            contact_point=contact,
+            lane_links=tuple(links),
+        )
+
+
+def _children(element: etree._Element) -> dict[str, etree._Element]:
+    """The first child of each kind."""
+    return {child.tag: child for child in element.iterchildren(reversed=True)}
+
+
+def _notes(element: etree._Element) -> _Notes:
+    """Values of an element's ``<userData>`` by code, in order."""
+    notes: _Notes = {}
+    for child in element.iterchildren("userData"):
+        notes.setdefault(child.get("code", ""), []).append(child.get("value", ""))
+    return notes
+
+
+def _first(notes: _Notes, code: str) -> str:
+    return notes[code][0] if code in notes else ""
+
+
+@lru_cache(maxsize=1024)
+def _mark(kind: str, colour: str, lane_change: str) -> RoadMark:
+    return RoadMark(kind, colour, lane_change)
+
+
+@lru_cache(maxsize=1024)
+def _mark_of(text: str) -> RoadMark | None:
+    return RoadMark(*text.split(",")) if text.count(",") == 2 else None
+
+
+@lru_cache(maxsize=1024)  # widths and heights of a map repeat
+def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
+    """None where one of the texts is no finite number."""
+    try:
+        numbers = tuple(map(float, texts))
+    except ValueError:
+        return None
+    return Cubic(*numbers) if all(map(math.isfinite, numbers)) else None
+
+
+def _spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: float) -> Iterator[PlanElement]:
+    """A clothoid as short arcs, each with the clothoid's mean curvature over its length, so that headings are exact."""
+    sharpest = max(abs(curvature_start), abs(curvature_end))
+    count = max(4, math.ceil(sharpest * start.length_m / _ARC_TURN_RAD))
+    step = start.length_m / count
+    x, y, heading = start.x_m, start.y_m, start.heading_rad
+    for index in range(count):
+        curvature = curvature_start + (curvature_end - curvature_start) * (index + 0.5) / count
+        yield PlanElement(start.s_m + index * step, x, y, heading, step, curvature)
+        turn = curvature * step
+        chord = step * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-12 else 1.0)
+        x += chord * math.cos(heading + turn / 2)
+        y += chord * math.sin(heading + turn / 2)
+        heading += turn
+
+
+def _poly3_reach(b: float, c: float, d: float, length_m: float) -> float:
+    """``u`` at which the cubic v(u) has the given arc length, by bisection."""
+
+    def arc_length(u_end: float) -> float:
+        count = 64
+        step = u_end / count
+        slopes = (b + u * (2 * c + 3 * d * u) for u in (step * (i + 0.5) for i in range(count)))
+        return sum(math.hypot(1.0, slope) for slope in slopes) * step
+
+    low, high = 0.0, length_m
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if arc_length(middle) < length_m else (low, middle)
+    return (low + high) / 2

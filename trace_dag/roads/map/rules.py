@@ -1,0 +1,454 @@
+"""Rules an OpenDRIVE 1.7 file has to keep, checked on the file itself.
+
+The official schema may not be redistributed and the official checker needs seconds per map, so the rules a road map of
+this project could break are checked here in milliseconds: element order and attributes as the schema has them, ids,
+``s`` coordinates, plan view continuity, lane numbering and widths, links, junctions, signals (ASAM OpenDRIVE 1.7.0,
+sections 6 to 14). The tests hold them against the official checker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, cast
+
+from lxml import etree
+
+from trace_dag.roads.map.reader import parse_opendrive
+
+_POSITION_TOLERANCE_M: Final = 1e-3
+_HEADING_TOLERANCE_RAD: Final = 1e-3
+_S_TOLERANCE_M: Final = 1e-4
+
+_Order = tuple[str, ...]
+_TAIL: Final[_Order] = ("userData", "include", "dataQuality")
+_CHILDREN: Final[dict[str, _Order]] = {
+    "OpenDRIVE": ("header", "road", "controller", "junction", "junctionGroup", "station", *_TAIL),
+    "header": ("geoReference", "offset", *_TAIL),
+    "road": (
+        *("link", "type", "planView", "elevationProfile", "lateralProfile", "lanes", "objects", "signals", "surface"),
+        *("railroad", *_TAIL),
+    ),
+    "lanes": ("laneOffset", "laneSection", *_TAIL),
+    "laneSection": ("left", "center", "right", *_TAIL),
+    "lane": ("link", "border", "width", "roadMark", "material", "speed", "access", "height", "rule", *_TAIL),
+    "junction": ("connection", "priority", "controller", "surface", "planView", *_TAIL),
+    "connection": ("predecessor", "successor", "laneLink", *_TAIL),
+    "controller": ("control", *_TAIL),
+}
+_REQUIRED: Final[dict[str, _Order]] = {
+    "header": ("revMajor", "revMinor"),
+    "road": ("id", "length", "junction"),
+    "geometry": ("s", "x", "y", "hdg", "length"),
+    "elevation": ("s", "a", "b", "c", "d"),
+    "laneOffset": ("s", "a", "b", "c", "d"),
+    "laneSection": ("s",),
+    "lane": ("id", "type"),
+    "width": ("sOffset", "a", "b", "c", "d"),
+    "roadMark": ("sOffset", "type", "color"),
+    "signal": ("id", "s", "t", "dynamic", "orientation", "type", "subtype", "zOffset"),
+    "junction": ("id",),
+    "connection": ("id",),
+    "controller": ("id",),
+    "control": ("signalId",),
+    "laneLink": ("from", "to"),
+    "userData": ("code",),
+}
+_LANE_TYPES: Final = frozenset(
+    {
+        *("shoulder", "border", "driving", "stop", "none", "restricted", "parking", "median", "biking", "sidewalk"),
+        *("curb", "exit", "entry", "onRamp", "offRamp", "connectingRamp", "slipLane", "walking", "bidirectional"),
+        *("special1", "special2", "special3", "roadWorks", "tram", "rail", "bus", "taxi", "HOV", "mwyEntry", "mwyExit"),
+    }
+)
+_MARK_TYPES: Final = frozenset(
+    {
+        *("none", "solid", "broken", "solid solid", "solid broken", "broken solid", "broken broken", "botts dots"),
+        *("grass", "curb", "custom", "edge"),
+    }
+)
+_MARK_COLOURS: Final = frozenset({"standard", "blue", "green", "red", "white", "yellow", "orange", "violet", "black"})
+_ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
+    ("lane", "type"): _LANE_TYPES,
+    ("lane", "level"): frozenset({"true", "false"}),
+    ("roadMark", "type"): _MARK_TYPES,
+    ("roadMark", "color"): _MARK_COLOURS,
+    ("roadMark", "weight"): frozenset({"standard", "bold"}),
+    ("roadMark", "laneChange"): frozenset({"increase", "decrease", "both", "none"}),
+    ("road", "rule"): frozenset({"RHT", "LHT"}),
+    ("signal", "orientation"): frozenset({"+", "-", "none"}),
+    ("signal", "dynamic"): frozenset({"yes", "no"}),
+    ("connection", "contactPoint"): frozenset({"start", "end"}),
+    ("predecessor", "contactPoint"): frozenset({"start", "end"}),
+    ("successor", "contactPoint"): frozenset({"start", "end"}),
+    ("predecessor", "elementType"): frozenset({"road", "junction"}),
+    ("successor", "elementType"): frozenset({"road", "junction"}),
+}
+
+
+def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
+    """Every broken rule with where it is broken; empty for a file that keeps them all.
+
+    Raises :class:`~trace_dag.errors.UserError` if the file is not OpenDRIVE at all.
+    """
+    return violations_of(parse_opendrive(xodr, name))
+
+
+def violations_of(root: etree._Element) -> list[str]:
+    """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed."""
+    found = list(_schema(root))
+    if found:
+        return found  # what follows relies on attributes being there and readable
+    for rule in _RULES:
+        found += rule(root)
+    ends = _Ends(root)
+    for linked_rule in _LINK_RULES:
+        found += linked_rule(ends)
+    return found
+
+
+def _place(element: etree._Element) -> str:
+    owner = next((e for e in (element, *element.iterancestors()) if e.tag in ("road", "junction")), element)
+    return f"{owner.tag} {owner.get('id', '')}".strip()
+
+
+def _float(element: etree._Element, key: str) -> float:
+    return float(element.get(key, "nan"))
+
+
+def _schema(root: etree._Element) -> Iterator[str]:
+    """Order of elements, required attributes, numbers that are numbers, words out of the enumerations."""
+    for element in root.iter(tag=etree.Element):
+        rules = _RULES_OF_TAG.get(element.tag)
+        if rules is None:
+            continue
+        tag = element.tag
+        if rules.order:
+            positions = [rules.order.get(child.tag, -1) for child in element.iterchildren(tag=etree.Element)]
+            if -1 in positions:
+                yield f"<{tag}> holds <{element[positions.index(-1)].tag}>, out of place ({_place(element)})"
+            elif positions != sorted(positions):
+                yield f"children of <{tag}> are out of order ({_place(element)})"
+        attributes = cast("list[tuple[str, str]]", element.items())
+        missing = rules.required.difference([key for key, _ in attributes]) if rules.required else ()
+        for key in sorted(missing):
+            yield f"<{tag}> without {key!r} ({_place(element)})"
+        for key, value in attributes:
+            if key in rules.numbers:
+                if not _finite(value):
+                    yield f"<{tag} {key}={value!r}> is not a finite number ({_place(element)})"
+            elif key in rules.words:
+                if value not in rules.words[key]:
+                    yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
+            elif (tag, key) == ("roadMark", "height") and not (_finite(value) and float(value) > 0.0):
+                yield f"<{tag} {key}={value!r}> is not above 0 ({_place(element)})"
+
+
+_NUMBERS: Final[dict[str, _Order]] = {
+    tag: tuple(key for key in keys if key not in ("type", "color", "dynamic", "orientation", "subtype", "code"))
+    for tag, keys in _REQUIRED.items()
+    if tag not in ("road", "signal", "junction", "connection", "controller", "control")
+} | {"road": ("length",), "signal": ("s", "t", "zOffset")}
+
+
+@dataclass(frozen=True)
+class _TagRules:
+    """What the schema says of one kind of element."""
+
+    order: dict[str, int]  # place of each child; empty if not looked at
+    required: frozenset[str]
+    numbers: frozenset[str]
+    words: dict[str, frozenset[str]]
+
+
+_RULES_OF_TAG: Final = {
+    tag: _TagRules(
+        order={child: place for place, child in enumerate(_CHILDREN.get(tag, ()))},
+        required=frozenset(_REQUIRED.get(tag, ())),
+        numbers=frozenset(_NUMBERS.get(tag, ())),
+        words={key: words for (owner, key), words in _ENUMERATED.items() if owner == tag},
+    )
+    for tag in {*_CHILDREN, *_REQUIRED, *(tag for tag, _ in _ENUMERATED)}
+}
+
+
+def _finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _header(root: etree._Element) -> Iterator[str]:
+    headers = root.findall("header")
+    if len(headers) != 1:
+        yield f"{len(headers)} headers, expected 1"
+    elif (headers[0].get("revMajor"), headers[0].get("revMinor")) != ("1", "7"):
+        yield f"revision {headers[0].get('revMajor')}.{headers[0].get('revMinor')}, expected 1.7"
+    elif not (headers[0].findtext("geoReference") or "").strip():
+        yield "no geoReference"
+
+
+def _ids(root: etree._Element) -> Iterator[str]:
+    for path in ("road", "junction", "road/signals/signal", "controller"):
+        for key, count in Counter(e.get("id") for e in root.iterfind(path)).items():
+            if count > 1:
+                yield f"{count} of {path} have the id {key}"
+    for junction in root.iterfind("junction"):
+        for key, count in Counter(e.get("id") for e in junction.iterfind("connection")).items():
+            if count > 1:
+                yield f"{count} connections have the id {key} ({_place(junction)})"
+
+
+def _ascending(elements: Iterable[etree._Element], key: str, what: str) -> Iterator[str]:
+    values = [float(element.get(key, "nan")) for element in elements]
+    if values == [0.0]:
+        return
+    if values and abs(values[0]) > 1e-9:
+        yield f"first {what} at {key}={values[0]:g}, expected 0"
+    if any(b <= a for a, b in pairwise(values)):
+        yield f"{what} records not in ascending order of {key}"
+
+
+def _plan_view(root: etree._Element) -> Iterator[str]:
+    for road in root.iterfind("road"):
+        where, length = _place(road), _float(road, "length")
+        pieces = road.findall("planView/geometry")
+        if not pieces or length <= 0:
+            yield f"no plan view or no length ({where})"
+            continue
+        for problem in _ascending(pieces, "s", "geometry"):
+            yield f"{problem} ({where})"
+        if abs(_float(pieces[-1], "s") + _float(pieces[-1], "length") - length) > _S_TOLERANCE_M:
+            yield f"plan view ends at another length than {length:g} ({where})"
+        for piece, following in pairwise(pieces):
+            yield from (f"{problem} ({where})" for problem in _joint(piece, following))
+        for piece in pieces:
+            shapes = [child for child in piece if child.tag not in _TAIL]
+            if len(shapes) != 1 or _float(piece, "length") <= 0:
+                found = f"{len(shapes)} shapes, length {piece.get('length')}"
+                yield f"geometry at s={piece.get('s')}: {found}; expected one shape with a length ({where})"
+
+
+def _joint(piece: etree._Element, following: etree._Element) -> Iterator[str]:
+    """Position and heading where two pieces of plan view meet; only lines and arcs are followed."""
+    s, length = _float(piece, "s"), _float(piece, "length")
+    if abs(s + length - _float(following, "s")) > _S_TOLERANCE_M:
+        yield f"gap in s after geometry at s={s:g}"
+    arc = piece.find("arc")
+    if arc is None and piece.find("line") is None:
+        return
+    turn = _float(arc, "curvature") * length if arc is not None else 0.0
+    chord = length * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-9 else 1.0)
+    heading = _float(piece, "hdg")
+    dx = _float(piece, "x") + chord * math.cos(heading + turn / 2) - _float(following, "x")
+    dy = _float(piece, "y") + chord * math.sin(heading + turn / 2) - _float(following, "y")
+    if math.hypot(dx, dy) > _POSITION_TOLERANCE_M:
+        yield f"gap of {math.hypot(dx, dy):.3f} m after geometry at s={s:g}"
+    kink = abs(math.remainder(heading + turn - _float(following, "hdg"), math.tau))
+    if kink > _HEADING_TOLERANCE_RAD:
+        yield f"kink of {math.degrees(kink):.2f} degrees after geometry at s={s:g}"
+
+
+def _profiles(root: etree._Element) -> Iterator[str]:
+    for road in root.iterchildren("road"):
+        lanes = _grouped(road.iterchildren("lanes"))
+        sections = lanes["laneSection"]
+        for records, what in (
+            (_grouped(road.iterchildren("elevationProfile"))["elevation"], "elevation"),
+            (lanes["laneOffset"], "laneOffset"),
+            (sections, "laneSection"),
+            (road.iterchildren("type"), "type"),
+        ):
+            for problem in _ascending(records, "s", what):
+                yield f"{problem} ({_place(road)})"
+        if not sections:
+            yield f"no lane section ({_place(road)})"
+        elif _float(sections[-1], "s") >= _float(road, "length"):
+            yield f"lane section beyond the road's end ({_place(road)})"
+
+
+def _lanes(root: etree._Element) -> Iterator[str]:
+    for section in root.iterfind("road/lanes/laneSection"):
+        where = f"{_place(section)}, section at s={section.get('s')}"
+        sides = {side: _grouped(section.iterchildren(side))["lane"] for side in ("left", "center", "right")}
+        centre = [lane.get("id") for lane in sides["center"]]
+        left = [int(lane.get("id", "0")) for lane in sides["left"]]
+        right = [int(lane.get("id", "0")) for lane in sides["right"]]
+        if centre != ["0"]:
+            yield f"centre lanes {centre}, expected one with id 0 ({where})"
+        if left != list(range(len(left), 0, -1)):
+            yield f"left lanes {left}, expected n to 1 ({where})"
+        if right != list(range(-1, -len(right) - 1, -1)):
+            yield f"right lanes {right}, expected -1 to -n ({where})"
+        if not left and not right:
+            yield f"no lane but the centre one ({where})"
+        for lane in (lane for lanes in sides.values() for lane in lanes):
+            parts = _grouped([lane])
+            if lane.get("id") == "0":
+                if parts["width"]:
+                    yield f"centre lane with a width ({where})"
+                continue
+            if not parts["width"] and not parts["border"]:
+                yield f"lane {lane.get('id')} without width ({where})"
+            for what in ("width", "roadMark"):
+                for problem in _ascending(parts[what], "sOffset", what):
+                    yield f"{problem}, lane {lane.get('id')} ({where})"
+
+
+def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._Element]]:
+    """Children of some elements by tag."""
+    groups: defaultdict[str, list[etree._Element]] = defaultdict(list)
+    for owner in owners:
+        for child in owner:
+            groups[child.tag].append(child)
+    return groups
+
+
+class _Ends:
+    """Lane ids at both ends of every road."""
+
+    def __init__(self, root: etree._Element) -> None:
+        self.lane_ids: dict[tuple[str, str], set[str]] = {}
+        self.roads = {road.get("id", ""): road for road in root.iterfind("road")}
+        self.junctions = {junction.get("id", ""): junction for junction in root.iterfind("junction")}
+        for key, road in self.roads.items():
+            sections = road.findall("lanes/laneSection")
+            if sections:
+                self.lane_ids[key, "start"] = _lane_ids(sections[0])
+                self.lane_ids[key, "end"] = _lane_ids(sections[-1])
+
+
+def _lane_ids(section: etree._Element) -> set[str]:
+    return {lane.get("id", "") for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"}
+
+
+def _road_links(ends: _Ends) -> Iterator[str]:
+    for key, road in ends.roads.items():
+        in_junction = road.get("junction", "-1") != "-1"
+        for which, own_end in (("predecessor", "start"), ("successor", "end")):
+            link = road.find(f"link/{which}")
+            if link is None:
+                continue
+            target, contact = link.get("elementId", ""), link.get("contactPoint")
+            if link.get("elementType") == "junction":
+                if target not in ends.junctions:
+                    yield f"{which} is junction {target}, which does not exist (road {key})"
+                elif in_junction:
+                    yield f"{which} of a connecting road is a junction (road {key})"
+            elif target not in ends.roads:
+                yield f"{which} is road {target}, which does not exist (road {key})"
+            elif contact is None:
+                yield f"{which} is a road without contactPoint (road {key})"
+            elif not in_junction and ends.roads[target].get("junction", "-1") == "-1":
+                back = ends.roads[target].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
+                if back is None or (back.get("elementId"), back.get("contactPoint")) != (key, own_end):
+                    yield f"{which} is the {contact} of road {target}, which does not link back (road {key})"
+
+
+def _lane_links(ends: _Ends) -> Iterator[str]:
+    for key, road in ends.roads.items():
+        sections = road.findall("lanes/laneSection")
+        ids = [_lane_ids(section) for section in sections]
+        for index, section in enumerate(sections):
+            known = {
+                which: _linked_lane_ids(ends, road, ids, index + step, which)
+                for which, step in (("predecessor", -1), ("successor", 1))
+            }
+            for lane in (lane for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"):
+                for link in (link for links in lane.iterchildren("link") for link in links):
+                    if link.tag in known and link.get("id") not in known[link.tag]:
+                        yield (
+                            f"{link.tag} of lane {lane.get('id')} is lane {link.get('id')}, which does not exist there "
+                            f"(road {key}, section {index})"
+                        )
+
+
+def _linked_lane_ids(ends: _Ends, road: etree._Element, ids: list[set[str]], index: int, which: str) -> set[str]:
+    """Lane ids a lane link at one end of a section may name."""
+    if 0 <= index < len(ids):
+        return ids[index]
+    link = road.find(f"link/{which}")
+    if link is None or link.get("elementType") != "road":
+        return set()
+    return ends.lane_ids.get((link.get("elementId", ""), link.get("contactPoint", "")), set())
+
+
+def _junctions(ends: _Ends) -> Iterator[str]:
+    connected: set[str] = set()
+    for key, junction in ends.junctions.items():
+        connections = junction.findall("connection")
+        if not connections:
+            yield f"no connection (junction {key})"
+        for connection in connections:
+            incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
+            connected.add(connecting)
+            where = f"junction {key}, connection {connection.get('id')}"
+            if incoming not in ends.roads or connecting not in ends.roads:
+                yield f"joins road {incoming} to road {connecting}, one of which does not exist ({where})"
+                continue
+            if ends.roads[connecting].get("junction") != key:
+                yield f"connecting road {connecting} does not belong to the junction ({where})"
+            contact = connection.get("contactPoint", "")
+            own_link = ends.roads[connecting].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
+            if own_link is None or own_link.get("elementId") != incoming:
+                yield f"connecting road {connecting} does not link back to road {incoming} ({where})"
+                continue
+            at = own_link.get("contactPoint", "")
+            arm_link = ends.roads[incoming].find(f"link/{'predecessor' if at == 'start' else 'successor'}")
+            if arm_link is None or (arm_link.get("elementType"), arm_link.get("elementId")) != ("junction", key):
+                yield f"incoming road {incoming} does not link to the junction at its {at} ({where})"
+            links = connection.findall("laneLink")
+            if not links:
+                yield f"no lane link ({where})"
+            for lane_link in links:
+                if lane_link.get("from") not in ends.lane_ids.get((incoming, at), ()):
+                    yield f"lane link from lane {lane_link.get('from')}, which does not exist ({where})"
+                if lane_link.get("to") not in ends.lane_ids.get((connecting, contact), ()):
+                    yield f"lane link to lane {lane_link.get('to')}, which does not exist ({where})"
+    for key, road in ends.roads.items():
+        if road.get("junction", "-1") != "-1":
+            if road.get("junction") not in ends.junctions:
+                yield f"belongs to junction {road.get('junction')}, which does not exist (road {key})"
+            elif key not in connected:
+                yield f"connecting road that no connection uses (road {key})"
+
+
+def _signals(root: etree._Element) -> Iterator[str]:
+    for road in root.iterfind("road"):
+        length = _float(road, "length")
+        for signal in road.iterfind("signals/signal"):
+            if not 0.0 <= _float(signal, "s") <= length + 1e-9:
+                yield f"signal {signal.get('id')} at s={signal.get('s')}, beyond the road ({_place(road)})"
+            if signal.get("value") is not None and signal.get("unit") is None:
+                yield f"signal {signal.get('id')} with a value but no unit ({_place(road)})"
+
+
+def _controllers(root: etree._Element) -> Iterator[str]:
+    signals = {signal.get("id") for signal in root.iterfind("road/signals/signal")}
+    controllers = {controller.get("id") for controller in root.iterfind("controller")}
+    for controller in root.iterfind("controller"):
+        if controller.find("control") is None:
+            yield f"controller {controller.get('id')} controls no signal"
+        for control in controller.iterfind("control"):
+            if control.get("signalId") not in signals:
+                yield f"controller {controller.get('id')} of signal {control.get('signalId')}, which does not exist"
+    for junction in root.iterfind("junction"):
+        for controller in junction.iterfind("controller"):
+            if controller.get("id") not in controllers:
+                yield f"junction with controller {controller.get('id')}, which does not exist ({_place(junction)})"
+
+
+_RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
+    _header,
+    _ids,
+    _plan_view,
+    _profiles,
+    _lanes,
+    _signals,
+    _controllers,
+)
+_LINK_RULES: Final[tuple[Callable[[_Ends], Iterator[str]], ...]] = (_road_links, _lane_links, _junctions)

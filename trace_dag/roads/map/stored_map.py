@@ -1,0 +1,39 @@
+"""A road map as its file says it: parsed once, for the rules it has to keep and for the network it describes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from trace_dag.roads.map.reader import network_of, parse_opendrive
+from trace_dag.roads.map.rules import violations_of
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+    from trace_dag.roads.map.network import RoadNetwork
+
+
+class StoredMap:
+    """An OpenDRIVE file, ``xodr``, looked at when first asked; ``name`` is for messages.
+
+    What does not read as OpenDRIVE raises :class:`~trace_dag.errors.UserError` there.
+    """
+
+    def __init__(self, xodr: bytes, *, name: str = "map") -> None:
+        self.xodr = xodr
+        self.name = name
+
+    @cached_property
+    def _root(self) -> etree._Element:
+        return parse_opendrive(self.xodr, self.name)
+
+    @cached_property
+    def violations(self) -> list[str]:
+        """Every broken rule with where it is broken (:func:`~trace_dag.roads.map.rules.find_violations`)."""
+        return violations_of(self._root)
+
+    @cached_property
+    def network(self) -> RoadNetwork:
+        """The network read back from the file."""
+        return network_of(self._root, name=self.name)

@@ -1,0 +1,256 @@
+"""Road network to OpenDRIVE 1.7 (ASAM), readable by CARLA, SUMO and esmini.
+
+What OpenDRIVE has no place for (OSM class, names, way ids, layer, painted turns, the marks the law paints) rides in
+``<userData>``, which every reader skips, so that a map written here reads back as it was. A map of a town centre has a
+hundred thousand elements: the text is put together directly, which takes a third of the time a tree of elements does.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Final, Literal
+
+from trace_dag.roads.map.model import (
+    Controller,
+    Cubic,
+    Junction,
+    Lane,
+    LaneSection,
+    LaneType,
+    PlanElement,
+    Road,
+    RoadLink,
+    RoadMark,
+    Signal,
+)
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.units import mps_to_mph
+
+_ROAD_TYPES: Final = {
+    "motorway": "motorway",
+    "motorway_link": "motorway",
+    "trunk": "rural",
+    "trunk_link": "rural",
+    "residential": "lowSpeed",
+    "living_street": "lowSpeed",
+    "service": "lowSpeed",
+}
+_MARK_WIDTH_M: Final = "0.12"
+_SPECIAL: Final = re.compile("[&<>\"'\t\n\r]|[^\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ENTITIES: Final = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}
+_CENTRE: Final = Lane(0, LaneType.NONE, ())
+
+Marks = Literal["reconstruction", "legal"]
+
+
+def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") -> bytes:
+    """The network as OpenDRIVE 1.7, UTF-8, the same bytes for the same network.
+
+    ``marks="legal"`` writes the marks the law paints; the default keeps every lane open to wrong-way driving and
+    crossing the centre line.
+    """
+    out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
+    _write_header(out, network)
+    for road in network.roads:
+        _write_road(out, road, marks)
+    out.extend(map(_controller, network.controllers))
+    for junction in network.junctions:
+        _write_junction(out, junction)
+    out.append("</OpenDRIVE>\n")
+    return "".join(out).encode()
+
+
+def _text(value: str) -> str:
+    """As an attribute's value; what XML 1.0 cannot hold is left out, white space is a space."""
+    return _SPECIAL.sub(lambda match: _ENTITIES.get(match[0], " " if match[0] in "\t\n\r" else ""), value)
+
+
+def _number(value: float) -> str:
+    """Metres, seconds: shortest text within a tenth of a nanometre."""
+    text = f"{value:.10f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _coefficient(value: float) -> str:
+    """Curvatures and polynomial coefficients: small numbers count over long distances."""
+    return "0" if value == 0 else f"{value:.12g}"
+
+
+def _user_data(code: str, value: object) -> str:
+    return "" if value in ("", None) else f'<userData code="{code}" value="{_text(str(value))}"/>\n'
+
+
+def _write_header(out: list[str], network: RoadNetwork) -> None:
+    extent = ""
+    points = [(element.x_m, element.y_m) for road in network.roads for element in road.plan]
+    if points:
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        sides = {"north": max(ys), "south": min(ys), "east": max(xs), "west": min(xs)}
+        extent = "".join(f' {side}="{_number(value)}"' for side, value in sides.items())
+    out.append(
+        f'<header revMajor="1" revMinor="7" name="" version="1"{extent} '
+        f'vendor="{_text(network.converter or "trace-dag")}">\n'
+        f"<geoReference><![CDATA[{network.frame.proj}]]></geoReference>\n"
+        f"{_user_data('attribution', network.attribution)}</header>\n"
+    )
+
+
+def _write_road(out: list[str], road: Road, marks: Marks) -> None:
+    junction = "-1" if road.junction_id is None else road.junction_id
+    out.append(
+        f'<road name="{_text(road.name)}" length="{_number(road.length_m)}" id="{road.id}" junction="{junction}" '
+        f'rule="RHT">\n<link>\n{_road_link("predecessor", road.predecessor)}'
+        f"{_road_link('successor', road.successor)}</link>\n"
+        f'<type s="0" type="{_ROAD_TYPES.get(road.highway, "town")}" country="US">\n'
+    )
+    if road.speed_mps is not None:
+        out.append(f'<speed max="{_mph(road.speed_mps)}" unit="mph"/>\n')
+    out.append("</type>\n<planView>\n")
+    out.extend(map(_geometry, road.plan))
+    out.append("</planView>\n<elevationProfile>\n")
+    out.extend(_cubics("elevation", "s", road.elevation or (Cubic(0.0, 0.0),)))
+    out.append("</elevationProfile>\n<lateralProfile/>\n<lanes>\n")
+    out.extend(_cubics("laneOffset", "s", road.lane_offset))
+    for section in road.lane_sections:
+        _write_section(out, section, marks)
+    out.append("</lanes>\n<objects/>\n<signals>\n")
+    out.extend(map(_signal, road.signals))
+    out.append("</signals>\n")
+    out.append(_user_data("highway", road.highway))
+    out.extend(_user_data("altName", name) for name in road.names)
+    out.append(_user_data("osmWays", " ".join(map(str, road.osm_way_ids))))
+    out.append(_user_data("layer", road.layer or None))
+    for code, flag in (("bridge", road.bridge), ("tunnel", road.tunnel), ("lanesFromTags", road.lanes_from_tags)):
+        if flag:
+            out.append(_user_data(code, "true"))
+    out.append(_user_data("turn", road.turn))
+    out.append(_user_data("inferred", road.inferred))
+    out.append("</road>\n")
+
+
+def _mph(speed_mps: float) -> str:
+    return _number(round(mps_to_mph(speed_mps), 6))
+
+
+def _road_link(tag: str, target: RoadLink | None) -> str:
+    if target is None:
+        return ""
+    contact = "" if target.contact_point is None else f' contactPoint="{target.contact_point.value}"'
+    return f'<{tag} elementType="{target.element_type}" elementId="{target.element_id}"{contact}/>\n'
+
+
+def _geometry(piece: PlanElement) -> str:
+    if piece.poly is not None:
+        names = ("aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV")
+        numbers = " ".join(f'{name}="{_coefficient(c)}"' for name, c in zip(names, piece.poly, strict=True))
+        shape = f'<paramPoly3 {numbers} pRange="{"normalized" if piece.poly_normalized else "arcLength"}"/>'
+    elif piece.curvature_1pm:
+        shape = f'<arc curvature="{piece.curvature_1pm:.12g}"/>'
+    else:
+        shape = "<line/>"
+    heading = math.remainder(piece.heading_rad, math.tau)
+    return (
+        f'<geometry s="{_number(piece.s_m)}" x="{_number(piece.x_m)}" y="{_number(piece.y_m)}" '
+        f'hdg="{_coefficient(heading)}" length="{_number(piece.length_m)}">{shape}</geometry>\n'
+    )
+
+
+def _cubics(tag: str, key: str, cubics: Iterable[Cubic]) -> list[str]:
+    return [
+        f'<{tag} {key}="{_number(cubic.s_m)}" a="{_coefficient(cubic.a)}" b="{_coefficient(cubic.b)}" '
+        f'c="{_coefficient(cubic.c)}" d="{_coefficient(cubic.d)}"/>\n'
+        for cubic in cubics
+    ]
+
+
+def _write_section(out: list[str], section: LaneSection, marks: Marks) -> None:
+    out.append(f'<laneSection s="{_number(section.s_m)}">\n')
+    ordered = sorted(section.lanes, key=lambda lane: -lane.id)
+    left = [lane for lane in ordered if lane.id > 0]
+    right = [lane for lane in ordered if lane.id < 0]
+    centre = next((lane for lane in ordered if lane.id == 0), _CENTRE)
+    if left:
+        out.append("<left>\n")
+        out.extend(_lane(lane, marks) for lane in left)
+        out.append("</left>\n")
+    out.append(f"<center>\n{_lane(centre, marks)}</center>\n")
+    if right:
+        out.append("<right>\n")
+        out.extend(_lane(lane, marks) for lane in right)
+        out.append("</right>\n")
+    out.append("</laneSection>\n")
+
+
+def _lane(lane: Lane, marks: Marks) -> str:
+    parts = [f'<lane id="{lane.id}" type="{lane.type.value}" level="false">\n']
+    if lane.predecessor is not None or lane.successor is not None:
+        before = "" if lane.predecessor is None else f'<predecessor id="{lane.predecessor}"/>'
+        after = "" if lane.successor is None else f'<successor id="{lane.successor}"/>'
+        parts.append(f"<link>{before}{after}</link>\n")
+    if lane.id:
+        parts.extend(_cubics("width", "sOffset", lane.widths))
+    written = lane.legal_mark if marks == "legal" and lane.legal_mark is not None else lane.mark
+    if written is not None:
+        parts.append(_road_mark(written))
+    if lane.speed_mps is not None:
+        parts.append(f'<speed sOffset="0" max="{_mph(lane.speed_mps)}" unit="mph"/>\n')
+    if lane.turns:
+        parts.append(_user_data("turns", ";".join(lane.turns)))
+    if lane.legal_mark is not None:
+        parts.append(_user_data("mark", _mark_text(lane.mark)))
+        parts.append(_user_data("legalMark", _mark_text(lane.legal_mark)))
+    parts.append("</lane>\n")
+    return "".join(parts)
+
+
+def _mark_text(mark: RoadMark | None) -> str:
+    return "" if mark is None else f"{mark.type},{mark.colour},{mark.lane_change}"
+
+
+def _road_mark(mark: RoadMark) -> str:
+    width = "0" if mark.type == "none" else _MARK_WIDTH_M
+    return (
+        f'<roadMark sOffset="0" type="{mark.type}" weight="standard" color="{mark.colour}" material="standard" '
+        f'width="{width}" laneChange="{mark.lane_change}"/>\n'
+    )
+
+
+def _signal(signal: Signal) -> str:
+    value = "" if signal.value is None else f' value="{_number(signal.value)}"'
+    unit = "" if signal.value is None or signal.unit is None else f' unit="{_text(signal.unit)}"'
+    return (
+        f'<signal s="{_number(signal.s_m)}" t="{_number(signal.t_m)}" id="{signal.id}" name="{_text(signal.name)}" '
+        f'dynamic="{"yes" if signal.dynamic else "no"}" orientation="{signal.orientation}" '
+        f'zOffset="{_number(signal.z_offset_m)}" country="US" type="{_text(signal.type)}" '
+        f'subtype="{_text(signal.subtype)}"{value}{unit} hOffset="0" pitch="0" roll="0" '
+        f'height="{_number(signal.height_m)}" width="{_number(signal.width_m)}">\n'
+        f"{_user_data('osmNode', signal.osm_node_id)}</signal>\n"
+    )
+
+
+def _controller(controller: Controller) -> str:
+    controls = "".join(f'<control signalId="{signal_id}"/>' for signal_id in controller.signal_ids)
+    return (
+        f'<controller id="{controller.id}" name="{_text(controller.name)}" sequence="{controller.sequence}">'
+        f"{controls}</controller>\n"
+    )
+
+
+def _write_junction(out: list[str], junction: Junction) -> None:
+    out.append(f'<junction name="{_text(junction.name)}" id="{junction.id}" type="default">\n')
+    for connection in junction.connections:
+        links = "".join(f'<laneLink from="{origin}" to="{target}"/>' for origin, target in connection.lane_links)
+        out.append(
+            f'<connection id="{connection.id}" incomingRoad="{connection.incoming_road}" '
+            f'connectingRoad="{connection.connecting_road}" contactPoint="{connection.contact_point.value}">'
+            f"{links}</connection>\n"
+        )
+    for sequence, controller_id in enumerate(junction.controller_ids):
+        out.append(f'<controller id="{controller_id}" sequence="{sequence}"/>\n')
+    out.append(_user_data("osmNodes", " ".join(map(str, junction.osm_node_ids))))
+    out.append(_user_data("kind", junction.kind))
+    if junction.centre_xy_m is not None:
+        out.append(_user_data("centre", " ".join(map(_number, junction.centre_xy_m))))
+    out.append("</junction>\n")

@@ -1,0 +1,143 @@
+"""Verified crashes and their variations as cases: what agents are evaluated on, and what variations are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from trace_dag.cohorts.registry import CrashSource
+from trace_dag.errors import UserError
+from trace_dag.evaluation.cases import Case
+from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT, XODR
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.records import Records, log_complaint, read_records
+from trace_dag.flow.selection import registered
+from trace_dag.flow.standing import FinalState, standing, valid_records
+from trace_dag.flow.workspace import Workspace
+from trace_dag.settings import Settings
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+from trace_dag.studies.stored_variations import families, read_variation
+
+
+class AgentRole(StrEnum):
+    """Whose place an agent takes, of the two that collided first."""
+
+    FIRST = "first"  # by their numbers in the report
+    SECOND = "second"
+    STRIKING = "striking"  # the one that closes in faster at the contact
+    STRUCK = "struck"
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """Where a case comes from: a verified crash, and a variation of it if ``variation`` names one."""
+
+    key: str
+    source: CrashSource
+    records: Records
+    variation: str | None = None
+
+    @property
+    def case_id(self) -> str:
+        """The crash's key or the variation's."""
+        return self.variation or self.key
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the verdict it rests on."""
+        return self.records[Stage.VERDICT].fingerprint
+
+    def files(self, settings: Settings, storage: Storage) -> CrashFiles:
+        """The artefacts of the crash."""
+        files = CrashFiles(self.key, self.source, settings, storage)
+        for record in self.records.values():
+            files.accept(record)
+        return files
+
+
+def load_case(stored: StoredCase, settings: Settings, storage: Storage) -> Case:
+    """A case as it is evaluated."""
+    from trace_dag.sim.run import participants, surface_friction
+
+    files = stored.files(settings, storage)
+    network, xodr = files.load(ROAD_MAP), files.load(XODR)
+    if stored.variation is not None:
+        varied = read_variation(storage, stored.variation)
+        hypothesis, log, friction = varied.hypothesis, varied.log, varied.about.friction
+    else:
+        verdict = files.load(VERDICT)
+        hypothesis = files.load(ESTIMATE).hypotheses[verdict.hypothesis]
+        log = files.load(LOGS)[verdict.hypothesis]
+        friction = surface_friction(settings.sim, files.load(RECORD))
+    return Case(
+        case_id=stored.case_id,
+        key=stored.key,
+        network=network,
+        xodr=xodr,
+        friction=friction,
+        participants=participants(hypothesis),
+        impact_time_s=hypothesis.impact_time_s,
+        recorded=log,
+    )
+
+
+def number_of(case: Case, role: AgentRole) -> int:
+    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one."""
+    first, second = case.pair
+    if role is AgentRole.FIRST:
+        return first
+    if role is AgentRole.SECOND:
+        return second
+    contact = case.contact
+    striking, struck = first, second
+    if contact is not None:
+        nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
+        toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
+        toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
+        striking, struck = contact.number_1, contact.number_2
+        if toward_1 > toward_2:
+            striking, struck = struck, striking
+    return striking if role is AgentRole.STRIKING else struck
+
+
+def verified_cases(
+    workspace: Workspace, cohort: str | None, only: Collection[str], *, complain: Complaint = log_complaint
+) -> list[StoredCase]:
+    """The verified ones of the crashes asked for; :class:`UserError` if there are none.
+
+    ``complain`` hears of records that are damaged, so that nobody knows whether their crash is verified.
+    """
+    keys = registered(workspace, cohort, only)
+    sources, records = workspace.registry.sources(keys), read_records(workspace.storage, keys, complain=complain)
+    cases = [
+        StoredCase(key, sources[key], valid_records(records[key]))
+        for key in keys
+        if standing(key, records[key]).final_state is FinalState.VERIFIED
+    ]
+    if not cases:
+        raise UserError(
+            f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
+        )
+    return cases
+
+
+def stored_variations(
+    workspace: Workspace, cases: Sequence[StoredCase], *, complain: Complaint = raised
+) -> list[StoredCase]:
+    """The stored variations of some crashes that were made of them as they are now.
+
+    ``complain`` hears of the families that are damaged. Raises :class:`UserError` if there are no variations.
+    """
+    of_crash = {case.key: case for case in cases}
+    found = [
+        replace(of_crash[key], variation=each["variation_id"])
+        for key, rows in families(workspace.storage, complain, of_crash).items()
+        for each in rows
+        if each["verdict_fingerprint"] == of_crash[key].fingerprint
+    ]
+    if not found:
+        raise UserError(f"no variation of the {len(cases)} crashes asked for is stored; trace-dag vary makes them")
+    return found

@@ -1,0 +1,57 @@
+"""Negative controls of a cohort: its verdicts against other crashes' reports and with one vehicle late."""
+
+from __future__ import annotations
+
+from trace_dag.errors import UserError
+from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.workspace import Workspace
+from trace_dag.progress import Progress, silent
+from trace_dag.studies.stored_crashes import judged_crashes
+from trace_dag.studies.tables import CONTROLS, store
+from trace_dag.verdict.controls import (
+    ControlRow,
+    against_other_reports,
+    shifted_estimate,
+    shifted_in_time,
+    shifted_row,
+    true_pairing,
+)
+
+
+def negative_controls(
+    workspace: Workspace,
+    cohort: str,
+    *,
+    most: int,
+    tell: Progress = silent,
+    complain: Complaint = raised,
+) -> list[ControlRow]:
+    """Every judged crash of a cohort against its own report, every verified one against every other's report and with
+    one vehicle late. Stored for the warehouse.
+
+    Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
+    at random. ``tell`` hears how many of how many are read, and then judged; ``complain`` of those left out.
+
+    Raises :class:`UserError` for a cohort that is not registered or has no verdicts yet.
+    """
+    from trace_dag.sim.embedded import EmbeddedBackend
+    from trace_dag.sim.run import simulate
+
+    crashes = judged_crashes(workspace, workspace.registry.keys(cohort), most=most, tell=tell, complain=complain)
+    if not crashes:
+        raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
+    settings = workspace.settings
+    rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
+    verified = [crash.judged for crash in crashes if crash.accepted]
+    backend = EmbeddedBackend(settings.sim)
+    for done, crash in enumerate(verified, 1):
+        rows += against_other_reports(crash, verified, settings.verdict)
+        shift = shifted_in_time(crash.hypothesis)
+        log = None
+        if shift is not None:
+            states = shifted_estimate(crash, shift)
+            (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
+        rows.append(shifted_row(crash, shift, log, settings.verdict))
+        tell(done, len(verified))
+    store(workspace, CONTROLS, cohort, rows)
+    return rows

@@ -1,0 +1,241 @@
+"""Agents evaluated on stored crashes, in parallel, each evaluation with a time limit; and where the results lie.
+
+``ROOT/evaluations/<agent>.parquet`` holds every evaluation of an agent, one row per case and vehicle (an evaluation
+made again replaces its row), ``<agent>.json`` beside it how the latest were made. Belongs here: which crashes, the
+workers, storage. Does not belong here: driving and measuring (:mod:`trace_dag.evaluation`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from trace_dag.code_versions import code_version
+from trace_dag.errors import DamagedFile, Failure, UserError
+from trace_dag.evaluation.agents import Agent, AgentFault
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
+from trace_dag.evaluation.metrics import DriveOutcome
+from trace_dag.evaluation.registry import label, make_agent, resolve
+from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
+from trace_dag.flow.executors import available_cores
+from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
+from trace_dag.flow.workspace import Workspace
+from trace_dag.provenance import now
+from trace_dag.settings import Settings
+from trace_dag.sim.backends import backend
+from trace_dag.sim.types import Simulation
+from trace_dag.storage import Storage
+from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
+from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
+
+FOLDER = "evaluations"
+_CODE = ("trace_dag.evaluation.evaluate", "trace_dag.evaluation.baselines", "trace_dag.sim.embedded")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one evaluation may take: wall-clock time, and memory beyond what the worker needs itself."""
+
+    time_s: float = 20.0
+    memory_mb: int = 2048
+
+
+@dataclass(frozen=True)
+class Step:
+    """One evaluation: an agent, as ``module:Class``, in somebody's place."""
+
+    name: str
+    reference: str
+    role: AgentRole
+
+
+@dataclass
+class LoadedCase:
+    """What the evaluations of one case share in a worker."""
+
+    case: Case
+    simulation: Simulation
+
+
+@dataclass
+class EvaluationWork:
+    """What the workers do; agents are made once per worker."""
+
+    storage: Storage
+    settings: Settings
+    cases: Mapping[str, StoredCase]
+    conditions: Conditions
+    _agents: dict[str, Agent] = field(default_factory=dict)
+
+    def prepare(self, name: str) -> LoadedCase:
+        """The case, and its map made ready. Raises :class:`Failure`."""
+        try:
+            case = load_case(self.cases[name], self.settings, self.storage)
+            return LoadedCase(case, backend(self.settings.sim).load(case.network, case.xodr, friction=case.friction))
+        except Failure:
+            raise
+        except Exception as error:
+            raise Failure(f"{name} cannot be loaded for evaluation: {type(error).__name__}: {error}") from error
+
+    def do(self, shared: LoadedCase, step: Step) -> Evaluation:
+        """One evaluation; whatever the agent does wrong is its result."""
+        case = shared.case
+        ego = number_of(case, step.role)
+        try:
+            if step.reference not in self._agents:
+                self._agents[step.reference] = make_agent(step.reference)
+            found = evaluate(case, ego, self._agents[step.reference], self.conditions, shared.simulation)
+        except AgentFault as fault:
+            return Evaluation(case.case_id, case.key, ego, DriveOutcome.FAULTY, fault=str(fault))
+        if found.outcome is DriveOutcome.FAULTY:
+            del self._agents[step.reference]  # in no state to go on with
+        return found
+
+
+def evaluate_agents(
+    workspace: Workspace,
+    cases: Sequence[StoredCase],
+    agents: Sequence[str],
+    roles: Sequence[AgentRole],
+    conditions: Conditions,
+    limits: Limits,
+    *,
+    tell: Callable[[Row], None] = lambda _: None,
+    complain: Complaint = raised,
+) -> list[Row]:
+    """Every agent in every role of every case, as rows in a fixed order, stored under the root.
+
+    ``tell`` hears of each evaluation as it is done, ``complain`` of every step of a crash that cannot be loaded. Raises
+    :class:`UserError` for agents that are not there.
+    """
+    references = {name: resolve(name) for name in agents}
+    by_id = {case.case_id: case for case in cases}
+    work = EvaluationWork(workspace.storage, workspace.settings, by_id, conditions)
+    steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
+    one_server = workspace.settings.sim.backend == "carla"
+    workers = 1 if one_server else workspace.settings.execution.workers or available_cores()
+    pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
+        work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
+    )
+    code = code_version(_CODE).digest
+    results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
+    try:
+        for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
+            stored = by_id[answer.task]
+            found = answer.result
+            if isinstance(found, Failure):
+                complain(found)
+                continue
+            if isinstance(found, StepLost):
+                ego = number_of(load_case(stored, workspace.settings, workspace.storage), answer.step.role)
+                found = Evaluation(stored.case_id, stored.key, ego, DriveOutcome.FAULTY, fault=found.detail)
+            made = row(
+                results.labels[answer.step.name],
+                found,
+                conditions,
+                code_version=code,
+                verdict_fingerprint=stored.fingerprint,
+            )
+            results.add(answer.step.name, made)
+            tell(made)
+    finally:
+        results.store(references)
+    return results.in_order()
+
+
+class _Results:
+    """Rows as they come; stored at the end, however it comes, so that an interrupted batch keeps what was done."""
+
+    def __init__(self, storage: Storage, labels: Mapping[str, str], complain: Complaint) -> None:
+        self.labels = labels
+        self._complain = complain
+        self._storage = storage
+        self._rows: dict[str, list[Row]] = {name: [] for name in labels}
+
+    def add(self, name: str, made: Row) -> None:
+        self._rows[name].append(made)
+
+    def in_order(self) -> list[Row]:
+        return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
+
+    def store(self, references: Mapping[str, str]) -> None:
+        """Merge what came with what is stored: a row for the same case and vehicle replaces the one before."""
+        for name, rows in self._rows.items():
+            if not rows:
+                continue
+            subject = f"{FOLDER}/{self.labels[name]}"
+            try:
+                merged = {_identity(each): each for each in stored_rows(self._storage, subject)}
+            except DamagedFile as damaged:
+                self._complain(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
+                merged = {}
+            merged |= {_identity(each): each for each in rows}
+            table = self._storage.write(f"{subject}.parquet", rows_to_parquet(merged[each] for each in sorted(merged)))
+            first = rows[0]
+            about = {
+                "agent": self.labels[name],
+                "reference": references[name],
+                "evaluated_at": now(),
+                "evaluations": len(rows),
+                **{key: first[key] for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "code_version")},
+            }
+            made = self._storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
+            write_ledger(self._storage, subject, [table, made])
+
+
+def _identity(row_of_table: Row) -> tuple[str, int]:
+    return row_of_table["case_id"], row_of_table["vehicle_number"]
+
+
+def stored_rows(storage: Storage, subject: str) -> list[Row]:
+    """The rows of one agent; none if there are no evaluations of it. Raises :class:`DamagedFile`."""
+    agent = subject.removeprefix(f"{FOLDER}/")
+    table = f"{subject}.parquet"
+    if not storage.exists(table) and not storage.exists(ledger_name(subject)):
+        return []
+    remedy = f"evaluate the agent {agent} again, trace-dag evaluate --agent"
+    return rows_from_parquet(read_listed(storage, subject, table, remedy=remedy))
+
+
+def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
+    """Every stored evaluation, of all agents; ``complain`` hears of the agents whose table is damaged."""
+    found: list[Row] = []
+    tables = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
+    for subject in sorted({*subjects(storage, FOLDER), *(table.removesuffix(".parquet") for table in tables)}):
+        try:
+            found += stored_rows(storage, subject)
+        except DamagedFile as damaged:
+            complain(damaged)
+    return found
+
+
+class _Making:
+    """What the worker does: make an agent, given as ``module:Class``, and tell what came in the way."""
+
+    def prepare(self, name: str) -> None:
+        """The making of one agent shares nothing with that of another."""
+
+    def do(self, shared: None, step: str) -> str | None:
+        try:
+            make_agent(step)
+        except AgentFault as fault:
+            return str(fault)
+        return None
+
+
+def try_agents(agents: Sequence[str], limits: Limits) -> None:
+    """Make each agent once, in a worker: nothing of an agent ever runs in this process.
+
+    Raises :class:`UserError` for the first that cannot be made: no such module or class, a class without the methods
+    of an agent, one that raises, hangs, or ends its process.
+    """
+    tasks = [Task(agent, (resolve(agent),)) for agent in agents]
+    pool: DeadlinePool[None, str, str | None] = DeadlinePool(
+        _Making(), workers=1, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
+    )
+    for answer in pool.run(tasks):
+        fault = f"{answer.step} {answer.result.detail}" if isinstance(answer.result, StepLost) else answer.result
+        if fault is not None:
+            raise UserError(f"--agent {answer.task}: {fault}")

@@ -1,0 +1,92 @@
+"""Our crashes beside the published benchmark's of the same cases: simulated alike, judged alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from trace_dag.crash.kind import another_kind, untold_meeting
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.flow.artefacts import RECORD
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.workspace import Workspace
+from trace_dag.studies.stored_crashes import judged_crashes, stored_crash
+from trace_dag.studies.tables import PUBLISHED, store
+from trace_dag.verdict.peer import ComparisonRow, compare
+
+_PEER_TIME_LIMIT_S = 45.0  # the slowest published vehicle takes half a minute to the crash
+
+
+@dataclass(frozen=True)
+class PublishedComparison:
+    """The judgements of both benchmarks; ``left_out`` says by crash why neither of them is judged on it."""
+
+    rows: list[ComparisonRow]
+    left_out: dict[str, str]
+
+
+def published_comparison(
+    workspace: Workspace, cohort: str, folder: Path, *, complain: Complaint = raised
+) -> PublishedComparison:
+    """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
+
+    A case in whose report no two vehicles are known to have touched is left out of both: it has no collision to judge.
+    So is a case of which something stored is damaged, which ``complain`` hears of.
+    ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
+    :class:`UserError` if it does not, or if none of its cases is in the cohort.
+    """
+    simulations = {file.stem.removeprefix("simulation_"): file for file in folder.glob("simulations/simulation_*.json")}
+    if not simulations:
+        raise UserError(
+            f"{folder}: no simulations/simulation_<stateCase>.json in it; the published benchmark's folder?"
+        )
+    rows: list[ComparisonRow] = []
+    left_out: dict[str, str] = {}
+    for key in workspace.registry.keys(cohort):
+        case = key.partition("-")[2]
+        files = stored_crash(workspace, key)
+        if case not in simulations or not files.has(RECORD):
+            continue
+        try:
+            record = files.load(RECORD)
+            no_collision = untold_meeting(record) or another_kind(record)
+            if no_collision is not None:
+                left_out[key] = no_collision
+                continue
+            ours_of_case = judged_crashes(workspace, [key])
+            theirs = _theirs(workspace, files, simulations[case], folder / "maps" / f"map_{case}.xodr")
+        except DamagedFile as damaged:
+            complain(damaged)
+            continue
+        rows.append(theirs)
+        for ours in ours_of_case:
+            crash = ours.judged
+            rows.append(
+                compare(
+                    "trace-dag", crash.record, crash.network, crash.hypothesis, crash.log, workspace.settings.verdict
+                )
+            )
+    if not rows:
+        raise UserError(
+            f"{folder}: none of its {len(simulations)} cases is a read crash of cohort {cohort!r} in which two "
+            "vehicles touched"
+        )
+    store(workspace, PUBLISHED, cohort, rows)
+    return PublishedComparison(rows, left_out)
+
+
+def _theirs(workspace: Workspace, files: CrashFiles, simulation: Path, map_file: Path) -> ComparisonRow:
+    from trace_dag.roads.map.reader import read_opendrive
+    from trace_dag.sim.embedded import EmbeddedBackend
+    from trace_dag.sim.published import published_estimate, read_published
+    from trace_dag.sim.run import simulate
+
+    if not map_file.is_file():
+        raise UserError(f"{map_file}: not there; every published simulation needs its map beside it")
+    record, xodr = files.load(RECORD), map_file.read_bytes()
+    network = read_opendrive(xodr, name=str(map_file))
+    states = published_estimate(read_published(simulation.read_bytes(), name=str(simulation)), record)
+    settings = workspace.settings.sim.model_copy(update={"time_limit_s": _PEER_TIME_LIMIT_S})
+    (log,) = simulate(EmbeddedBackend(settings), network, xodr, states, settings, record=record)
+    return compare(PUBLISHED, record, network, states.best, log, workspace.settings.verdict)

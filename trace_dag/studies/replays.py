@@ -1,0 +1,58 @@
+"""Crashes to watch: as they were simulated, or with an agent in a driver's place."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from trace_dag.errors import UserError
+from trace_dag.evaluation.agents import AgentFault
+from trace_dag.evaluation.evaluate import Conditions, run
+from trace_dag.evaluation.registry import make_agent, resolve
+from trace_dag.flow.artefacts import LOGS, RECORD, ROAD_MAP, VERDICT
+from trace_dag.flow.workspace import Workspace
+from trace_dag.sim.backends import backend
+from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
+from trace_dag.studies.stored_crashes import stored_crash
+
+
+def replay(workspace: Workspace, key: str, replay_format: Literal["html", "gif", "webp", "mp4"]) -> bytes:
+    """The replay of one crash as stored: a page or a moving picture.
+
+    Raises :class:`UserError` for a crash that is not registered or was not simulated, or an MP4 without its extra.
+    """
+    from trace_dag.scenario.animation import write_animation
+    from trace_dag.scenario.replay import write_html_player
+
+    files = stored_crash(workspace, key)
+    if not files.has(LOGS):
+        raise UserError(f"crash {key} was not simulated; trace-dag status tells where it stands")
+    verdict = files.load(VERDICT) if files.has(VERDICT) else None
+    logs = files.load(LOGS)
+    log = logs[verdict.hypothesis if verdict else 0]
+    record, network = files.load(RECORD), files.load(ROAD_MAP)
+    if replay_format == "html":
+        return write_html_player(record, network, log, verdict)
+    return write_animation(record, network, log, verdict, image_format=replay_format)
+
+
+def replay_with(
+    workspace: Workspace, key: str, agent: str, role: AgentRole, replay_format: Literal["html", "gif", "webp", "mp4"]
+) -> bytes:
+    """The replay of a verified crash with an agent in somebody's place, under the usual conditions.
+
+    Raises :class:`UserError` for a crash that is not verified and an agent that is not there or is faulty.
+    """
+    from trace_dag.scenario.animation import write_animation
+    from trace_dag.scenario.replay import write_html_player
+
+    (stored,) = verified_cases(workspace, None, [key])
+    case = load_case(stored, workspace.settings, workspace.storage)
+    simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    try:
+        log = run(case, number_of(case, role), make_agent(resolve(agent)), Conditions(), simulation)
+    except AgentFault as fault:
+        raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
+    record = stored.files(workspace.settings, workspace.storage).load(RECORD)
+    if replay_format == "html":
+        return write_html_player(record, case.network, log)
+    return write_animation(record, case.network, log, image_format=replay_format)

@@ -1,0 +1,56 @@
+"""Tables of comparisons: ``ROOT/comparisons/<kind>-<cohort>.json``, from where the warehouse takes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from trace_dag.errors import DamagedFile, Failure
+from trace_dag.flow.ledgers import Complaint, read_listed, write_ledger
+from trace_dag.flow.workspace import Workspace
+from trace_dag.storage import Storage, StoredFile
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+FOLDER = "comparisons"
+CONTROLS = "controls"
+PUBLISHED = "published"
+ESTIMATORS = "estimators"
+PERTURBED = "perturbed"
+
+
+def store(workspace: Workspace, kind: str, cohort: str, rows: Sequence[DataclassInstance]) -> None:
+    """Keep the rows of a comparison of a cohort, in place of those before."""
+    judged = {"cohort": cohort, "rule_set": workspace.settings.verdict.rule_set}
+    content: list[dict[str, Any]] = [{**judged, **asdict(row)} for row in rows]
+    store_comparison(workspace.storage, kind, cohort, content)
+
+
+_MADE_BY = {CONTROLS: "controls", PUBLISHED: "peer FOLDER", ESTIMATORS: "compare", PERTURBED: "controls --perturbed"}
+
+
+def comparison_is_whole(storage: Storage, name: str, complain: Complaint) -> bool:
+    """Whether a stored comparison is as it was written; if not, ``complain`` hears of it."""
+    kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
+    try:
+        remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"
+        read_listed(storage, name.removesuffix(".json"), name, remedy=remedy)
+    except DamagedFile as damaged:
+        complain(damaged)
+        return False
+    return True
+
+
+def store_comparison(
+    storage: Storage, kind: str, cohort: str, rows: Sequence[Mapping[str, Any]], beside: Sequence[StoredFile] = ()
+) -> None:
+    """Keep the rows of a comparison of a cohort, and list them with the files made ``beside``."""
+    subject = f"{FOLDER}/{kind}-{cohort}"
+    try:
+        file = storage.write(f"{subject}.json", json.dumps(rows, indent=0).encode())
+    except ValueError as error:
+        raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
+    write_ledger(storage, subject, [file, *beside])

@@ -1,0 +1,225 @@
+"""Families of variations of stored crashes, made in parallel and kept under the root. A family is made as a whole.
+
+ Belongs here: which crashes, the
+workers, storage. Does not belong here: what a variation is (:mod:`trace_dag.variations`).
+"""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trace_dag.code_versions import code_version
+from trace_dag.errors import Failure
+from trace_dag.evaluation.table import rows_to_parquet
+from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, OSM_XML, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
+from trace_dag.flow.executors import WorkerLost, run_redoing_lost
+from trace_dag.flow.ledgers import sound_ledger, write_ledger
+from trace_dag.flow.workspace import Workspace
+from trace_dag.geometry import Pose
+from trace_dag.settings import Settings
+from trace_dag.sim.backends import backend
+from trace_dag.sim.log_io import logs_to_files
+from trace_dag.sim.types import Participant
+from trace_dag.states.json_io import estimate_to_json
+from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+from trace_dag.storage import Storage, StoredFile
+from trace_dag.studies.cases import StoredCase, load_case
+from trace_dag.studies.stored_variations import (
+    FOLDER,
+    AboutVariation,
+    FamilyRequest,
+    abouts,
+    family_name,
+    read_variation,
+    subject_of,
+)
+from trace_dag.variations.family import Variation, VariationKind, family
+from trace_dag.variations.table import VARIATIONS, row
+
+if TYPE_CHECKING:
+    pass
+
+_CODE = ("trace_dag.variations.family", "trace_dag.sim.embedded")
+
+
+@dataclass(frozen=True)
+class FamilyReport:
+    """What came of one crash: how many were kept of how many drawn, and an error if it broke."""
+
+    key: str
+    kept: int = 0
+    near_misses: int = 0
+    drawn: int = 0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class _Task:
+    storage: Storage
+    settings: Settings
+    case: StoredCase
+    request: FamilyRequest
+
+
+def make_families(
+    workspace: Workspace,
+    cases: Sequence[StoredCase],
+    request: FamilyRequest,
+    *,
+    tell: Callable[[FamilyReport], None] = lambda _: None,
+) -> list[FamilyReport]:
+    """The families of some verified crashes, stored; in their order. ``tell`` hears of each crash as it is done."""
+    settings = workspace.settings
+    tasks = [_Task(workspace.storage, settings, case, request) for case in cases]
+    reports: dict[str, FamilyReport] = {}
+    with workspace.executing() as executor:
+        for answer in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
+            found = answer.result
+            key = answer.task.case.key
+            reports[key] = FamilyReport(key, error=found.detail) if isinstance(found, WorkerLost) else found
+            tell(reports[key])
+    return [reports[case.key] for case in cases]
+
+
+def _make(task: _Task) -> FamilyReport:
+    try:
+        return _make_family(task)
+    except Failure as failure:
+        return FamilyReport(task.case.key, error=str(failure))
+    except Exception as error:
+        # One crash without a family keeps no other from having one.
+        return FamilyReport(task.case.key, error="".join(traceback.format_exception(error)))
+
+
+def _make_family(task: _Task) -> FamilyReport:
+    request, storage, stored = task.request, task.storage, task.case
+    case = load_case(stored, task.settings, storage)
+    contact = case.contact
+    if contact is None:
+        raise Failure(f"{stored.key}: its simulation has no contact; run it again")
+    kept, drawn = family(
+        case,
+        backend(task.settings.sim),
+        count=request.count,
+        seed=request.seed,
+        bounds=request.bounds,
+        criteria=request.criteria,
+    )
+    files = stored.files(task.settings, storage)
+    recorded = files.load(ESTIMATE).hypotheses[files.load(VERDICT).hypothesis]
+    before = sound_ledger(storage, subject_of(stored.key)).files
+    code = code_version(_CODE).digest
+    rows = []
+    written: list[StoredFile] = []
+    for variation in kept:
+        written += _store(storage, variation, recorded, request, code, stored.fingerprint)
+        rows.append(
+            row(
+                variation,
+                (contact.x_m, contact.y_m),
+                seed=request.seed,
+                code_version=code,
+                verdict_fingerprint=stored.fingerprint,
+            )
+        )
+    written.append(storage.write(family_name(stored.key), rows_to_parquet(rows, VARIATIONS)))
+    write_ledger(storage, subject_of(stored.key), written)
+    for gone in before.keys() - {file.name for file in written}:
+        storage.delete(gone)
+    near_misses = sum(variation.kind is VariationKind.NEAR_MISS for variation in kept)
+    return FamilyReport(stored.key, len(kept), near_misses, drawn)
+
+
+def _store(
+    storage: Storage, variation: Variation, recorded: Hypothesis, request: FamilyRequest, code: str, fingerprint: str
+) -> list[StoredFile]:
+    case, name = variation.case, f"{FOLDER}/{variation.variation_id}"
+    about = AboutVariation(
+        variation.variation_id,
+        case.key,
+        variation.number,
+        variation.kind,
+        variation.gap_m,
+        case.friction,
+        variation.perturbation,
+        request,
+        code,
+        fingerprint,
+    )
+    estimate = StateEstimate(case.key, (_as_hypothesis(recorded, variation),), EstimatorRun("variation", "1"))
+    steps, summary = logs_to_files([case.recorded])
+    return [
+        storage.write(f"{name}.estimate.json", estimate_to_json(estimate)),
+        storage.write(f"{name}.steps.parquet", steps),
+        storage.write(f"{name}.log.json", summary),
+        storage.write(f"{name}.json", abouts().dump_json(about, indent=1)),
+    ]
+
+
+def _as_hypothesis(recorded: Hypothesis, variation: Variation) -> Hypothesis:
+    """The variation's plan in the terms of an estimate; where it was planned to hit, it does not say."""
+    case, contact = variation.case, variation.case.contact
+    by_number = {each.number: each for each in case.participants}
+    return replace(
+        recorded,
+        name=f"{recorded.name}, {variation.variation_id}",
+        participants=tuple(
+            _as_state(state, by_number[state.vehicle_number], case.impact_time_s) for state in recorded.participants
+        ),
+        impact_time_s=case.impact_time_s,
+        impact_point_xy_m=recorded.impact_point_xy_m if contact is None else (contact.x_m, contact.y_m),
+        checks=(),
+    )
+
+
+def _as_state(state: ParticipantState, participant: Participant, impact_time_s: float) -> ParticipantState:
+    t = participant.trajectory
+    x, y, z, heading, speed = (
+        float(np.interp(impact_time_s, t.time_s, values))
+        for values in (t.x_m, t.y_m, t.z_m, np.unwrap(t.heading_rad), t.speed_mps)
+    )
+    return replace(
+        state,
+        initial_pose=participant.initial_pose,
+        initial_speed_mps=participant.initial_speed_mps,
+        trajectory=t,
+        impact_pose=Pose(x, y, math.remainder(heading, math.tau), z),
+        impact_speed_mps=speed,
+        impact_clock_h=None,
+    )
+
+
+def package_of(workspace: Workspace, stored: StoredCase) -> Mapping[str, bytes]:
+    """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
+    report."""
+    from trace_dag.scenario.package import PackageInput, package_files
+    from trace_dag.verdict.judge import judge
+
+    if stored.variation is None:
+        raise ValueError(f"{stored.key} is no variation")
+    files = stored.files(workspace.settings, workspace.storage)
+    varied = read_variation(workspace.storage, stored.variation)
+    record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
+    about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
+    verdict = judge(record, network, map_report, varied.estimate, [varied.log], workspace.settings.verdict)
+    return package_files(
+        PackageInput(
+            record=record,
+            report_xml=files.load(REPORT_XML),
+            osm_xml=files.load(OSM_XML),
+            map_xodr=files.load(XODR),
+            provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
+            network=network,
+            map_report=map_report,
+            estimate=varied.estimate,
+            log=varied.log,
+            verdict=verdict,
+            variation=about,
+        )
+    )
