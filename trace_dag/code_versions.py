@@ -79,10 +79,15 @@ class Signature:
 
 
 @cache
-def code_version(modules: tuple[str, ...]) -> CodeVersion:
-    """Version of the code of some modules and of everything they import."""
+def code_version(modules: tuple[str, ...], chosen: tuple[str, ...] = ()) -> CodeVersion:
+    """Version of the code of some modules and of everything they import.
+
+    ``chosen`` are modules that a setting brings in: of what they import the libraries of this package's extras count.
+    """
     digest = hashlib.sha256()
-    ours, libraries = _closure(modules)
+    ours, libraries = _closure((*modules, *chosen))
+    optional = _optional_libraries()
+    libraries = libraries - optional | (_closure(chosen)[1] & optional)
     data_of: set[str] = set()
     for module in sorted(ours):
         source = _source(module)
@@ -92,7 +97,11 @@ def code_version(modules: tuple[str, ...]) -> CodeVersion:
         for name, data in _data_files(package):
             digest.update(f"{name}\0{hashlib.sha256(data).hexdigest()}\0".encode())
     _keep_what_was_read()
-    versions = {name: version for name in sorted(libraries) if (version := library_version(name))}
+    versions = {
+        name: version
+        for name in sorted(libraries)
+        if (version := library_version(name) or ("not installed" if name in optional else None))
+    }
     return CodeVersion(f"{__version__}+{digest.hexdigest()[:16]}", versions)
 
 
@@ -145,7 +154,7 @@ def _closure(modules: Iterable[str]) -> tuple[set[str], set[str]]:
                 waiting.extend([name] if _path_of(name) else [])
             elif top not in sys.stdlib_module_names and top not in _DECIDES_NOTHING:
                 libraries.add(top)
-    return found, libraries - _optional_libraries()
+    return found, libraries
 
 
 @cache

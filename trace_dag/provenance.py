@@ -21,8 +21,9 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from trace_dag.code_versions import CodeVersion, library_version
+from trace_dag.code_versions import CodeVersion
 from trace_dag.errors import DamagedFile, Reason
+from trace_dag.plugins import Plugin, PluginKind, plugin
 from trace_dag.sealing import sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import StoredFile
@@ -188,17 +189,18 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
 
 
 def libraries_of(code: CodeVersion, section: BaseModel | None) -> dict[str, str]:
-    """Versions of the libraries that decide: those the code imports, and those that a choice of the settings brings in.
+    """Versions of the libraries that decide: those the code imports, and those of other packages' chosen plugins."""
+    return {**code.libraries, **{each.package: each.version for each in chosen_plugins(section) if not each.is_ours}}
 
-    A field declares the latter by its values, ``json_schema_extra={"libraries": {"carla": "carla"}}``.
-    """
-    chosen = {}
+
+def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
+    """The plugins that a section of settings chooses: fields declared with ``json_schema_extra={"plugin": kind}``."""
+    chosen = []
     for name, info in type(section).model_fields.items() if section is not None else ():
-        declared = info.json_schema_extra.get("libraries") if isinstance(info.json_schema_extra, dict) else None
-        library = declared.get(getattr(section, name)) if isinstance(declared, dict) else None
-        if isinstance(library, str):
-            chosen[library] = library_version(library) or "not installed"
-    return {**code.libraries, **chosen}
+        declared = info.json_schema_extra.get("plugin") if isinstance(info.json_schema_extra, dict) else None
+        if isinstance(declared, PluginKind):
+            chosen.append(plugin(declared, getattr(section, name)))
+    return tuple(chosen)
 
 
 def combined_digest(parts: Mapping[str, str]) -> str:

@@ -11,16 +11,28 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.errors import UserError
+from trace_dag.plugins import PluginKind, offered
 
 RuleSetName = Literal["trace-dag", "strict", "published"]
 
 _NOT_IN_PROVENANCE: dict[str, Any] = {"provenance": False}  # says how a service is reached, not what comes out
 _OF_THE_LLM: dict[str, Any] = {"provenance": {"estimator": "llm"}}  # changes nothing that another estimator makes
+
+
+def _one_of(kind: PluginKind) -> AfterValidator:
+    """A name that an installed package offers."""
+
+    def check(name: str) -> str:
+        if name not in offered(kind):
+            raise ValueError(f"expected {', '.join(offered(kind))}; trace-dag plugins lists what is installed")
+        return name
+
+    return AfterValidator(check)
 
 
 class _Section(BaseModel):
@@ -48,10 +60,10 @@ class OsmSettings(_Section):
 class RoadSettings(_Section):
     """OSM to OpenDRIVE (stage ``road_map``)."""
 
-    converter: Literal["native", "osm2odr"] = Field(
+    converter: Annotated[str, _one_of(PluginKind.CONVERTER)] = Field(
         "native",
-        json_schema_extra={"libraries": {"osm2odr": "carla"}},
-        description="Ours, or CARLA's Osm2Odr (extra carla).",
+        json_schema_extra={"plugin": PluginKind.CONVERTER},
+        description="native, CARLA's osm2odr (extra carla), or one that an installed package offers.",
     )
     elevation: bool = Field(True, description="Off rejects crashes near bridges and tunnels, as the paper does.")
     vertical_geometry_radius_m: float = Field(
@@ -119,10 +131,10 @@ class StateSettings(_Section):
 class SimSettings(_Section):
     """Simulation (stage ``simulation_log``)."""
 
-    backend: Literal["embedded", "carla"] = Field(
+    backend: Annotated[str, _one_of(PluginKind.BACKEND)] = Field(
         "embedded",
-        json_schema_extra={"libraries": {"carla": "carla"}},
-        description="Ours over MuJoCo, or a CARLA server.",
+        json_schema_extra={"plugin": PluginKind.BACKEND},
+        description="embedded over MuJoCo, a carla server, or one that an installed package offers.",
     )
     step_s: float = Field(0.005, ge=0.0001, le=0.05, description="Integration step.")
     log_step_s: float = Field(0.02, ge=0.001, le=1.0, description="Step of the log.")

@@ -18,6 +18,7 @@ LAYERS = (
     # the contracts
     {"units", "stage"},
     {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
+    {"plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
     {"http", "provenance"},
     # the domain, in the order of the flow
@@ -120,7 +121,8 @@ def test_the_whole_flow_runs_without_dagster_being_loaded():
     code = (
         "import sys, trace_dag.flow.batch, trace_dag.flow.stages, trace_dag.benchmark.build\n"
         "from trace_dag.flow.tasks import Work\n"
-        "Work.code_versions(trace_dag.flow.stages.FLOW)\n"
+        "from trace_dag.settings import Settings\n"
+        "Work.code_versions(trace_dag.flow.stages.FLOW, Settings())\n"
         "sys.exit(any(name.split('.')[0] == 'dagster' for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -11,7 +11,6 @@ from public_services import MAP, NOT_RELEASED, OFF_THE_MAP, VERIFIED, PublicServ
 
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import IngestReport, ingest
-from trace_dag.cohorts.registry import MapServiceName
 from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.errors import Reason, TransientFailure, UserError
@@ -40,9 +39,7 @@ class Root:
         overrides = {"execution": execution, "services": {**api.settings, **services}}
         self.workspace = Workspace.open(str(folder), FLOW, overrides)
 
-    def ingest(
-        self, choice: Choice, maps: list[Path] | None = None, map_service: MapServiceName | None = None
-    ) -> IngestReport:
+    def ingest(self, choice: Choice, maps: list[Path] | None = None, map_service: str | None = None) -> IngestReport:
         client = crash_api(self.workspace.settings.services, self.workspace.storage)
         return ingest(
             self.workspace.storage, "ne", maps=maps or [], crash_api=client, choice=choice, map_service=map_service

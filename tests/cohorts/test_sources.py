@@ -53,8 +53,8 @@ def test_a_zip_registers_what_its_folder_does(tmp_path, storage):
     with zipfile.ZipFile(archive, "w") as file:
         for path in folder.iterdir():
             file.write(path, f"inside/{path.name}")
-    first = ingest(storage, "folder", fars_csv=[folder])
-    second = ingest(Storage.open(tmp_path / "other"), "zip", fars_csv=[archive])
+    first = ingest(storage, "folder", tables=[("fars-csv", str(folder))])
+    second = ingest(Storage.open(tmp_path / "other"), "zip", tables=[("fars-csv", str(archive))])
     assert len(first.registration.added) == 30
     assert first.registration == second.registration
 
@@ -138,7 +138,7 @@ def test_thousands_of_crashes_are_registered_in_seconds_and_become_partitions(tm
 
     folder = fars_folder(tmp_path / "csv", 4_000)
     began_s = time.process_time()
-    report = ingest(storage, "year", fars_csv=[folder])
+    report = ingest(storage, "year", tables=[("fars-csv", str(folder))])
     with DagsterInstance.ephemeral() as instance:
         assert add_partitions(instance, report.registration.added) == 4_000
         assert time.process_time() - began_s < 6.0

@@ -28,13 +28,14 @@ ASK = """
 import json, multiprocessing, pathlib, sys
 from trace_dag.code_versions import code_version
 from trace_dag.flow.stages import FLOW
+from trace_dag.settings import Settings
 
 def versions(change):
     name, file, content = change
     path = pathlib.Path("trace_dag", file)
     before = path.read_text()
     path.write_text(content)
-    found = {definition.stage: FLOW.code(definition).digest for definition in FLOW.stages}
+    found = {definition.stage: FLOW.code(definition, Settings()).digest for definition in FLOW.stages}
     found["warehouse"] = code_version(("trace_dag.warehouse.build",)).digest
     path.write_text(before)
     return name, found

@@ -47,7 +47,13 @@ def root(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not finished:
         virginia, arizona = shared_data / "va-2023", shared_data / "osm" / "maricopa-az.osm.pbf"
         ingest(workspace.storage, "va-2023", reports=[virginia / "reports"], maps=[virginia / "osm"], choice=VIRGINIA)
-        ingest(workspace.storage, "fars", fars_csv=[shared_data / "fars-csv"], maps=[arizona], choice=MARICOPA)
+        ingest(
+            workspace.storage,
+            "fars",
+            tables=[("fars-csv", str(shared_data / "fars-csv"))],
+            maps=[arizona],
+            choice=MARICOPA,
+        )
         list(run_stages(workspace, workspace.registry.keys(), run_id="real"))
     build_warehouse(workspace.storage, root)
     report = build_benchmark(workspace)

@@ -58,7 +58,7 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
     from trace_dag.flow.worker import get_ready
 
     with closing(make_executor(workspace.settings.execution)) as executor:
-        executor.prepare(partial(get_ready, workspace.flow))
+        executor.prepare(partial(get_ready, workspace.flow, workspace.settings))
         yield executor
 
 

@@ -14,10 +14,8 @@ from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.ingest import IngestReport
-    from trace_dag.cohorts.registry import MapServiceName
 
 _NAMED = 10
-_MAP_SERVICES: dict[str, MapServiceName] = {"overpass": "overpass", "osm-api": "osm-api"}
 
 
 @click.command(
@@ -30,6 +28,13 @@ _MAP_SERVICES: dict[str, MapServiceName] = {"overpass": "overpass", "osm-api": "
 @click.option("--reports", multiple=True, metavar="PATH", help="Folders or files of CrashAPI XML reports.")
 @click.option("--fars-csv", multiple=True, metavar="PATH", help="FARS national CSV files: folders or zips.")
 @click.option(
+    "--source",
+    nargs=2,
+    multiple=True,
+    metavar="NAME LOCATION",
+    help="Another source of reports that an installed package offers; trace-dag plugins lists them.",
+)
+@click.option(
     "--crashapi",
     is_flag=True,
     help="Ask NHTSA's CrashAPI for the cases of --states and --years, or for --cases; reports are fetched in the run.",
@@ -39,7 +44,7 @@ _MAP_SERVICES: dict[str, MapServiceName] = {"overpass": "overpass", "osm-api": "
     multiple=True,
     metavar="PATH",
     help="Folders or files of OpenStreetMap data (.osm, .osm.gz, .osm.bz2, .osm.pbf); "
-    "overpass or osm-api asks that service where no file covers a crash.",
+    "overpass, osm-api or another that a package offers is asked where no file covers a crash.",
 )
 @click.option("--cohort", default="default", show_default=True, help="Name of the cohort the crashes belong to.")
 @choice_options
@@ -55,6 +60,7 @@ def ingest(
     /,
     reports: tuple[str, ...],
     fars_csv: tuple[str, ...],
+    source: tuple[tuple[str, str], ...],
     crashapi: bool,
     maps: tuple[str, ...],
     cohort: str,
@@ -74,10 +80,11 @@ def ingest(
     from trace_dag.cohorts.ingest import ingest as ingest_into
     from trace_dag.cohorts.services import crash_api
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.plugins import PluginKind, offered
     from trace_dag.storage import Storage
 
-    if not (reports or maps or fars_csv or crashapi):
-        raise UserError("ingest: nothing to register; give --reports, --fars-csv, --crashapi or --maps")
+    if not (reports or maps or fars_csv or source or crashapi):
+        raise UserError("ingest: nothing to register; give --reports, --fars-csv, --source, --crashapi or --maps")
     if watch and not (reports or crashapi):
         raise UserError("ingest: --watch needs --reports, the folders to look at, or --crashapi")
     choice = choice_of(options)
@@ -85,18 +92,18 @@ def ingest(
         raise UserError("ingest: --watch follows all that a filter admits; it goes with no sample and no --cases")
     Storage.open(root)
     workspace = Workspace.open(root)
-    services = [path for path in maps if path in _MAP_SERVICES]
+    services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
     if len(services) > 1:
         raise UserError(f"ingest: a cohort asks one service for maps, not {' and '.join(services)}")
     report = ingest_into(
         workspace.storage,
         cohort,
         reports=[Path(path) for path in reports],
-        maps=[Path(path) for path in maps if path not in _MAP_SERVICES],
-        fars_csv=[Path(path) for path in fars_csv],
+        maps=[Path(path) for path in maps if path not in services],
+        tables=[*(("fars-csv", path) for path in fars_csv), *source],
         crash_api=crash_api(workspace.settings.services, workspace.storage, refresh=refresh) if crashapi else None,
         choice=choice,
-        map_service=_MAP_SERVICES[services[0]] if services else None,
+        map_service=services[0] if services else None,
         watch=watch,
         progress=_tell_progress,
     )

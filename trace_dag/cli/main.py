@@ -17,6 +17,7 @@ from trace_dag.cli.export import export
 from trace_dag.cli.ingest import ingest
 from trace_dag.cli.options import examples
 from trace_dag.cli.peer import peer
+from trace_dag.cli.plugins import plugins
 from trace_dag.cli.release import release
 from trace_dag.cli.replay import replay
 from trace_dag.cli.rerun import rerun
@@ -75,6 +76,7 @@ for command in (
     score_truth,
     demo,
     ui,
+    plugins,
 ):
     cli.add_command(command)
 

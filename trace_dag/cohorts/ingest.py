@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.cohorts.choice import Choice
-from trace_dag.cohorts.registry import MapServiceName, RegisteredMap, Registration, Registry, ReportSource, map_file
-from trace_dag.cohorts.sources import CrashApiSource, FarsSource, FolderSource, Source
+from trace_dag.cohorts.registry import RegisteredMap, Registration, Registry, ReportSource, map_file
+from trace_dag.cohorts.sources import CrashApiSource, FolderSource, Source, TableSource
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
@@ -48,18 +48,19 @@ def ingest(
     *,
     reports: Sequence[Path] = (),
     maps: Sequence[Path] = (),
-    fars_csv: Sequence[Path] = (),
+    tables: Sequence[tuple[str, str]] = (),
     crash_api: CrashApiClient | None = None,
     case_lists: CrashApiClient | None = None,
     choice: Choice = Choice(),  # noqa: B008 - immutable
-    map_service: MapServiceName | None = None,
+    map_service: str | None = None,
     watch: bool = False,
     progress: Progress | None = None,
 ) -> IngestReport:
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 
-    With ``watch``, the folders of reports may hold none yet and are looked at from then on, and the cohort follows what
-    the CrashAPI releases. ``case_lists`` is asked for the lists of cases where that is not ``crash_api``.
+    With ``watch``, the folders of reports may hold none yet and are looked at from then on, and the cohort follows
+    what the CrashAPI releases. ``tables`` are names of report sources, each with its location. ``case_lists`` is
+    asked for the lists of cases where that is not ``crash_api``.
 
     Raises :class:`UserError` for folders without reports, files that are no OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
@@ -72,7 +73,7 @@ def ingest(
             "CrashAPI GetCaseDetails responses in XML"
         )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
-    sources += [FarsSource(path) for path in fars_csv]
+    sources += [TableSource(plugin, location) for plugin, location in tables]
     if crash_api is not None:
         sources.append(CrashApiSource(crash_api, progress, case_lists))
     offers, chosen = _chosen(storage, sources, choice)

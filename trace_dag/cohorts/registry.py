@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -26,9 +26,6 @@ from trace_dag.storage import Storage
 _FOLDER = "cohorts"
 _REMEDY = "put it back from a copy, or delete it and ingest the cohort again"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-
-MapServiceName: TypeAlias = Literal["overpass", "osm-api"]
-"""A public service that maps can come from where no file covers a crash."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ class CrashSource:
     cohort: str
     report: ReportSource
     maps: tuple[RegisteredMap, ...] = ()
-    map_service: MapServiceName | None = None
+    map_service: str | None = None
 
     @property
     def maps_digest(self) -> str:
@@ -83,7 +80,7 @@ class Cohort:
     created_at: str
     reports: dict[str, ReportSource] = field(default_factory=dict)
     maps: tuple[RegisteredMap, ...] = ()
-    map_service: MapServiceName | None = None
+    map_service: str | None = None
     origins: tuple[str, ...] = ()
     watched: tuple[str, ...] = ()
     followed: tuple[Choice, ...] = ()
@@ -166,7 +163,7 @@ class Registry:
         reports: Mapping[str, ReportSource],
         maps: Iterable[RegisteredMap] = (),
         *,
-        map_service: MapServiceName | None = None,
+        map_service: str | None = None,
         origin: str = "",
         watched: Iterable[str] = (),
         followed: Iterable[Choice] = (),

@@ -14,15 +14,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.cohorts.registry import MapServiceName, RegisteredMap
+from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.errors import Failure
+from trace_dag.plugins import PluginKind, load
 from trace_dag.settings import ServiceSettings, StateSettings
 from trace_dag.storage import Storage, StoredFile
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
     from trace_dag.http import HttpClient
-    from trace_dag.osm.services import MapSource
+    from trace_dag.osm.services import MapSource, MapSourceFactory
     from trace_dag.states.llm.client import LlmClient
 
 CACHE_FOLDER = "cache"
@@ -43,7 +44,7 @@ class Services:
         """The CrashAPI."""
         return crash_api(self.settings, self.storage)
 
-    def map_source(self, name: MapServiceName) -> MapSource:
+    def map_source(self, name: str) -> MapSource:
         """A service that maps come from."""
         return _map_source(name, self.settings, self.storage)
 
@@ -77,13 +78,9 @@ def crash_api(settings: ServiceSettings, storage: Storage, *, refresh: bool = Fa
 
 
 @lru_cache(maxsize=8)
-def _map_source(name: MapServiceName, settings: ServiceSettings, storage: Storage) -> MapSource:
-    from trace_dag.osm.services import OSM_API, OVERPASS_ENDPOINTS, OsmApiSource, OverpassSource
-
-    http = _http(name, settings, storage)
-    if name == "overpass":
-        return OverpassSource(http, settings.overpass_urls or OVERPASS_ENDPOINTS)
-    return OsmApiSource(http, (settings.osm_api_url or OSM_API).rstrip("/"))
+def _map_source(name: str, settings: ServiceSettings, storage: Storage) -> MapSource:
+    make: MapSourceFactory = load(PluginKind.MAP_SOURCE, name)
+    return make(settings, _http(name, settings, storage))
 
 
 @lru_cache(maxsize=1)

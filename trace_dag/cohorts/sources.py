@@ -18,13 +18,12 @@ from trace_dag.crash.folder import FoundReport
 from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import Rejection, UserError
+from trace_dag.plugins import PluginKind, load
 from trace_dag.progress import Progress
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
-
-"""Hears of slow work: how much of how much is done."""
 
 
 class Source(Protocol):
@@ -74,14 +73,25 @@ class FolderSource:
         return taken
 
 
-class FarsSource:
-    """FARS national CSV files, in a folder or a zip."""
+class ReportTables(Protocol):
+    """What a package offers as a source of reports, opened at a location (entry points of the group
+    ``trace_dag.report_sources``: a class with ``open(location)``)."""
 
-    def __init__(self, path: Path) -> None:
-        from trace_dag.crash.fars_csv import FarsCsvSource
+    def listings(self) -> Iterable[CrashListing]:
+        """One line per crash there."""
+        ...
 
-        self.name = f"FARS CSV {path.name}"
-        self._tables = FarsCsvSource.open(path)
+    def reports(self, keys: Collection[str]) -> Iterable[tuple[str, bytes]]:
+        """Key and CrashAPI-shaped XML of the crashes asked for."""
+        ...
+
+
+class TableSource:
+    """A source of reports that a package offers under a name, such as ``fars-csv``: the national CSV files."""
+
+    def __init__(self, plugin: str, location: str) -> None:
+        self.name = f"{plugin} {Path(location).name}"
+        self._tables: ReportTables = load(PluginKind.REPORT_SOURCE, plugin).open(location)
 
     def offers(self, choice: Choice) -> list[CrashListing]:
         """See :class:`Source`."""

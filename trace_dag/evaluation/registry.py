@@ -6,15 +6,13 @@ import importlib
 import importlib.util
 import re
 from collections.abc import Callable
-from importlib import metadata
 from typing import Any
 
+from trace_dag import plugins
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.loop import described
-
-GROUP = "trace_dag.agents"
-"""The entry point group in which packages offer agents, ours and those of others."""
+from trace_dag.plugins import PluginKind
 
 BASELINES = ("replay", "brake", "idm", "cautious")
 
@@ -23,7 +21,7 @@ _REFERENCE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 def offered() -> dict[str, str]:
     """The agents that installed packages offer: ``module:Class`` by name."""
-    return {point.name: point.value for point in metadata.entry_points(group=GROUP)}
+    return {name: plugin.reference for name, plugin in plugins.offered(PluginKind.AGENT).items()}
 
 
 def resolve(agent: str) -> str:

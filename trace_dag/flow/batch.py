@@ -41,8 +41,9 @@ class _Crash:
 
 def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) -> Work:
     """What the workers of a run need to know."""
-    flow = workspace.flow
-    return Work(workspace.storage, workspace.settings, flow, run_id, Work.code_versions(flow), frozenset(force))
+    flow, settings = workspace.flow, workspace.settings
+    code = Work.code_versions(flow, settings)
+    return Work(workspace.storage, settings, flow, run_id, code, frozenset(force))
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:

@@ -31,7 +31,7 @@ from trace_dag.cohorts.services import Services
 from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.flow.artefacts import ARTEFACTS, Artefact
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.provenance import OutcomeRecord, artefact_name
+from trace_dag.provenance import OutcomeRecord, artefact_name, chosen_plugins
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -209,10 +209,11 @@ class Flow:
         names = [each.name for each in signature_of(definition.function).parameters]
         return {name: self.artefacts[name] for name in names if name in self.artefacts}
 
-    def code(self, definition: StageDefinition) -> CodeVersion:
-        """The version of the code that makes a stage: its function's module, and what reads its inputs."""
+    def code(self, definition: StageDefinition, settings: Settings) -> CodeVersion:
+        """The version of the code that makes a stage: its function's module, what reads its inputs, chosen plugins."""
         readers = {each.reader for each in self.inputs(definition).values() if each.reader}
-        return code_version(tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers))))
+        chosen = tuple(each.module for each in chosen_plugins(definition.section(settings)))
+        return code_version(tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers))), chosen)
 
     def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
         """A stage made for one crash."""

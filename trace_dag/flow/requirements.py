@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from trace_dag.roads.build import road_converter
 from trace_dag.settings import Settings
+from trace_dag.sim.backends import backend_factory
 
 
 def road_map(settings: Settings) -> None:
     """The converter the settings name has to be installed."""
-    if settings.roads.converter == "osm2odr":
-        from trace_dag.roads.from_osm.osm2odr import require_osm2odr
-
-        require_osm2odr()
+    road_converter(settings.roads).require()
 
 
 def simulation_log(settings: Settings) -> None:
     """The simulator the settings name has to be there."""
-    if settings.sim.backend == "carla":
-        from trace_dag.sim.carla_backend import require_carla
-
-        require_carla(settings.sim)
+    backend_factory(settings.sim).require(settings.sim)

@@ -68,9 +68,9 @@ class Work:
     force: frozenset[Stage] = frozenset()
 
     @staticmethod
-    def code_versions(flow: Flow) -> dict[Stage, CodeVersion]:
+    def code_versions(flow: Flow, settings: Settings) -> dict[Stage, CodeVersion]:
         """Code version of every stage of a flow, as this process has it."""
-        return {definition.stage: flow.code(definition) for definition in flow.stages}
+        return {definition.stage: flow.code(definition, settings) for definition in flow.stages}
 
 
 @dataclass(frozen=True)

@@ -41,15 +41,16 @@ from trace_dag.provenance import (
     artefact_name,
     now,
 )
+from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
 
 
-def get_ready(flow: Flow) -> None:
+def get_ready(flow: Flow, settings: Settings) -> None:
     """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version."""
     for definition in flow.stages:
-        flow.code(definition)
+        flow.code(definition, settings)
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 referred(reference)
@@ -59,7 +60,7 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     """Run the chunk's stages; one event for each crash and stage it got to, in order."""
     work = chunk.work
     for stage in chunk.stages:
-        here = work.flow.code(work.flow.definition(stage))
+        here = work.flow.code(work.flow.definition(stage), work.settings)
         if here != work.code[stage]:
             raise Failure(f"{stage}: this worker has code {here}, the run has {work.code[stage]}; update the workers")
     if chunk.again:

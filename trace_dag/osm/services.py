@@ -23,7 +23,7 @@ from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
 from trace_dag.osm.extraction import RawWay
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.osm.xml import read_osm
-from trace_dag.settings import OsmSettings
+from trace_dag.settings import OsmSettings, ServiceSettings
 
 OVERPASS_ENDPOINTS: Final = (
     "https://overpass-api.de/api/interpreter",
@@ -88,6 +88,24 @@ class OsmApiSource:
         corners = (box.west_deg, box.south_deg, box.east_deg, box.north_deg)
         bbox = ",".join(f"{corner:.7f}" for corner in corners)
         return self.http.get(f"{self.url}/map", {"bbox": bbox}, check=whats_wrong)
+
+
+class MapSourceFactory(Protocol):
+    """What a package offers as a map source (entry points of the group ``trace_dag.map_sources``)."""
+
+    def __call__(self, settings: ServiceSettings, http: HttpClient) -> MapSource:
+        """The source by the settings; all it asks goes through ``http``, which keeps the rate and the answers."""
+        ...
+
+
+def overpass_source(settings: ServiceSettings, http: HttpClient) -> OverpassSource:
+    """Overpass, at the endpoints of the settings."""
+    return OverpassSource(http, settings.overpass_urls or OVERPASS_ENDPOINTS)
+
+
+def osm_api_source(settings: ServiceSettings, http: HttpClient) -> OsmApiSource:
+    """The OSM API, at the address of the settings."""
+    return OsmApiSource(http, (settings.osm_api_url or OSM_API).rstrip("/"))
 
 
 class _Download(Protocol):

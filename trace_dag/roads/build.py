@@ -10,13 +10,13 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
+from trace_dag.plugins import PluginKind, load
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.placement import place_crash
-from trace_dag.roads.from_osm.convert import WayHints, convert
-from trace_dag.roads.from_osm.osm2odr import convert_with_osm2odr
-from trace_dag.roads.gates.gates import OSM2ODR_LIMITS, check_map, require
+from trace_dag.roads.from_osm.converter import Converter
+from trace_dag.roads.gates.gates import check_map, require
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
@@ -51,17 +51,17 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     if not settings.elevation:
         _reject_vertical_geometry(extract, frame, settings)
-    network = _convert(extract, frame, settings)
+    converter = road_converter(settings)
+    network = with_kinds(converter.convert(extract, frame, settings, {}), extract)
     placement = place_crash(network, record, settings)
     comparisons = compare(network, record, placement)
     filling = fill_gaps(network, extract, record, placement)
     if filling.attributes:
-        network = _convert(filling.extract, frame, settings, filling.hints)
+        network = with_kinds(converter.convert(filling.extract, frame, settings, filling.hints), filling.extract)
         placement = place_crash(network, record, settings)
         comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
     stored = StoredMap(write_opendrive(network, marks=settings.marks), name=f"road map of {record.key}")
-    limits = OSM2ODR_LIMITS if settings.converter == "osm2odr" else None
-    gates = check_map(network, filling.extract, stored, placement, limits=limits)
+    gates = check_map(network, filling.extract, stored, placement, limits=converter.limits)
     require(gates)
     report = MapReport(
         converter=network.converter,
@@ -79,12 +79,10 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
     return RoadMap(network, stored, report)
 
 
-def _convert(
-    extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: dict[int, WayHints] | None = None
-) -> RoadNetwork:
-    if settings.converter == "osm2odr":
-        return with_kinds(convert_with_osm2odr(extract, frame), extract)
-    return with_kinds(convert(extract, frame, settings, hints), extract)
+def road_converter(settings: RoadSettings) -> Converter:
+    """The converter the settings name. Raises :class:`trace_dag.errors.UserError` where it cannot be loaded."""
+    converter: Converter = load(PluginKind.CONVERTER, settings.converter)()
+    return converter
 
 
 def find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:

@@ -1,20 +1,21 @@
-"""The back-ends by their names in the settings."""
+"""The back-end that the settings name, among those that installed packages offer."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
+from trace_dag.plugins import PluginKind, load
 from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Backend
+from trace_dag.sim.types import Backend, BackendFactory
+
+
+def backend_factory(settings: SimSettings) -> BackendFactory:
+    """What makes the back-end. Raises :class:`trace_dag.errors.UserError` where it cannot be loaded."""
+    factory: BackendFactory = load(PluginKind.BACKEND, settings.backend)
+    return factory
 
 
 @lru_cache(maxsize=1)
 def backend(settings: SimSettings) -> Backend:
-    """The back-end the settings name, connected once per process; only that one is loaded."""
-    if settings.backend == "embedded":
-        from trace_dag.sim.embedded import EmbeddedBackend
-
-        return EmbeddedBackend(settings)
-    from trace_dag.sim.carla_backend import CarlaBackend
-
-    return CarlaBackend(settings)
+    """The back-end, connected once per process; only that one is loaded."""
+    return backend_factory(settings)(settings)

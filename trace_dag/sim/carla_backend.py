@@ -26,19 +26,6 @@ _TIMEOUT_S = 60.0
 _PROBE_TIMEOUT_S = 5.0
 
 
-def require_carla(settings: SimSettings) -> None:
-    """Raises :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
-    _carla_package()
-    host, port = settings.carla_host, settings.carla_port
-    try:
-        socket.create_connection((host, port), timeout=_PROBE_TIMEOUT_S).close()
-    except OSError as error:
-        raise UserError(
-            f"no CARLA server answers at {host}:{port} ({error}); start one, set sim.carla_host and sim.carla_port, "
-            "or use sim.backend = 'embedded'"
-        ) from error
-
-
 def _carla_package() -> Any:
     try:
         import carla
@@ -54,12 +41,26 @@ class CarlaBackend:
     """A connection to one CARLA server, made when the first map is loaded."""
 
     name = BACKEND_NAME
+    one_at_a_time = True
 
     def __init__(self, settings: SimSettings, module: Any = None) -> None:
         self._settings = settings
         self._carla = module
         self._client: Any = None
         self._version = ""
+
+    @staticmethod
+    def require(settings: SimSettings) -> None:
+        """Raises :class:`UserError` without the ``carla`` package, or where nothing listens at the server's address."""
+        _carla_package()
+        host, port = settings.carla_host, settings.carla_port
+        try:
+            socket.create_connection((host, port), timeout=_PROBE_TIMEOUT_S).close()
+        except OSError as error:
+            raise UserError(
+                f"no CARLA server answers at {host}:{port} ({error}); start one, set sim.carla_host and "
+                "sim.carla_port, or use sim.backend = 'embedded'"
+            ) from error
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
         """Build the server's world from the stored map, without walls at the roads' edges.

@@ -42,9 +42,14 @@ class EmbeddedBackend:
     """No connection to keep: loading a map samples its surface."""
 
     name = "embedded"
+    one_at_a_time = False
 
     def __init__(self, settings: SimSettings) -> None:
         self._settings = settings
+
+    @staticmethod
+    def require(settings: SimSettings) -> None:
+        """It needs nothing that is not installed with this package."""
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
         """Make a map's surface ready."""

@@ -13,6 +13,7 @@ from typing import Protocol
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.settings import SimSettings
 from trace_dag.sim.driving import Driver
 from trace_dag.states.types import Trajectory
 
@@ -165,3 +166,16 @@ class Backend(Protocol):
 
     def close(self) -> None:
         """Release everything; safe to call twice."""
+
+
+class BackendFactory(Protocol):
+    """What a package offers as a back-end, usually its class (entry points of the group ``trace_dag.backends``)."""
+
+    one_at_a_time: bool
+    """Whether only one process can use it: there is one server."""
+
+    def __call__(self, settings: SimSettings) -> Backend:
+        """The back-end by the settings; it connects when the first map is loaded."""
+
+    def require(self, settings: SimSettings) -> None:
+        """Raise :class:`trace_dag.errors.UserError` for what is not there, before anything runs."""

@@ -24,7 +24,7 @@ from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, 
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import now
 from trace_dag.settings import Settings
-from trace_dag.sim.backends import backend
+from trace_dag.sim.backends import backend, backend_factory
 from trace_dag.sim.types import Simulation
 from trace_dag.storage import Storage
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
@@ -114,8 +114,8 @@ def evaluate_agents(
     by_id = {case.case_id: case for case in cases}
     work = EvaluationWork(workspace.storage, workspace.settings, by_id, conditions)
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
-    one_server = workspace.settings.sim.backend == "carla"
-    workers = 1 if one_server else workspace.settings.execution.workers or available_cores()
+    one_at_a_time = backend_factory(workspace.settings.sim).one_at_a_time
+    workers = 1 if one_at_a_time else workspace.settings.execution.workers or available_cores()
     pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
         work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
     )

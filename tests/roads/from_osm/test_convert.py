@@ -10,7 +10,8 @@ import pytest
 
 from tests.roads.towns import FRAME, SETTINGS, Town
 from trace_dag.osm.types import OsmExtract, OsmMember, OsmRelation
-from trace_dag.roads.from_osm.convert import WayHints, convert
+from trace_dag.roads.from_osm.convert import convert
+from trace_dag.roads.from_osm.converter import WayHints
 from trace_dag.roads.gates.measures import link_gaps, one_sided_links, stranded_lanes
 from trace_dag.roads.map.model import ContactPoint, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork

@@ -15,7 +15,7 @@ from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.build import build_road_map
 from trace_dag.roads.from_osm import osm2odr
-from trace_dag.roads.gates.gates import OSM2ODR_LIMITS, check_map
+from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.stored_map import StoredMap
@@ -81,7 +81,9 @@ def test_its_maps_go_through_the_same_gates(site: tuple[OsmExtract, LocalFrame])
     assert sum(bool(road.highway) for road in streets) > 0.9 * len(streets)
     gates = {
         gate.name: gate
-        for gate in check_map(network, extract, StoredMap(write_opendrive(network)), limits=OSM2ODR_LIMITS)
+        for gate in check_map(
+            network, extract, StoredMap(write_opendrive(network)), limits=osm2odr.Osm2OdrConverter.limits
+        )
     }
     assert gates["carla_map"].passed
     assert gates["geodesic_distances"].passed, gates["geodesic_distances"]

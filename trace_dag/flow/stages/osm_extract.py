@@ -15,7 +15,7 @@ from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 
 if TYPE_CHECKING:
-    from trace_dag.cohorts.registry import MapServiceName, RegisteredMap
+    from trace_dag.cohorts.registry import RegisteredMap
     from trace_dag.cohorts.services import Services
     from trace_dag.crash.record import CrashRecord
     from trace_dag.settings import OsmSettings
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 def osm_extract(
     record: Mapping[str, CrashRecord],
     maps: Mapping[str, tuple[RegisteredMap, ...]],
-    map_service: Mapping[str, MapServiceName | None],
+    map_service: Mapping[str, str | None],
     services: Services,
     settings: OsmSettings,
 ) -> Mapping[str, StageProduct | Rejection | Failure]:
     """The roads around each crash, in one pass over each map file; where none covers it, from the cohort's service."""
     answers: dict[str, StageProduct | Rejection | Failure] = {}
-    by_maps: dict[tuple[tuple[RegisteredMap, ...], MapServiceName | None], list[Site]] = {}
+    by_maps: dict[tuple[tuple[RegisteredMap, ...], str | None], list[Site]] = {}
     for key, of_crash in record.items():
         site = Site(key, of_crash.latitude_deg, of_crash.longitude_deg)
         by_maps.setdefault((maps[key], map_service[key]), []).append(site)

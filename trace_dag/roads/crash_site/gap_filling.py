@@ -20,7 +20,7 @@ from trace_dag.roads.crash_site.agreement import CONTROL, LANES, LIMIT, SiteStre
 from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.driveways import add_driveways
 from trace_dag.roads.crash_site.reported_road import Control, Trafficway, control_of, trafficway_of
-from trace_dag.roads.from_osm.convert import WayHints
+from trace_dag.roads.from_osm.converter import WayHints
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement

@@ -10,7 +10,7 @@ in it; every junction gets a connecting road per permitted movement. The parts a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -21,6 +21,7 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.connecting_roads import build_connections
 from trace_dag.roads.from_osm.controllers import with_controllers
+from trace_dag.roads.from_osm.converter import MapLimits, WayHints
 from trace_dag.roads.from_osm.elevation import elevate
 from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, end_profile, lay_out
 from trace_dag.roads.from_osm.movements import (
@@ -46,12 +47,19 @@ _EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's oute
 _LANE_STEP_RATIO: Final = 5.2  # bends this much wider than the outermost lane's offset: all lanes near equal length
 
 
-@dataclass(frozen=True)
-class WayHints:
-    """What another source says of one way, used only where its tags are silent."""
+class NativeConverter:
+    """This module's conversion as a :class:`Converter`."""
 
-    lanes: int | None = None  # in all, both directions and centre turn lane included
-    speed_mps: float | None = None
+    limits = MapLimits()
+
+    def require(self) -> None:
+        """It needs nothing that is not installed with this package."""
+
+    def convert(
+        self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
+    ) -> RoadNetwork:
+        """See :func:`convert`."""
+        return convert(extract, frame, settings, hints)
 
 
 @no_garbage_collection()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import math
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ import shapely
 from trace_dag.errors import Failure, Reason, Rejection, UserError
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.xml import write_osm
+from trace_dag.roads.from_osm.converter import MapLimits, WayHints
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.map.model import (
     Connection,
@@ -37,6 +39,7 @@ from trace_dag.roads.map.model import (
 )
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.settings import RoadSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,6 +52,40 @@ _SAME_LINE_M: Final = 0.5  # two directions of one street share their reference 
 _ON_WAY_M: Final = 4.0
 _CENTRE_MARK: Final = RoadMark("broken", "yellow", "both")
 _LEGAL_CENTRE_MARK: Final = RoadMark("solid solid", "yellow", "none")
+
+
+_LIMITS: Final = MapLimits(
+    rule_violations=math.inf,
+    mean_way_deviation_m=1.0,
+    worst_way_deviation_m=math.inf,
+    share_within_1m=0.8,
+    ways_missing=math.inf,
+    lanes_against_tags=math.inf,
+    link_gap_m=math.inf,
+    link_kink_deg=math.inf,
+    turn_radius_m=0.0,
+    u_turn_radius_m=0.0,
+    shortest_element_m=0.0,
+    geodesic_m=10.0,
+    clearance_m=0.0,
+)
+"""What is asked of Osm2Odr's maps: flat, with kinks in roads and gaps at links, lanes of its own at ramps."""
+
+
+class Osm2OdrConverter:
+    """CARLA's Osm2Odr as a :class:`Converter`. It takes no hints: it reads the tags by itself."""
+
+    limits = _LIMITS
+
+    def require(self) -> None:
+        """Raises :class:`UserError` without the ``carla`` extra."""
+        require_osm2odr()
+
+    def convert(
+        self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
+    ) -> RoadNetwork:
+        """See :func:`convert_with_osm2odr`."""
+        return convert_with_osm2odr(extract, frame)
 
 
 def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:

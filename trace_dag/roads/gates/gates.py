@@ -9,16 +9,14 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from trace_dag.errors import Reason, Rejection
-from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
+from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
-from trace_dag.roads.map.curves import SHORTEST_ELEMENT_M
 from trace_dag.roads.report import CrashPlacement, MapGate
 
 if TYPE_CHECKING:
@@ -32,47 +30,6 @@ _ANCHORS: Final = 8
 _LEAST_ANCHORS: Final = 5
 _CRASH_GATE: Final = "crash_on_road"
 _CARLA_SPACING_M: Final = 10.0
-
-
-@dataclass(frozen=True)
-class MapLimits:
-    """Thresholds of the gates. The defaults are what the native converter guarantees; infinity measures only."""
-
-    rule_violations: float = 0
-    stored_difference_m: float = 1e-3
-    mean_way_deviation_m: float = 0.25
-    worst_way_deviation_m: float = 3.0  # of public ways; bends of driveways are sharper than a car can turn
-    share_within_1m: float = 0.9  # drawn corners cut by driveable bends: parking lots have most
-    ways_missing: float = 0
-    lanes_against_tags: float = 0.0  # share of tagged roads that differ
-    link_gap_m: float = 0.01  # as the official checker
-    link_kink_deg: float = 1.0
-    turn_radius_m: float = CORNER_RADIUS_M
-    u_turn_radius_m: float = TIGHTEST_RADIUS_M
-    shortest_element_m: float = SHORTEST_ELEMENT_M
-    geodesic_m: float = 1.0
-    grade: float = 0.08
-    ramp_grade: float = 0.12
-    clearance_m: float = 4.5
-    crash_outside_m: float = 0.01
-
-
-OSM2ODR_LIMITS: Final = MapLimits(
-    rule_violations=math.inf,
-    mean_way_deviation_m=1.0,
-    worst_way_deviation_m=math.inf,
-    share_within_1m=0.8,
-    ways_missing=math.inf,
-    lanes_against_tags=math.inf,
-    link_gap_m=math.inf,
-    link_kink_deg=math.inf,
-    turn_radius_m=0.0,
-    u_turn_radius_m=0.0,
-    shortest_element_m=0.0,
-    geodesic_m=10.0,
-    clearance_m=0.0,
-)
-"""What is asked of Osm2Odr's maps: flat, with kinks in roads and gaps at links, lanes of its own at ramps."""
 
 
 def check_map(

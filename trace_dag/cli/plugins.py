@@ -1,0 +1,29 @@
+"""What installed packages offer: ``plugins``."""
+
+from __future__ import annotations
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import print_table, write_json
+
+
+@click.command(epilog=examples("trace-dag plugins"))
+@click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
+def plugins(as_json: bool) -> None:
+    """List the back-ends, converters, estimators, agents and sources that can be chosen by name.
+
+    Any installed package can offer more, as entry points; the documentation says how.
+    """
+    from trace_dag.plugins import PluginKind, offered
+
+    rows = [
+        (kind.value.replace("_", " "), each.name, each.package, each.version, each.reference)
+        for kind in PluginKind
+        for each in offered(kind).values()
+    ]
+    names = ["kind", "name", "package", "version", "what it is"]
+    if as_json:
+        write_json([dict(zip(("kind", "name", "package", "version", "reference"), row, strict=True)) for row in rows])
+    else:
+        print_table(names, rows)

@@ -1,0 +1,83 @@
+"""What installed packages offer by name: back-ends, converters, estimators, agents, sources of reports and maps.
+
+Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same way.
+What a plugin of a kind has to be is said where it is used; see the page on extending in the documentation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from importlib import import_module, metadata
+from typing import Any
+
+from trace_dag.errors import UserError
+
+
+class PluginKind(StrEnum):
+    """The kinds of plugins; the value is the last part of the group of entry points."""
+
+    AGENT = "agents"
+    BACKEND = "backends"
+    CONVERTER = "converters"
+    ESTIMATOR = "estimators"
+    REPORT_SOURCE = "report_sources"
+    MAP_SOURCE = "map_sources"
+
+    @property
+    def group(self) -> str:
+        """The group of entry points."""
+        return f"trace_dag.{self.value}"
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """Something offered under a name: ``module:attribute``, and the package and version it comes with."""
+
+    kind: PluginKind
+    name: str
+    reference: str
+    package: str
+    version: str
+
+    @property
+    def module(self) -> str:
+        """The module it is in."""
+        return self.reference.partition(":")[0]
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is a part of this package."""
+        return self.module.partition(".")[0] == "trace_dag"
+
+
+@cache
+def offered(kind: PluginKind) -> dict[str, Plugin]:
+    """Everything of a kind that is installed, by name. Nothing of it is imported."""
+    found = {}
+    for point in metadata.entry_points(group=kind.group):
+        package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        found[point.name] = Plugin(kind, point.name, point.value, package, version)
+    return dict(sorted(found.items()))
+
+
+def plugin(kind: PluginKind, name: str) -> Plugin:
+    """What is offered under a name. Raises :class:`UserError` that names what there is."""
+    found = offered(kind).get(name)
+    if found is None:
+        raise UserError(
+            f"no {kind.value.replace('_', ' ').removesuffix('s')} {name!r} is installed; expected one of "
+            f"{', '.join(offered(kind))} (trace-dag plugins lists them)"
+        )
+    return found
+
+
+def load(kind: PluginKind, name: str) -> Any:
+    """What a plugin's reference names, its module imported. Raises :class:`UserError` where that cannot be done."""
+    found = plugin(kind, name)
+    module, _, attribute = found.reference.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{kind.value} {name} ({found.package} {found.version}) cannot be loaded: {error}") from error

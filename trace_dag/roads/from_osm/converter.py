@@ -1,0 +1,60 @@
+"""What a converter is: the road network it makes of an extract, and what may be asked of its maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.types import OsmExtract
+from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
+from trace_dag.roads.map.curves import SHORTEST_ELEMENT_M
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.settings import RoadSettings
+
+
+@dataclass(frozen=True)
+class MapLimits:
+    """Thresholds of the gates. The defaults are what the native converter guarantees; infinity measures only."""
+
+    rule_violations: float = 0
+    stored_difference_m: float = 1e-3
+    mean_way_deviation_m: float = 0.25
+    worst_way_deviation_m: float = 3.0  # of public ways; bends of driveways are sharper than a car can turn
+    share_within_1m: float = 0.9  # drawn corners cut by driveable bends: parking lots have most
+    ways_missing: float = 0
+    lanes_against_tags: float = 0.0  # share of tagged roads that differ
+    link_gap_m: float = 0.01  # as the official checker
+    link_kink_deg: float = 1.0
+    turn_radius_m: float = CORNER_RADIUS_M
+    u_turn_radius_m: float = TIGHTEST_RADIUS_M
+    shortest_element_m: float = SHORTEST_ELEMENT_M
+    geodesic_m: float = 1.0
+    grade: float = 0.08
+    ramp_grade: float = 0.12
+    clearance_m: float = 4.5
+    crash_outside_m: float = 0.01
+
+
+@dataclass(frozen=True)
+class WayHints:
+    """What another source says of one way, used only where its tags are silent."""
+
+    lanes: int | None = None  # in all, both directions and centre turn lane included
+    speed_mps: float | None = None
+
+
+class Converter(Protocol):
+    """A converter, offered as an entry point of the group ``trace_dag.converters``: a class without arguments."""
+
+    limits: MapLimits
+
+    def require(self) -> None:
+        """Raise :class:`trace_dag.errors.UserError` for what is not installed, before anything runs."""
+
+    def convert(
+        self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
+    ) -> RoadNetwork:
+        """The road network of an extract, in ``frame``; ``hints`` by OSM way id. Raises
+        :class:`trace_dag.errors.Rejection` (``map_distorted``) where nothing can be made of the extract."""
