@@ -1,0 +1,108 @@
+"""Plugins of other packages: found, listed, run, and part of what makes a result current."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from sample_runs import SAMPLE, reports_of, trace_dag
+
+from trace_dag.errors import UserError
+from trace_dag.plugins import PluginKind, load, offered
+from trace_dag.provenance import record_from_json
+
+KEY = "2023-319003"
+MODULE = '''
+from trace_dag.sim.embedded import EmbeddedBackend
+
+
+class Heavier(EmbeddedBackend):
+    """The embedded back-end under a name of its own."""
+
+    name = "elsewhere"
+    one_at_a_time = False
+
+
+class Broken:
+    """Cannot be used on this machine."""
+
+    @staticmethod
+    def require(settings):
+        from trace_dag.errors import UserError
+
+        raise UserError("the simulator elsewhere needs a licence")
+'''
+ENTRY_POINTS = """
+[trace_dag.backends]
+elsewhere = simulator_elsewhere:Heavier
+unlicensed = simulator_elsewhere:Broken
+gone = simulator_elsewhere:Nothing
+"""
+
+
+def install(folder: Path, version: str) -> dict[str, str]:
+    """A package as an installer leaves it, and the environment in which Python finds it."""
+    folder.mkdir(exist_ok=True)
+    (folder / "simulator_elsewhere.py").write_text(MODULE)
+    for old in folder.glob("*.dist-info"):
+        for file in old.iterdir():
+            file.unlink()
+        old.rmdir()
+    about = folder / f"simulator_elsewhere-{version}.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: simulator-elsewhere\nVersion: {version}\n")
+    (about / "entry_points.txt").write_text(ENTRY_POINTS)
+    return {"PYTHONPATH": os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])}
+
+
+def test_a_back_end_of_another_package_is_listed_run_and_part_of_the_fingerprint(tmp_path: Path) -> None:
+    root, elsewhere = tmp_path / "root", {"TRACE_DAG_SIM__BACKEND": "elsewhere", "TRACE_DAG_EXECUTION__WORKERS": "1"}
+    environment = install(tmp_path / "site", "1.2") | elsewhere
+    listed = json.loads(trace_dag(root, "plugins", "--json", **environment).stdout)
+    assert {
+        "kind": "backends",
+        "name": "elsewhere",
+        "package": "simulator-elsewhere",
+        "version": "1.2",
+        "reference": "simulator_elsewhere:Heavier",
+    } in listed
+    reports = reports_of(tmp_path / "reports", [KEY])
+    assert trace_dag(root, "ingest", "--reports", str(reports), "--maps", str(SAMPLE / "osm")).returncode == 0
+    assert trace_dag(root, "run", **environment).returncode == 0
+
+    def record():
+        name = f"simulation_log/{KEY}.outcome.json"
+        return record_from_json((root / name).read_bytes(), name=name)
+
+    assert record().provenance.libraries["simulator-elsewhere"] == "1.2"
+    environment = install(tmp_path / "site", "1.3") | elsewhere
+    assert trace_dag(root, "run", **environment).returncode == 0
+    assert record().provenance.libraries["simulator-elsewhere"] == "1.3"
+    unlicensed = trace_dag(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "unlicensed"})
+    assert (unlicensed.returncode, unlicensed.stderr.strip()) == (
+        2,
+        "trace-dag: the simulator elsewhere needs a licence",
+    )
+    gone = trace_dag(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "gone"})
+    assert gone.returncode == 2
+    assert "backends gone (simulator-elsewhere 1.3) cannot be loaded" in gone.stderr
+
+
+@pytest.mark.parametrize("kind", PluginKind)
+def test_what_is_ours_is_registered_like_what_is_not(kind: PluginKind) -> None:
+    assert {each.package for each in offered(kind).values() if each.is_ours} <= {"trace-dag"}
+    assert all(callable(load(kind, name)) for name in offered(kind))
+
+
+def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
+    with pytest.raises(UserError, match="no backend 'beamng' is installed; expected one of carla, embedded"):
+        load(PluginKind.BACKEND, "beamng")
+
+
+def test_a_setting_that_names_no_plugin_is_one_line(tmp_path: Path) -> None:
+    done = trace_dag(tmp_path, "run", TRACE_DAG_ROADS__CONVERTER="beamng")
+    assert done.returncode == 2
+    assert "setting roads.converter = 'beamng'" in done.stderr
+    assert "native, osm2odr" in done.stderr
