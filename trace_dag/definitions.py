@@ -11,6 +11,7 @@ from trace_dag.assets.checks import CHECKS
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.schedules import SCHEDULES
 from trace_dag.assets.sensors import SENSORS
+from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.flow.workspace import Workspace, storage_root
 
@@ -28,7 +29,7 @@ class WorkspaceResource(ConfigurableResource[Workspace]):
 def build_definitions(workspace: Any = None) -> Definitions:
     """The definitions, on a workspace, or by default on the one the environment names."""
     return Definitions(
-        assets=[crashes, warehouse, benchmark],
+        assets=[crashes, warehouse, benchmark, *STUDIES.values()],
         asset_checks=CHECKS,
         jobs=[*STAGE_JOBS, SUMMARY_JOB],
         sensors=[*SENSORS, *AFTER_RUNS],

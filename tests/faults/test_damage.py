@@ -14,6 +14,7 @@ from sample_runs import finished, trace_dag
 
 from trace_dag.benchmark.export import export, verified_keys
 from trace_dag.benchmark.release import build_release
+from trace_dag.benchmark.verify import repair_benchmark, verify_benchmark
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.ledgers import not_as_listed, read_ledger, read_listed, write_ledger
@@ -225,15 +226,15 @@ EVERYTHING = (
 def test_a_flipped_bit_in_any_kind_of_file_is_found_and_mended(root: Path) -> None:
     for name, _ in EVERYTHING[:-1]:
         flip(root / name)
-    report = verify_storage(Storage(root), root, contents=True)
-    found = {each.file: each.kind for each in report.disagreements}
+    storage = Storage(root)
+    report = verify_storage(storage, root, contents=True)
+    found = {each.file: each.kind for each in (*report.disagreements, *verify_benchmark(storage, contents=True))}
     assert {name: found.get(name) for name, _ in EVERYTHING[:-1]} == dict(EVERYTHING[:-1])
     flip(root / "ledgers/benchmark.json")
-    report = verify_storage(Storage(root), root, contents=True)
-    assert {each.file: each.kind for each in report.disagreements}[
-        "ledgers/benchmark.json"
-    ] is DisagreementKind.DAMAGED_PAGE
-    repair_storage(Storage(root), report)
+    (damaged,) = verify_benchmark(storage, contents=True)
+    assert (damaged.file, damaged.kind) == EVERYTHING[-1]
+    repair_storage(storage, report)
+    repair_benchmark(storage, [damaged])
     assert trace_dag(root, "run").returncode == 0
     done = trace_dag(root, "verify", "--contents")
     assert done.returncode == 0, done.stdout

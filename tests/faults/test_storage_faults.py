@@ -193,6 +193,6 @@ def test_a_report_kept_on_a_store_that_is_down_is_a_failure_and_no_rejection(sto
 
     flow = replace(fake_flow.FLOW, stages=(FLOW.definition(Stage.RAW_REPORT), *fake_flow.FLOW.stages[1:]))
     store.fault = down
-    events = list(replace(workspace, flow=flow).run(["2023-510030"], run_id="down", stages=[Stage.RAW_REPORT]))
+    events = list(run_stages(replace(workspace, flow=flow), ["2023-510030"], run_id="down", stages=[Stage.RAW_REPORT]))
     (record,) = [event.record for event in events]
     assert (record.outcome, record.transient) == (Outcome.FAILED, True)

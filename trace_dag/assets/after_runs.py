@@ -1,4 +1,4 @@
-"""After the last of a set of runs, what is made of all crashes together is brought up to date: once.
+"""After the last of a set of runs of stages or studies, the warehouse and the benchmark are brought up to date: once.
 
 A backfill over the whole graph builds it itself, after its last crash, if no crash failed; after a failure Dagster
 leaves out everything downstream, so that it is for the sensors to ask for it.
@@ -21,6 +21,7 @@ from dagster._core.storage.tags import BACKFILL_ID_TAG
 
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG
+from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.stage import Stage
 
@@ -36,7 +37,7 @@ _BROKEN_OFF = (
     BulkActionStatus.FAILING,
     BulkActionStatus.FAILED,
 )
-_STAGES = frozenset(stage.value for stage in Stage)
+_ENTER_TABLES = frozenset({*(stage.value for stage in Stage), *STUDIES})
 _STAGE_JOBS = frozenset(job.name for job in STAGE_JOBS)
 _INTERVAL_S = 10
 
@@ -45,8 +46,8 @@ def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
     run = context.dagster_run
     if PROCESS_TAG in run.tags:
         return SkipReason("The command that started this run builds the warehouse itself.")
-    if not _runs_stages(run):
-        return SkipReason("No stage was run.")
+    if not _changes_tables(run):
+        return SkipReason("No stage and no study was run.")
     if _others_to_come(context.instance, run):
         return SkipReason("More runs are to come; the last one brings everything up to date.")
     if _built_by_its_backfill(context.instance, run):
@@ -54,16 +55,16 @@ def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
     return RunRequest(run_key=run.run_id)
 
 
-def _runs_stages(run: DagsterRun) -> bool:
+def _changes_tables(run: DagsterRun) -> bool:
     # Runs of a job as it is, such as those a sensor or a schedule asks for, name no assets.
     if run.asset_selection is None:
         return run.job_name in _STAGE_JOBS
-    return any(key.to_user_string() in _STAGES for key in run.asset_selection)
+    return any(key.to_user_string() in _ENTER_TABLES for key in run.asset_selection)
 
 
 def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:
     waiting = instance.get_runs(RunsFilter(statuses=_UNFINISHED))
-    return any(other.run_id != run.run_id and _runs_stages(other) for other in waiting)
+    return any(other.run_id != run.run_id and _changes_tables(other) for other in waiting)
 
 
 def _built_by_its_backfill(instance: DagsterInstance, run: DagsterRun) -> bool:
@@ -75,7 +76,7 @@ def _built_by_its_backfill(instance: DagsterInstance, run: DagsterRun) -> bool:
     unsuccessful = RunsFilter(
         tags={BACKFILL_ID_TAG: backfill.backfill_id}, statuses=[DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
     )
-    return not any(_runs_stages(other) for other in instance.get_runs(unsuccessful))
+    return not any(_changes_tables(other) for other in instance.get_runs(unsuccessful))
 
 
 def _after(status: DagsterRunStatus, name: str, description: str) -> RunStatusSensorDefinition:

@@ -11,9 +11,9 @@ import click
 from trace_dag.cli.options import examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_told
+from trace_dag.cli.study import into_warehouse
 
 if TYPE_CHECKING:
-    from trace_dag.states.compare import EstimatorSummary
     from trace_dag.studies.truth import SampleTruth
 
 
@@ -56,27 +56,23 @@ def compare(
     from trace_dag.cli.complaints import Complaints
     from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.states.compare import summarise
     from trace_dag.studies.estimators import estimators_compared
-    from trace_dag.warehouse.build import build_warehouse
+    from trace_dag.studies.summaries import estimators_table
 
-    workspace = Workspace.open(root)
-    workspace = workspace.with_settings({"execution": execution_overrides(executor, workers)})
+    workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
     chosen = cohort or _only_cohort(list(workspace.registry.cohorts()), root)
     names = [name.strip() for name in estimators.split(",") if name.strip()]
     with progress_told("crashes") as tell:
         rows = estimators_compared(workspace, chosen, names, truth=_truth(truth, chosen), listener=tell)
     complaints = Complaints()
-    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    into_warehouse(workspace, complaints)
     for row in rows:
         if row.outcome == "failed":
             complaints.hear(Failure(f"{row.key} with {row.estimator}: {row.detail}"))
     if as_json:
         write_json([{"cohort": chosen, **asdict(row)} for row in rows])
         sys.exit(complaints.told())
-    columns = [_column(summary) for summary in summarise(rows)]
-    shown = [name for name in columns[0] if any(column[name] for column in columns)]
-    print_table(["", *names], [(name, *(column[name] for column in columns)) for name in shown])
+    print_table(*estimators_table(rows))
     sys.exit(complaints.told())
 
 
@@ -97,33 +93,3 @@ def _truth(given: Path | None, cohort: str) -> SampleTruth | None:
     if given is None and cohort == COHORT:
         given = sample_folder() / "truth.json"
     return load_truth(given) if given is not None else None
-
-
-def _column(summary: EstimatorSummary) -> dict[str, str]:
-    return {
-        "crashes": str(summary.crashes),
-        "estimated": str(summary.estimated),
-        "rejected": str(summary.rejected or ""),
-        "failed": str(summary.failed or ""),
-        "same approaches": _percent(summary.approach_agreement),
-        "same lanes": _percent(summary.lane_agreement),
-        "all checks passed": _percent(summary.all_checks_passed),
-        "accepted by the verdict": _percent(summary.accepted),
-        "answers per crash": "" if not summary.tokens else f"{summary.mean_attempts or 0:.2f}",
-        "fallbacks": str(summary.fallbacks or ""),
-        "tokens": f"{summary.tokens:,}" if summary.tokens else "",
-        "cost, USD": f"{summary.cost_usd:.4f}" if summary.tokens else "",
-        "true approaches": _percent(summary.approach_correct),
-        "true lanes": _percent(summary.lane_correct),
-        "impact point off, median m": _number(summary.median_impact_point_error_m),
-        "heading off, median degrees": _number(summary.median_heading_error_deg),
-        "initial position off, median m": _number(summary.median_initial_position_error_m),
-    }
-
-
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.1f} %"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,14 +10,13 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_told
+from trace_dag.cli.study import cohorts_of, into_warehouse, judged_by, of_each, rules_option
 
 if TYPE_CHECKING:
     from trace_dag.cli.complaints import Complaints
     from trace_dag.flow.workspace import Workspace
     from trace_dag.settings import RuleSetName
     from trace_dag.studies.perturbed import Request
-    from trace_dag.verdict.controls import ControlRow
-from trace_dag.cli.cohorts_compared import cohorts_of, judged_by, of_each, rules_option, workspace_of
 
 
 @click.command(
@@ -72,10 +70,11 @@ def controls(
     from dataclasses import asdict
 
     from trace_dag.cli.complaints import Complaints
+    from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.controls import negative_controls
-    from trace_dag.warehouse.build import build_warehouse
+    from trace_dag.studies.summaries import controls_table
 
-    workspace = workspace_of(root)
+    workspace = Workspace.open(root)
     complaints = Complaints()
     if perturbed:
         from trace_dag.studies.perturbed import MOST, Request
@@ -93,14 +92,11 @@ def controls(
             lambda name: negative_controls(workspace, name, most=most, tell=tell, complain=complaints.hear),
             complaints,
         )
-    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    into_warehouse(workspace, complaints)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         sys.exit(complaints.told())
-    print_table(
-        ["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"],
-        [line for name, rows in found.items() for line in _control_lines(name, rows)],
-    )
+    print_table(*controls_table(found))
     sys.exit(complaints.told())
 
 
@@ -118,9 +114,8 @@ def _perturbed(
 ) -> None:
     from dataclasses import asdict
 
-    from trace_dag.cli.perturbed import print_perturbed
     from trace_dag.studies.perturbed import perturbed_controls
-    from trace_dag.warehouse.build import build_warehouse
+    from trace_dag.studies.summaries import perturbed_table
 
     overrides: dict[str, Any] = {"execution": execution}
     workspace = workspace.with_settings(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
@@ -130,28 +125,10 @@ def _perturbed(
             lambda name: perturbed_controls(workspace, name, request, tell=tell, complain=complaints.hear),
             complaints,
         )
-    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    into_warehouse(workspace, complaints)
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         return
     for name, rows in found.items():
         click.echo(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
-        print_perturbed(rows)
-
-
-def _control_lines(cohort: str, rows: Sequence[ControlRow]) -> list[tuple[Any, ...]]:
-    differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
-    groups = (
-        ("its own report", [row for row in rows if row.kind == "true"]),
-        ("another crash's report", [row for row in rows if row.kind == "other_report"]),
-        ("another that says something else", differ),
-        ("its own, one vehicle late", [row for row in rows if row.kind == "shifted"]),
-    )
-    lines = []
-    for title, group in groups:
-        judged = [row for row in group if row.accepted is not None]
-        accepted = [row for row in judged if row.accepted]
-        kept = [row for row in accepted if row.speeds_kept is not False]
-        rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
-        lines.append((cohort, title, len(judged), len(accepted), *rates))
-    return lines
+        print_table(*perturbed_table(rows))

@@ -13,6 +13,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
+from trace_dag.cli.study import into_warehouse
 
 if TYPE_CHECKING:
     from trace_dag.evaluation.table import Row
@@ -99,11 +100,9 @@ def evaluate(
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
     from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
-    from trace_dag.warehouse.build import build_warehouse
 
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
-    workspace = Workspace.open(root)
-    workspace = workspace.with_settings({"execution": {"workers": workers} if workers else {}})
+    workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     complaints = Complaints()
     cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
     if variations:
@@ -125,7 +124,7 @@ def evaluate(
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
             complain=complaints.hear,
         )
-    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    into_warehouse(workspace, complaints)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     if as_json:
         write_json(rows)
@@ -143,20 +142,9 @@ def _classes(warehouse: Path, dimension: str) -> dict[str, str]:
 
 def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> None:
     """How often each agent did what, in all and by class of crash; and what faulty ones did."""
-    from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
+    from trace_dag.studies.summaries import evaluations_table
 
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row["agent"], "all"), []).append(row)
-    for row in sorted(rows, key=class_of):
-        groups.setdefault((row["agent"], class_of(row)), []).append(row)
-    order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
-    lines = []
-    for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
-        counts = Counter(row["outcome"] for row in members)
-        off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
-        lines.append((agent, group.replace("_", " "), len(members), *(counts[each] for each in DriveOutcome), off_road))
-    print_table(["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"], lines)
+    print_table(*evaluations_table(rows, class_of, dimension))
     faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])
     for (agent, fault), count in faults.most_common(_FAULTS_SHOWN):
         click.echo(f"{agent} faulty in {count}: {fault}", err=True)

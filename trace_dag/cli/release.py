@@ -11,6 +11,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.progress import progress_told
+from trace_dag.cli.study import into_warehouse
 
 if TYPE_CHECKING:
     from trace_dag.scenario.release import ArchiveFormat
@@ -43,12 +44,11 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
     from trace_dag.benchmark.release import build_release, check_version
     from trace_dag.cli.complaints import Complaints
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.build import build_warehouse
 
     check_version(version)
     workspace, complaints = Workspace.open(root), Complaints()
     verified_keys(workspace, cohort, complain=complaints.hear)  # says so if there is none to release
-    built = build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    built = into_warehouse(workspace, complaints)
     with progress_told("pages, then packages") as tell:
         made = build_release(
             replace(workspace, page_listener=tell),

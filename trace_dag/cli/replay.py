@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
 from trace_dag.cli.options import examples
-
-if TYPE_CHECKING:
-    pass
-from trace_dag.cli.cohorts_compared import workspace_of
 
 
 @click.command(
@@ -49,11 +45,12 @@ def replay(
     output: Path | None,
 ) -> None:
     """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
+    from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole
     from trace_dag.studies.replays import replay as made_of
     from trace_dag.studies.replays import replay_with
 
-    workspace = workspace_of(root)
+    workspace = Workspace.open(root)
     if agent is None:
         content = made_of(workspace, key, replay_format)
     else:

@@ -11,6 +11,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
+from trace_dag.cli.study import into_warehouse
 
 
 @click.command(
@@ -64,15 +65,14 @@ def vary(
     from trace_dag.scenario.package import zip_files
     from trace_dag.studies.cases import stored_variations, verified_cases
     from trace_dag.studies.stored_variations import FamilyRequest
+    from trace_dag.studies.summaries import families_table
     from trace_dag.studies.variations import make_families, package_of
     from trace_dag.variations.family import Criteria
     from trace_dag.variations.perturbation import Bounds
-    from trace_dag.warehouse.build import build_warehouse
 
     if not (0 <= speed_rel < 1 and 0 < friction_low <= 1 and min(timing_s, lateral_m, reaction_s) >= 0):
         raise UserError("--speed is from 0 to 1, --friction above 0 to 1, --timing, --lateral and --reaction 0 or more")
-    workspace = Workspace.open(root)
-    workspace = workspace.with_settings({"execution": {"workers": workers} if workers else {}})
+    workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     complaints = Complaints()
     cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
     request = FamilyRequest(
@@ -83,17 +83,12 @@ def vary(
     )
     with progress_of("families", len(cases)) as tell:
         reports = make_families(workspace, cases, request, tell=lambda report: tell(report.key))
-    build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)
+    into_warehouse(workspace, complaints)
     kept = sum(report.kept for report in reports)
     if as_json:
         write_json([asdict(report) for report in reports])
     else:
-        near_misses = sum(report.near_misses for report in reports)
-        drawn = sum(report.drawn for report in reports)
-        print_table(
-            ["crashes", "variations", "collisions", "near misses", "drawn"],
-            [(len(reports), kept, kept - near_misses, near_misses, drawn)],
-        )
+        print_table(*families_table(reports))
     for report in reports:
         if report.error:
             complaints.hear(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))

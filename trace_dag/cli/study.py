@@ -1,4 +1,4 @@
-"""What ``controls`` and ``peer`` share: the cohorts they look at, and the rules they judge by."""
+"""What the commands share that ask something of stored crashes: cohorts, rules, and where their results go."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from trace_dag.cli.complaints import Complaints
     from trace_dag.flow.workspace import Workspace
     from trace_dag.settings import RuleSetName
+    from trace_dag.warehouse.build import BuildReport
 
 
 Found = TypeVar("Found")
@@ -23,12 +24,6 @@ rules_option = click.option(
 
 def judged_by(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
     return workspace.with_settings({"verdict": {"rule_set": rules}} if rules else {})
-
-
-def workspace_of(root: str) -> Workspace:
-    from trace_dag.flow.workspace import Workspace
-
-    return Workspace.open(root)
 
 
 def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
@@ -58,3 +53,10 @@ def of_each(cohorts: Sequence[str], compared: Callable[[str], Found], complaints
         complaints.told()  # why there is nothing
         raise complaint
     return found
+
+
+def into_warehouse(workspace: Workspace, complaints: Complaints) -> BuildReport:
+    """Build the warehouse anew with the results just stored; ``complaints`` hears of what had to be left out."""
+    from trace_dag.warehouse.build import build_warehouse
+
+    return build_warehouse(workspace.storage, workspace.local_folder, complain=complaints.hear)

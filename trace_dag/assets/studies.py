@@ -1,0 +1,270 @@
+"""Studies as assets: questions over stored crashes, asked from the UI, with their tables to look at.
+
+Each is unpartitioned and has the options of its command as configuration. After a run of one, the warehouse is brought
+up to date like after runs of stages (:mod:`trace_dag.assets.after_runs`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dagster import AssetExecutionContext, AssetsDefinition, Config, Failure, MaterializeResult, MetadataValue, asset
+from pydantic import Field
+
+from trace_dag.assets.metadata import markdown_table
+from trace_dag.assets.specs import OWNERS
+from trace_dag.benchmark.release import build_release
+from trace_dag.errors import Failure as BrokenPart
+from trace_dag.errors import UserError
+from trace_dag.evaluation.evaluate import Conditions
+from trace_dag.evaluation.observation import Sensing
+from trace_dag.evaluation.registry import BASELINES
+from trace_dag.flow.workspace import Workspace
+from trace_dag.stage import Stage
+from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
+from trace_dag.studies.controls import negative_controls
+from trace_dag.studies.estimators import estimators_compared
+from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
+from trace_dag.studies.peer import published_comparison
+from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
+from trace_dag.studies.stored_variations import FamilyRequest
+from trace_dag.studies.summaries import (
+    StudyTable,
+    controls_table,
+    estimators_table,
+    evaluations_table,
+    families_table,
+    peer_table,
+    perturbed_table,
+)
+from trace_dag.studies.truth import load_truth
+from trace_dag.studies.variations import make_families
+
+GROUP = "studies"
+_LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not take part
+
+
+class CohortConfig(Config):
+    """Which crashes."""
+
+    cohort: str = Field(default="", description="Only this cohort; empty: each by itself.")
+
+
+class ControlsConfig(CohortConfig):
+    """How controls are drawn."""
+
+    most: int = Field(default=500, description="Of a larger cohort, so many crashes drawn at random.")
+
+
+class PerturbedConfig(CohortConfig):
+    """Which reports are changed, and how."""
+
+    most: int = Field(default=MOST, description="Of a larger cohort, so many crashes drawn at random.")
+    kinds: list[str] = Field(default_factory=list, description="Only these changes; * and ? match.")
+    draws: int = Field(default=1, description="Of each change that is drawn.")
+    seed: int = Field(default=1, description="Of the draws.")
+
+
+class PeerConfig(CohortConfig):
+    """Where the other benchmark lies."""
+
+    folder: str = Field(description="The published benchmark: a folder with simulations/ and maps/.")
+
+
+class EstimatorsConfig(CohortConfig):
+    """Which estimators."""
+
+    estimators: list[str] = Field(default=["analytic", "llm"], description="As trace-dag compare names them.")
+    truth: str = Field(default="", description="A truth.json to measure against.")
+
+
+class EvaluationsConfig(CohortConfig):
+    """Which agents, and what they see."""
+
+    agents: list[str] = Field(default=list(BASELINES), description="Names, or module:Class.")
+    ego: list[str] = Field(default=["first", "second"], description="Whose place: first, second, striking, struck.")
+    variations: bool = Field(default=False, description="In the stored variations instead of the crashes.")
+    rate_hz: float = Field(default=20.0, description="How often they act.")
+    range_m: float = Field(default=150.0, description="How far they see.")
+    noise_m: float = Field(default=0.0, description="Standard deviation of the positions they see.")
+    occlusion: bool = Field(default=False, description="They do not see whom another body hides.")
+    seed: int = Field(default=1, description="Of the noise.")
+
+
+class VariationsConfig(CohortConfig):
+    """How many variations."""
+
+    count: int = Field(default=10, description="Variations of each crash.")
+    seed: int = Field(default=1, description="The same crash and seed give the same variations.")
+
+
+class ReleaseConfig(CohortConfig):
+    """What is released, and where to."""
+
+    version: str = Field(description="Such as 1.0.")
+    output: str = Field(description="The folder that the release is written into.")
+
+
+@contextmanager
+def _failing_in_a_line() -> Iterator[None]:
+    """What nobody can do anything about by trying again is the run's failure, in its own words."""
+    try:
+        yield
+    except (UserError, BrokenPart) as error:
+        raise Failure(str(error), allow_retries=False) from error
+
+
+def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Callable[[Any], AssetsDefinition]:
+    return asset(
+        deps=list(deps),
+        group_name=GROUP,
+        kinds={"duckdb"},
+        owners=OWNERS,
+        required_resource_keys={"workspace"},
+        description=description,
+    )
+
+
+def _cohorts(workspace: Workspace, cohort: str) -> list[str]:
+    return [workspace.registry.cohort(cohort).name] if cohort else list(workspace.registry.cohorts())
+
+
+def _cases(workspace: Workspace, cohort: str, left_out: list[str]) -> list[StoredCase]:
+    return verified_cases(workspace, cohort or None, (), complain=lambda failure: left_out.append(str(failure)))
+
+
+def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> MaterializeResult[Any]:
+    metadata: dict[str, Any] = {
+        "table": MetadataValue.md(markdown_table(table.names, table.rows)),
+        "dagster/row_count": len(table.rows),
+        **figures,
+    }
+    if left_out:
+        metadata[_LEFT_OUT] = MetadataValue.json(list(left_out))
+    return MaterializeResult(metadata=metadata)
+
+
+@_study("Verdicts against other crashes' reports and with one vehicle late: what an accepted crash is worth.")
+def controls(context: AssetExecutionContext, config: ControlsConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag controls``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    with _failing_in_a_line():
+        found = {
+            name: negative_controls(
+                workspace, name, most=config.most, complain=lambda failure: left_out.append(str(failure))
+            )
+            for name in _cohorts(workspace, config.cohort)
+        }
+    return _result(controls_table(found), left_out)
+
+
+@_study("Verified crashes, each with one thing of its report changed, through all stages again.")
+def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag controls --perturbed``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    request = Request(config.most, (), tuple(config.kinds), config.draws, config.seed)
+    with _failing_in_a_line():
+        rows = [
+            row
+            for name in _cohorts(workspace, config.cohort)
+            for row in perturbed_controls(
+                workspace, name, request, complain=lambda failure: left_out.append(str(failure))
+            )
+        ]
+    return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
+
+
+@_study("A published benchmark's scenarios on its own maps, judged by the same rules, beside ours.")
+def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag peer``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    with _failing_in_a_line():
+        compared = [
+            published_comparison(
+                workspace, name, Path(config.folder), complain=lambda failure: left_out.append(str(failure))
+            )
+            for name in _cohorts(workspace, config.cohort)
+        ]
+    left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
+    return _result(peer_table([row for each in compared for row in each.rows]), left_out)
+
+
+@_study("Estimators side by side on the same mapped crashes.", deps=[Stage.ROAD_MAP.value])
+def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag compare``."""
+    workspace: Workspace = context.resources.workspace
+    with _failing_in_a_line():
+        truth = load_truth(Path(config.truth)) if config.truth else None
+        rows = [
+            row
+            for name in _cohorts(workspace, config.cohort)
+            for row in estimators_compared(workspace, name, config.estimators, truth=truth)
+        ]
+    failed = [f"{row.key} with {row.estimator}: {row.detail}" for row in rows if row.outcome == "failed"]
+    return _result(estimators_table(rows), failed)
+
+
+@_study("Families of the verified crashes: perturbed, simulated, kept where they are still a conflict.")
+def variations(context: AssetExecutionContext, config: VariationsConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag vary``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    with _failing_in_a_line():
+        cases = _cases(workspace, config.cohort, left_out)
+        reports = make_families(workspace, cases, FamilyRequest(config.count, config.seed))
+    left_out += [f"{each.key}: {each.error.strip().splitlines()[-1]}" for each in reports if each.error]
+    return _result(families_table(reports), left_out)
+
+
+@_study("Agents in the place of a crash's drivers.", deps=[Stage.VERDICT.value, "variations"])
+def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag evaluate``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    with _failing_in_a_line():
+        cases = _cases(workspace, config.cohort, left_out)
+        if config.variations:
+            cases = stored_variations(workspace, cases, complain=lambda failure: left_out.append(str(failure)))
+        limits = Limits()
+        try_agents(config.agents, limits)
+        rows = evaluate_agents(
+            workspace,
+            cases,
+            config.agents,
+            [AgentRole(role) for role in config.ego],
+            Conditions(config.rate_hz, Sensing(config.range_m, config.noise_m, config.occlusion), config.seed),
+            limits,
+            complain=lambda failure: left_out.append(str(failure)),
+        )
+    return _result(evaluations_table(rows, lambda row: row["outcome"], "outcome"), left_out)
+
+
+@_study("A version of the benchmark to publish.", deps=["benchmark"])
+def release(context: AssetExecutionContext, config: ReleaseConfig) -> MaterializeResult[Any]:
+    """As ``trace-dag release``."""
+    workspace: Workspace = context.resources.workspace
+    left_out: list[str] = []
+    with _failing_in_a_line():
+        made = build_release(
+            workspace,
+            config.version,
+            Path(config.output),
+            cohort=config.cohort or None,
+            complain=lambda failure: left_out.append(str(failure)),
+        )
+    if made.missing:
+        raise Failure(
+            f"{made.missing} crashes are missing, so {made.folder} is not finished: {'; '.join(left_out[:10])}"
+        )
+    table = StudyTable(["folder", "packages", "files written"], [(str(made.folder), made.packages, made.written)])
+    return _result(table, left_out, folder=MetadataValue.path(str(made.folder)))
+
+
+STUDIES: Mapping[str, AssetsDefinition] = {
+    each.key.to_user_string(): each
+    for each in (controls, perturbed, peer, estimators, variations, evaluations, release)
+}

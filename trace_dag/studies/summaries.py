@@ -1,0 +1,151 @@
+"""The table that people read of each study, for the terminal and for the UI."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
+from trace_dag.evaluation.table import Row
+from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
+from trace_dag.studies.perturbed import PerturbedRow
+from trace_dag.studies.variations import FamilyReport
+from trace_dag.verdict.controls import ControlRow
+from trace_dag.verdict.peer import ComparisonRow
+from trace_dag.verdict.perturbed.kinds import KINDS
+from trace_dag.verdict.types import Grade
+
+
+class StudyTable(NamedTuple):
+    """Names of columns, and rows of cells."""
+
+    names: list[str]
+    rows: list[tuple[Any, ...]]
+
+
+def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
+    """How many verdicts accept a crash's own report, others', and its own with one vehicle late, by cohort."""
+    lines: list[tuple[Any, ...]] = []
+    for cohort, rows in found.items():
+        differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
+        groups = (
+            ("its own report", [row for row in rows if row.kind == "true"]),
+            ("another crash's report", [row for row in rows if row.kind == "other_report"]),
+            ("another that says something else", differ),
+            ("its own, one vehicle late", [row for row in rows if row.kind == "shifted"]),
+        )
+        for title, group in groups:
+            judged = [row for row in group if row.accepted is not None]
+            accepted = [row for row in judged if row.accepted]
+            kept = [row for row in accepted if row.speeds_kept is not False]
+            rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
+            lines.append((cohort, title, len(judged), len(accepted), *rates))
+    return StudyTable(["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"], lines)
+
+
+def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
+    """A line per perturbation: changed reports judged, verified, corroborated, and accepted of the crash's own
+    simulation."""
+    lines: list[tuple[Any, ...]] = []
+    for name, kind in KINDS.items():
+        of_kind = [row for row in rows if row.perturbation == name]
+        if not of_kind:
+            continue
+        judged = [row for row in of_kind if row.accepted is not None]
+        own = [row.own_accepted for row in of_kind if row.own_accepted is not None]
+        corroborated = sum(row.grade == Grade.CORROBORATED for row in judged)
+        accepted = sum(bool(row.accepted) for row in judged)
+        crashes = len({row.key for row in of_kind})
+        lines.append((name, kind.title, crashes, len(judged), accepted, corroborated, f"{sum(own)} of {len(own)}"))
+    return StudyTable(["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"], lines)
+
+
+def peer_table(rows: Sequence[ComparisonRow]) -> StudyTable:
+    """Both benchmarks side by side, a column each."""
+    names = sorted({row.benchmark for row in rows})
+    columns = [_peer_column([row for row in rows if row.benchmark == name]) for name in names]
+    return StudyTable(["", *names], [(title, *(column[title] for column in columns)) for title in columns[0]])
+
+
+def estimators_table(rows: Sequence[EstimatorRow]) -> StudyTable:
+    """Estimators side by side, a column each; lines that say nothing of any are left out."""
+    summaries = summarise(rows)
+    columns = [_estimator_column(summary) for summary in summaries]
+    shown = [name for name in columns[0] if any(column[name] for column in columns)]
+    return StudyTable(
+        ["", *(summary.estimator for summary in summaries)],
+        [(name, *(column[name] for column in columns)) for name in shown],
+    )
+
+
+def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
+    """How often each agent did what, in all and by class of crash."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["agent"], "all"), []).append(row)
+    for row in sorted(rows, key=class_of):
+        groups.setdefault((row["agent"], class_of(row)), []).append(row)
+    order = {name: index for index, name in enumerate(dict.fromkeys(row["agent"] for row in rows))}
+    lines: list[tuple[Any, ...]] = []
+    for (agent, group), members in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1] != "all")):
+        counts = Counter(row["outcome"] for row in members)
+        off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
+        lines.append((agent, group.replace("_", " "), len(members), *(counts[each] for each in DriveOutcome), off_road))
+    return StudyTable(["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"], lines)
+
+
+def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
+    """How many variations were kept, of how many drawn."""
+    kept, near_misses = sum(each.kept for each in reports), sum(each.near_misses for each in reports)
+    drawn = sum(each.drawn for each in reports)
+    return StudyTable(
+        ["crashes", "variations", "collisions", "near misses", "drawn"],
+        [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+    )
+
+
+def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
+    def share(good: Sequence[bool | None]) -> str:
+        known = [each for each in good if each is not None]
+        return f"{sum(known)} of {len(known)}"
+
+    return {
+        "crashes": str(len(rows)),
+        "contact": share([row.contact for row in rows]),
+        "first contact within the threshold": share([row.within_distance for row in rows]),
+        "impacts as reported": share([bool(row.clocks_ok) for row in rows]),
+        "both": share([row.within_distance and bool(row.clocks_ok) for row in rows]),
+        "both speeds kept, where both are reported": share([row.speeds_kept for row in rows]),
+        "accepted": share([row.accepted for row in rows]),
+    }
+
+
+def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:
+    return {
+        "crashes": str(summary.crashes),
+        "estimated": str(summary.estimated),
+        "rejected": str(summary.rejected or ""),
+        "failed": str(summary.failed or ""),
+        "same approaches": _percent(summary.approach_agreement),
+        "same lanes": _percent(summary.lane_agreement),
+        "all checks passed": _percent(summary.all_checks_passed),
+        "accepted by the verdict": _percent(summary.accepted),
+        "answers per crash": "" if not summary.tokens else f"{summary.mean_attempts or 0:.2f}",
+        "fallbacks": str(summary.fallbacks or ""),
+        "tokens": f"{summary.tokens:,}" if summary.tokens else "",
+        "cost, USD": f"{summary.cost_usd:.4f}" if summary.tokens else "",
+        "true approaches": _percent(summary.approach_correct),
+        "true lanes": _percent(summary.lane_correct),
+        "impact point off, median m": _number(summary.median_impact_point_error_m),
+        "heading off, median degrees": _number(summary.median_heading_error_deg),
+        "initial position off, median m": _number(summary.median_initial_position_error_m),
+    }
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.1f} %"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
