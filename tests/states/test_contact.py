@@ -10,8 +10,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trace_dag.geometry import Pose, contact_clock_h, rectangle_corners
-from trace_dag.states.contact import Mover, first_contacts, separation_m
+from trace_dag.geometry import Pose, contact_clock_h, gaps_m, rectangle_corners
+from trace_dag.states.contact import Mover, first_contacts
 from trace_dag.states.paths import TurnShape, straight, turned
 from trace_dag.units import bearing_to_clock_h, clock_difference_h
 
@@ -30,7 +30,7 @@ widths = st.floats(0.7, 2.6)
 def test_separation_has_the_sign_shapely_finds(x, y, heading, length_1, width_1, length_2, width_2):
     zero = np.zeros(1)
     gap = float(
-        separation_m(
+        gaps_m(
             (zero, zero, zero),
             (length_1, width_1),
             (np.array([x]), np.array([y]), np.array([heading])),

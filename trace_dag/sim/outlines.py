@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from trace_dag.geometry import face_axes
+
 PATCH_DEPTH_M = 0.03
 """Depth of outline that counts as touching. Two flat boxes touch at a corner however small the angle between their
 faces; faces of vehicles are round and give way, and what lies this close to the other body is engaged: faces within
@@ -23,6 +25,11 @@ class Outline(NamedTuple):
     half_length_m: float
     half_width_m: float
 
+    @property
+    def ahead(self) -> tuple[float, float]:
+        """Unit vector along its length."""
+        return math.cos(self.heading_rad), math.sin(self.heading_rad)
+
     def grown(self, by_m: float) -> Outline:
         """The same rectangle with every face moved outward."""
         return Outline(self.x_m, self.y_m, self.heading_rad, self.half_length_m + by_m, self.half_width_m + by_m)
@@ -31,21 +38,13 @@ class Outline(NamedTuple):
 def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
     """Gap (m, negative when they overlap) along the axis that separates them most, and that axis, from one to two.
 
-    Separating axis theorem over the four face normals; the sign is exact, the gap between two corners a lower bound.
+    The sign is exact, the gap between two corners a lower bound.
     """
     dx, dy = two.x_m - one.x_m, two.y_m - one.y_m
-    c1, s1 = math.cos(one.heading_rad), math.sin(one.heading_rad)
-    c2, s2 = math.cos(two.heading_rad), math.sin(two.heading_rad)
-    dot, cross = abs(c1 * c2 + s1 * s2), abs(c1 * s2 - s1 * c2)
     best, nx, ny = -math.inf, 1.0, 0.0
-    for ax, ay, half_1, half_2 in (
-        (c1, s1, one.half_length_m, two.half_length_m * dot + two.half_width_m * cross),
-        (-s1, c1, one.half_width_m, two.half_length_m * cross + two.half_width_m * dot),
-        (c2, s2, two.half_length_m, one.half_length_m * dot + one.half_width_m * cross),
-        (-s2, c2, two.half_width_m, one.half_length_m * cross + one.half_width_m * dot),
-    ):
+    for ax, ay, own_m, other_m in face_axes(one.ahead, one[3:], two.ahead, two[3:]):
         along = dx * ax + dy * ay
-        gap = abs(along) - half_1 - half_2
+        gap = abs(along) - own_m - other_m
         if gap > best:
             best = gap
             nx, ny = (ax, ay) if along >= 0 else (-ax, -ay)

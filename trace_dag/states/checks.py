@@ -12,7 +12,7 @@ import numpy as np
 
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import VehicleRecord
-from trace_dag.states.contact import separation_m
+from trace_dag.geometry import gaps_m
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import starts
 from trace_dag.states.types import EstimateCheck, Manoeuvre, ParticipantState
@@ -75,7 +75,7 @@ def _contact(participants: tuple[ParticipantState, ...], lead_time_s: float) -> 
         (each.trajectory.x_m[until], each.trajectory.y_m[until], each.trajectory.heading_rad[until])
         for each in (one, two)
     )
-    gap = separation_m(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
+    gap = gaps_m(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
     before = float(gap[:impact].min()) if impact else 0.0
     at = float(gap[impact])
     return [

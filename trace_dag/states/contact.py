@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trace_dag.geometry import FloatArray
+from trace_dag.geometry import FloatArray, Poses, gaps_m
 from trace_dag.states.paths import Path
 
 TOUCH_M = 0.10  # corners this close belong to the contact: parallel faces touch along a patch, and bodies give a little
@@ -70,32 +70,6 @@ class Contacts:
         return len(self.time_1_s)
 
 
-State = tuple[FloatArray, FloatArray, FloatArray]
-
-
-def separation_m(
-    state_1: State, size_1: tuple[float, float], state_2: State, size_2: tuple[float, float]
-) -> FloatArray:
-    """Separating-axis distance of rectangles (length, width): positive apart, negative overlapping, zero touching.
-
-    Exact in sign; where two corners face each other it is less than the Euclidean distance.
-    """
-    x1, y1, h1 = state_1
-    x2, y2, h2 = state_2
-    a1, b1 = size_1[0] / 2, size_1[1] / 2
-    a2, b2 = size_2[0] / 2, size_2[1] / 2
-    dx, dy = x2 - x1, y2 - y1
-    c1, s1, c2, s2 = np.cos(h1), np.sin(h1), np.cos(h2), np.sin(h2)
-    c, s = np.abs(c1 * c2 + s1 * s2), np.abs(s1 * c2 - c1 * s2)
-    first = np.maximum(
-        np.abs(dx * c1 + dy * s1) - (a1 + a2 * c + b2 * s), np.abs(dy * c1 - dx * s1) - (b1 + a2 * s + b2 * c)
-    )
-    second = np.maximum(
-        np.abs(dx * c2 + dy * s2) - (a2 + a1 * c + b1 * s), np.abs(dy * c2 - dx * s2) - (b2 + a1 * s + b1 * c)
-    )
-    return np.asarray(np.maximum(first, second))
-
-
 def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0) -> Contacts:
     """First contacts for ``timings`` ways of one being ahead of the other, around both reaching their station at once.
 
@@ -124,7 +98,7 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     width = np.full(len(rows), step)
     for _ in range(5):  # multisection: each round narrows the bracket eightfold, to a few micrometres
         inner = last_apart[:, None] + width[:, None] * np.arange(1, 9)[None, :] / 8
-        gap = separation_m(one.at(inner + ahead[rows, None] / 2), size_1, two.at(inner - ahead[rows, None] / 2), size_2)
+        gap = gaps_m(one.at(inner + ahead[rows, None] / 2), size_1, two.at(inner - ahead[rows, None] / 2), size_2)
         first = np.argmax(gap <= 0, axis=1)
         first = np.where((gap <= 0).any(axis=1), first, 7)
         width = width / 8
@@ -149,7 +123,7 @@ def _first_touching(
     row, block = np.nonzero(np.hypot(x_2 - x_1, y_2 - y_1) <= (one.reach_m + two.reach_m + travel_m) * _PATHS_BEND)
     column = np.minimum(block[:, None] * _STEPS_AT_ONCE + np.arange(_STEPS_AT_ONCE), len(time_s) - 1)
     fine_s, half_s = time_s[column], half_s[row]
-    gap = separation_m(
+    gap = gaps_m(
         one.at(fine_s + half_s), (one.length_m, one.width_m), two.at(fine_s - half_s), (two.length_m, two.width_m)
     )
     found, step = np.nonzero(gap <= 0)  # by timing, then in the order of time
@@ -178,7 +152,7 @@ def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) ->
     )
 
 
-def _corners(state: State, mover: Mover) -> FloatArray:
+def _corners(state: Poses, mover: Mover) -> FloatArray:
     x, y, heading = (value[:, None] for value in state)
     u = np.array([1, -1, -1, 1]) * mover.length_m / 2
     v = np.array([1, 1, -1, -1]) * mover.width_m / 2
@@ -186,7 +160,7 @@ def _corners(state: State, mover: Mover) -> FloatArray:
     return np.stack([x + u * c - v * s, y + u * s + v * c], axis=-1)
 
 
-def _within(points: FloatArray, state: State, mover: Mover) -> FloatArray:
+def _within(points: FloatArray, state: Poses, mover: Mover) -> FloatArray:
     x, y, heading = (value[:, None] for value in state)
     dx, dy = points[..., 0] - x, points[..., 1] - y
     c, s = np.cos(heading), np.sin(heading)
@@ -194,7 +168,7 @@ def _within(points: FloatArray, state: State, mover: Mover) -> FloatArray:
     return np.asarray((ahead <= mover.length_m / 2 + TOUCH_M) & (left <= mover.width_m / 2 + TOUCH_M))
 
 
-def _bearing(x: FloatArray, y: FloatArray, state: State, mover: Mover) -> FloatArray:
+def _bearing(x: FloatArray, y: FloatArray, state: Poses, mover: Mover) -> FloatArray:
     dx, dy = x - state[0], y - state[1]
     c, s = np.cos(state[2]), np.sin(state[2])
     return np.asarray(np.arctan2((dy * c - dx * s) / mover.width_m, (dx * c + dy * s) / mover.length_m))

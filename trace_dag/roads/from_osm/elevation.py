@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import FloatArray
+from trace_dag.geometry import FloatArray, hermite
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.ground import ground_heights, has_height_tags
 from trace_dag.roads.from_osm.height_graph import HeightGraph, HeightProfile, NodeId
@@ -225,7 +225,7 @@ def _harmonic(a: float, b: float) -> float:
 def _spline(profile: HeightProfile, heights: FloatArray, slopes: Sequence[float]) -> tuple[Cubic, ...]:
     z = heights[profile.nodes]
     pieces = [
-        _hermite(s_a, s_b - s_a, float(z[i]), float(z[i + 1]), slopes[i], slopes[i + 1])
+        Cubic(s_a, *hermite(s_b - s_a, float(z[i]), float(z[i + 1]), slopes[i], slopes[i + 1]))
         for i, (s_a, s_b) in enumerate(pairwise(profile.s_m))
     ]
     kept: list[Cubic] = []
@@ -242,13 +242,6 @@ def _continues(before: Cubic, piece: Cubic, length_m: float) -> bool:
     return sum(abs(x - y) * length_m**power for power, (x, y) in enumerate(zip(continued, own, strict=True))) < _SAME_M
 
 
-def _hermite(s_m: float, length_m: float, z_a: float, z_b: float, slope_a: float, slope_b: float) -> Cubic:
-    rise = (z_b - z_a) / length_m
-    c = (3 * rise - 2 * slope_a - slope_b) / length_m
-    d = (slope_a + slope_b - 2 * rise) / length_m**2
-    return Cubic(s_m, z_a, slope_a, c, d)
-
-
 def _between_links(
     road: Road,
     roads: Mapping[str, Road],
@@ -261,7 +254,7 @@ def _between_links(
     for link, leaving in ((road.predecessor, True), (road.successor, False)):
         ends.append(_height_and_slope(link, leaving, graph, heights, slopes))
     (z_a, slope_a), (z_b, slope_b) = ends
-    return (_hermite(0.0, road.length_m, z_a, z_b, slope_a, slope_b),)
+    return (Cubic(0.0, *hermite(road.length_m, z_a, z_b, slope_a, slope_b)),)
 
 
 def _height_and_slope(

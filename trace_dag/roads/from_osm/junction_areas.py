@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -99,88 +99,129 @@ def _inner_borders(section: CrossSection) -> tuple[float | None, float | None]:
 
 def lay_out(streets: Sequence[Street], plans: Sequence[PlanView]) -> Layout:
     """Group junction nodes into junctions and find the cuts."""
-    positions = {
-        node: street.points[i]
-        for street in streets
-        for node, i in ((street.start_node, 0), (street.end_node, -1))
-        if node is not None
-    }
-    nodes: dict[int, list[StreetEnd]] = defaultdict(list)
-    for index, street in enumerate(streets):
-        if street.start_node is not None:
-            nodes[street.start_node].append(StreetEnd(index, True))
-        if street.end_node is not None:
-            nodes[street.end_node].append(StreetEnd(index, False))
-    group = {node: node for node in nodes}
+    crossings = _Crossings(streets, plans)
+    crossings.join_divided_roads()
+    crossings.cut_back_and_join()
+    return crossings.layout()
 
-    def root(node: int) -> int:
-        while group[node] != node:
-            group[node] = group[group[node]]
-            node = group[node]
+
+class _Crossings:
+    """Junction nodes grouped into crossings, and how far each crossing cuts its arms back.
+
+    The one decides the other: a street that the cuts at its two ends use up makes one crossing of two, and that has
+    other arms to be clear of.
+    """
+
+    def __init__(self, streets: Sequence[Street], plans: Sequence[PlanView]) -> None:
+        self._streets = streets
+        self._plans = plans
+        self._ends: dict[int, list[StreetEnd]] = defaultdict(list)  # by node
+        self._positions: dict[int, Point] = {}
+        for index, street in enumerate(streets):
+            for end, node in zip(_both_ends(index), (street.start_node, street.end_node), strict=True):
+                if node is not None:
+                    self._ends[node].append(end)
+                    self._positions[node] = street.points[0 if end.at_start else -1]
+        self._joined_to = {node: node for node in self._ends}
+        self._inner: set[int] = set()
+        self._cuts = {end: _Cut(0.0, 0.0) for index in range(len(streets)) for end in _both_ends(index)}
+
+    def join_divided_roads(self) -> None:
+        """Make one of the two crossings that a divided road has with one cross street."""
+        for index in _divided_crossings(self._streets, self._plans, self._ends):
+            a, b = self._roots(index)
+            self._joined_to[b] = a
+
+    def cut_back_and_join(self) -> None:
+        """Cut arms back, join crossings whose street is used up by that, and again until no more are joined."""
+        changed = {self._root(node) for node in self._ends}
+        while changed:
+            nodes_of: dict[int, list[int]] = defaultdict(list)
+            for node in self._ends:
+                nodes_of[self._root(node)].append(node)
+            self._inner.update(index for index in range(len(self._streets)) if self._is_inside(index))
+            for root in changed:
+                self._cut_back([end for node in nodes_of[root] for end in self._ends[node]])
+            changed = self._join_used_up(nodes_of)
+
+    def layout(self) -> Layout:
+        """The crossings as junctions, and each street's cuts as far as there is room for them."""
+        areas: dict[int, JunctionArea] = {}
+        for node, ends in self._ends.items():
+            area = areas.setdefault(self._root(node), JunctionArea([]))
+            area.node_ids.append(node)
+            area.ends.extend(end for end in ends if end.street not in self._inner and self._cuts[end].wanted_m > 0.0)
+        for index in sorted(self._inner):
+            areas[self._roots(index)[0]].inner_streets.append(index)
+        trims = [
+            _fit_cuts(plan.length_m, *(self._cuts[end] for end in _both_ends(index)))
+            for index, plan in enumerate(self._plans)
+        ]
+        return Layout(list(areas.values()), trims, self._inner)
+
+    def _root(self, node: int) -> int:
+        """The node that stands for the crossing a node belongs to."""
+        joined_to = self._joined_to
+        while joined_to[node] != node:
+            joined_to[node] = joined_to[joined_to[node]]
+            node = joined_to[node]
         return node
 
-    inner: set[int] = set()
-    for index in _divided_crossings(streets, plans, nodes):
-        street = streets[index]
+    def _roots(self, index: int) -> tuple[int, int]:
+        """The crossings at the two ends of a street that has one at either."""
+        street = self._streets[index]
         assert street.start_node is not None
         assert street.end_node is not None
-        group[root(street.end_node)] = root(street.start_node)
-    cuts = {end: _Cut(0.0, 0.0) for index in range(len(streets)) for end in _both_ends(index)}
-    stale = {root(node) for node in nodes}
-    while stale:
-        members: dict[int, list[int]] = defaultdict(list)
-        for node in nodes:
-            members[root(node)].append(node)
-        for index, street in enumerate(streets):
-            if index not in inner and _is_inner(street, plans[index], root):
-                inner.add(index)
-        for key in stale:
-            ends = [end for node in members[key] for end in nodes[node] if end.street not in inner]
-            cuts.update((end, _Cut(0.0, 0.0)) for end in ends)
-            ends = [end for end in ends if _connects(end, ends, streets)]
-            cuts.update(zip(ends, _cuts(ends, streets, plans), strict=True))
-        stale = set()
-        for index, street in enumerate(streets):
-            if index in inner or street.start_node is None or street.end_node is None:
+        return self._root(street.start_node), self._root(street.end_node)
+
+    def _is_between_nodes(self, index: int) -> bool:
+        street = self._streets[index]
+        return street.start_node is not None and street.end_node is not None
+
+    def _is_inside(self, index: int) -> bool:
+        """Whether a street lies within one crossing."""
+        street = self._streets[index]
+        if not self._is_between_nodes(index) or street.start_node == street.end_node:
+            return False
+        a, b = self._roots(index)
+        return a == b and self._plans[index].length_m <= _DIVIDED_JOIN_M
+
+    def _cut_back(self, ends: Sequence[StreetEnd]) -> None:
+        """Cut back the arms of one crossing; those that no traffic comes or goes by are none and stay whole."""
+        arms = [end for end in ends if end.street not in self._inner]
+        self._cuts.update((end, _Cut(0.0, 0.0)) for end in arms)
+        arms = [end for end in arms if _connects(end, arms, self._streets)]
+        self._cuts.update(zip(arms, _cuts(arms, self._streets, self._plans), strict=True))
+
+    def _join_used_up(self, nodes_of: dict[int, list[int]]) -> set[int]:
+        """Join crossings whose street has no room for the corners at both its ends; gives what was joined."""
+        joined = set()
+        for index in range(len(self._streets)):
+            if index in self._inner or not self._is_between_nodes(index):
                 continue
-            a, b = root(street.start_node), root(street.end_node)
-            length = plans[index].length_m
-            if a == b or length > _JOIN_M or street.spans[0].profile.roundabout:
-                continue
-            clear = sum(cuts[end].clear_m for end in _both_ends(index))
-            if clear + _LEAST_CORNERS_M + _LEAST_STREET_M > length and _compact(members[a] + members[b], positions):
-                group[b] = a
-                members[a] = members[a] + members.pop(b)
-                stale.add(a)
-        stale = {root(node) for node in stale}
-    trims = [_fit_cuts(plan.length_m, *(cuts[end] for end in _both_ends(index))) for index, plan in enumerate(plans)]
-    areas: dict[int, JunctionArea] = {}
-    for node, ends in nodes.items():
-        area = areas.setdefault(root(node), JunctionArea([]))
-        area.node_ids.append(node)
-        area.ends.extend(end for end in ends if end.street not in inner and cuts[end].wanted_m > 0.0)
-    for index in sorted(inner):
-        start = streets[index].start_node
-        assert start is not None
-        areas[root(start)].inner_streets.append(index)
-    return Layout(list(areas.values()), trims, inner)
+            a, b = self._roots(index)
+            if a != b and self._is_used_up(index) and self._is_compact(nodes_of[a] + nodes_of[b]):
+                self._joined_to[b] = a
+                nodes_of[a] += nodes_of.pop(b)
+                joined.add(a)
+        return {self._root(node) for node in joined}
+
+    def _is_used_up(self, index: int) -> bool:
+        """Whether too little of a street is left between its cuts. Those of roundabouts are never."""
+        length_m = self._plans[index].length_m
+        if length_m > _JOIN_M or self._streets[index].spans[0].profile.roundabout:
+            return False
+        cut_m = sum(self._cuts[end].clear_m for end in _both_ends(index))
+        return cut_m + _LEAST_CORNERS_M + _LEAST_STREET_M > length_m
+
+    def _is_compact(self, nodes: Sequence[int]) -> bool:
+        """Whether a joined crossing would still be one crossing and not a car park."""
+        xs, ys = zip(*(self._positions[node] for node in nodes), strict=True)
+        return math.hypot(max(xs) - min(xs), max(ys) - min(ys)) <= _LARGEST_CROSSING_M
 
 
 def _both_ends(street: int) -> tuple[StreetEnd, StreetEnd]:
     return StreetEnd(street, True), StreetEnd(street, False)
-
-
-def _compact(nodes: Sequence[int], positions: Mapping[int, Point]) -> bool:
-    """Whether a joined crossing would still be one crossing and not a car park."""
-    xs, ys = [positions[node][0] for node in nodes], [positions[node][1] for node in nodes]
-    return math.hypot(max(xs) - min(xs), max(ys) - min(ys)) <= _LARGEST_CROSSING_M
-
-
-def _is_inner(street: Street, plan: PlanView, root: object) -> bool:
-    if street.start_node is None or street.end_node is None or street.start_node == street.end_node:
-        return False
-    assert callable(root)
-    return plan.length_m <= _DIVIDED_JOIN_M and root(street.start_node) == root(street.end_node)
 
 
 def _divided_crossings(

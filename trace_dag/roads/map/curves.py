@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from trace_dag.roads.map.arcs import along_arc
 from trace_dag.roads.map.model import PlanElement
 
 Point = tuple[float, float]
@@ -40,15 +41,7 @@ class PlanView(NamedTuple):
 
 def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
     """Pose ``ds_m`` along one line or arc."""
-    turn = element.curvature_1pm * ds_m
-    half = turn / 2
-    chord = ds_m if abs(half) < 1e-9 else ds_m * math.sin(half) / half
-    direction = element.heading_rad + half
-    return PlanPose(
-        element.x_m + chord * math.cos(direction),
-        element.y_m + chord * math.sin(direction),
-        element.heading_rad + turn,
-    )
+    return PlanPose(*along_arc(element.x_m, element.y_m, element.heading_rad, ds_m, element.curvature_1pm))
 
 
 def plan_pose(plan: PlanView, s_m: float) -> PlanPose:

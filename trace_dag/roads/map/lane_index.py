@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
+from trace_dag.roads.map.arcs import along_arcs
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
@@ -114,9 +116,8 @@ def _boxes(roads: Sequence[Road]) -> FloatArray:
         for each in road.plan
     ]
     owner, x, y, heading, length, curvature, cubic = np.array(pieces, dtype=float).T
+    end_x, end_y, _ = along_arcs(x, y, heading, length, curvature)
     turn = curvature * length
-    chord = length * np.sinc(turn / math.tau)
-    end_x, end_y = x + chord * np.cos(heading + turn / 2), y + chord * np.sin(heading + turn / 2)
     # An arc rises above its chord by less than this; a cubic of this length stays within it of its beginning.
     rise = np.where(cubic > 0, length, length * np.minimum(np.abs(turn), math.tau) / 8)
     rise += np.array([_farthest_lane_m(road) for road in roads])[owner.astype(int)]

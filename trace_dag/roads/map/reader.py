@@ -19,6 +19,7 @@ from lxml import etree
 
 from trace_dag.errors import UserError
 from trace_dag.geometry import LocalFrame
+from trace_dag.roads.map.arcs import along_arc
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.model import (
     Connection,
@@ -449,11 +450,7 @@ def _spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: f
     for index in range(count):
         curvature = curvature_start + (curvature_end - curvature_start) * (index + 0.5) / count
         yield PlanElement(start.s_m + index * step, x, y, heading, step, curvature)
-        turn = curvature * step
-        chord = step * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-12 else 1.0)
-        x += chord * math.cos(heading + turn / 2)
-        y += chord * math.sin(heading + turn / 2)
-        heading += turn
+        x, y, heading = along_arc(x, y, heading, step, curvature)
 
 
 def _poly3_reach(b: float, c: float, d: float, length_m: float) -> float:

@@ -10,22 +10,25 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from trace_dag.geometry import hermite
+from trace_dag.roads.map.arcs import along_arc, along_arcs
+from trace_dag.roads.map.cubic_profile import CubicProfile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from trace_dag.geometry import FloatArray
+    from trace_dag.geometry import FloatArray, Number
     from trace_dag.roads.map.model import PlanElement
 
 SAMPLE_STEP_M = 2.0
 """Spacing of the samples kept for finding where to start an exact projection."""
 _TABLE_POINTS = 33
-_Number = TypeVar("_Number", "float", "FloatArray")
 
 
 class Projection(NamedTuple):
@@ -37,9 +40,9 @@ class Projection(NamedTuple):
 
 
 class _ParamPoly3:
-    """A ``paramPoly3`` element with its parameter tabulated over arc length (cubic Hermite in between)."""
+    """A ``paramPoly3`` element with its parameter as piecewise cubics over arc length."""
 
-    __slots__ = ("arrays", "coefficients", "lengths", "parameters", "rates", "scale")
+    __slots__ = ("coefficients", "parameter", "scale")
 
     def __init__(self, element: PlanElement) -> None:
         assert element.poly is not None
@@ -51,30 +54,22 @@ class _ParamPoly3:
         speed = np.hypot(_slope(b_u, c_u, d_u, parameters), _slope(b_v, c_v, d_v, parameters))
         speed_middle = np.hypot(_slope(b_u, c_u, d_u, middle), _slope(b_v, c_v, d_v, middle))
         step = end / (_TABLE_POINTS - 1)
-        pieces = step / 6 * (speed[:-1] + 4 * speed_middle + speed[1:])  # Simpson's rule
+        # Simpson's rule. A curve that stands still has some length all the same, so that there is a cubic over it.
+        pieces = np.maximum(step / 6 * (speed[:-1] + 4 * speed_middle + speed[1:]), 1e-12)
         lengths = np.concatenate([[0.0], np.cumsum(pieces)])
         # The declared length rules: the whole curve is passed over exactly that length.
         self.scale = float(lengths[-1]) / element.length_m if element.length_m > 0 else 1.0
         # Near a cusp the curve almost stands still: bounded by three times either neighbouring mean rate, the
         # interpolation stays monotone (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
-        means = step / np.maximum(pieces, 1e-12)
+        means = step / pieces
         bounds = 3.0 * np.minimum(np.append(means, np.inf), np.append(np.inf, means))
         rates = np.minimum(1.0 / np.maximum(speed, 1e-12), bounds)
-        self.arrays = (lengths, parameters, rates)
-        self.parameters: list[float] = parameters.tolist()
-        self.lengths: list[float] = lengths.tolist()
-        self.rates: list[float] = rates.tolist()
-
-    def parameter(self, ds_m: float) -> float:
-        target = ds_m * self.scale
-        k = min(max(bisect_right(self.lengths, target) - 1, 0), _TABLE_POINTS - 2)
-        low, gap = self.lengths[k], self.lengths[k + 1] - self.lengths[k]
-        share = (target - low) / gap if gap > 0 else 0.0
-        return _hermite(share, self.parameters[k], self.parameters[k + 1], gap * self.rates[k], gap * self.rates[k + 1])
+        cubics = hermite(np.diff(lengths), parameters[:-1], parameters[1:], rates[:-1], rates[1:])
+        self.parameter = CubicProfile(lengths[:-1].tolist(), np.stack(cubics, axis=1).tolist())
 
     def at(self, ds_m: float) -> tuple[float, float, float, float]:
         """u, v, heading and curvature in the element's own axes."""
-        p = self.parameter(ds_m)
+        p = self.parameter.at(ds_m * self.scale)
         a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v = self.coefficients
         du, dv = _slope(b_u, c_u, d_u, p), _slope(b_v, c_v, d_v, p)
         ddu, ddv = 2 * c_u + 6 * d_u * p, 2 * c_v + 6 * d_v * p
@@ -88,12 +83,7 @@ class _ParamPoly3:
         )
 
     def sample(self, ds_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        lengths, parameters, rates = self.arrays
-        target = ds_m * self.scale
-        k = np.clip(np.searchsorted(lengths, target, side="right") - 1, 0, _TABLE_POINTS - 2)
-        gap = lengths[k + 1] - lengths[k]
-        share = (target - lengths[k]) / np.where(gap > 0, gap, 1.0)
-        p = _hermite(share, parameters[k], parameters[k + 1], gap * rates[k], gap * rates[k + 1])
+        p = self.parameter.sample(ds_m * self.scale)
         a_u, b_u, c_u, d_u, a_v, b_v, c_v, d_v = self.coefficients
         du, dv = _slope(b_u, c_u, d_u, p), _slope(b_v, c_v, d_v, p)
         speed = np.maximum(np.hypot(du, dv), 1e-9)
@@ -106,15 +96,8 @@ class _ParamPoly3:
         )
 
 
-def _slope(b: float, c: float, d: float, p: _Number) -> _Number:
+def _slope(b: float, c: float, d: float, p: Number) -> Number:
     return b + p * (2 * c + 3 * d * p)
-
-
-def _hermite(share: _Number, start: _Number, end: _Number, start_rise: _Number, end_rise: _Number) -> _Number:
-    """Cubic from ``start`` to ``end`` with the given rises per unit of ``share`` at either end."""
-    c = 3 * (end - start) - 2 * start_rise - end_rise
-    d = start_rise + end_rise - 2 * (end - start)
-    return start + share * (start_rise + share * (c + share * d))
 
 
 class ReferenceLine:
@@ -148,22 +131,8 @@ class ReferenceLine:
             u, v, turn, curvature = poly.at(ds)
             c, s = math.cos(element.heading_rad), math.sin(element.heading_rad)
             return element.x_m + u * c - v * s, element.y_m + u * s + v * c, element.heading_rad + turn, curvature
-        turn = element.curvature_1pm * ds
-        if abs(turn) < 1e-9:
-            return (
-                element.x_m + ds * math.cos(element.heading_rad),
-                element.y_m + ds * math.sin(element.heading_rad),
-                element.heading_rad + turn,
-                element.curvature_1pm,
-            )
-        chord = ds * math.sin(turn / 2) / (turn / 2)
-        direction = element.heading_rad + turn / 2
-        return (
-            element.x_m + chord * math.cos(direction),
-            element.y_m + chord * math.sin(direction),
-            element.heading_rad + turn,
-            element.curvature_1pm,
-        )
+        curvature = element.curvature_1pm
+        return *along_arc(element.x_m, element.y_m, element.heading_rad, ds, curvature), curvature
 
     @cached_property
     def _arrays(self) -> FloatArray:
@@ -184,15 +153,9 @@ class ReferenceLine:
         ds = inside - start
         out = np.empty((len(s_m), 4))
         if self._curved:
-            turn = curvature * ds
-            chord = ds * np.sinc(turn / (2 * np.pi))
-            direction = heading + turn / 2
-            out[:, 2] = heading + turn
+            out[:, 0], out[:, 1], out[:, 2] = along_arcs(x, y, heading, ds, curvature)
         else:
-            chord, direction = ds, heading
-            out[:, 2] = heading
-        out[:, 0] = x + chord * np.cos(direction)
-        out[:, 1] = y + chord * np.sin(direction)
+            out[:, 0], out[:, 1], out[:, 2] = x + ds * np.cos(heading), y + ds * np.sin(heading), heading
         out[:, 3] = curvature
         for number, poly in self._polys.items():
             chosen = np.broadcast_to(index == number, len(s_m))

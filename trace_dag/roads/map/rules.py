@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, cast
 
 from lxml import etree
 
+from trace_dag.roads.map.arcs import along_arc
 from trace_dag.roads.map.reader import parse_opendrive
 
 _POSITION_TOLERANCE_M: Final = 1e-3
@@ -241,14 +242,12 @@ def _joint(piece: etree._Element, following: etree._Element) -> Iterator[str]:
     arc = piece.find("arc")
     if arc is None and piece.find("line") is None:
         return
-    turn = _float(arc, "curvature") * length if arc is not None else 0.0
-    chord = length * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-9 else 1.0)
-    heading = _float(piece, "hdg")
-    dx = _float(piece, "x") + chord * math.cos(heading + turn / 2) - _float(following, "x")
-    dy = _float(piece, "y") + chord * math.sin(heading + turn / 2) - _float(following, "y")
-    if math.hypot(dx, dy) > _POSITION_TOLERANCE_M:
-        yield f"gap of {math.hypot(dx, dy):.3f} m after geometry at s={s:g}"
-    kink = abs(math.remainder(heading + turn - _float(following, "hdg"), math.tau))
+    curvature = _float(arc, "curvature") if arc is not None else 0.0
+    x, y, heading = along_arc(_float(piece, "x"), _float(piece, "y"), _float(piece, "hdg"), length, curvature)
+    gap_m = math.hypot(x - _float(following, "x"), y - _float(following, "y"))
+    if gap_m > _POSITION_TOLERANCE_M:
+        yield f"gap of {gap_m:.3f} m after geometry at s={s:g}"
+    kink = abs(math.remainder(heading - _float(following, "hdg"), math.tau))
     if kink > _HEADING_TOLERANCE_RAD:
         yield f"kink of {math.degrees(kink):.2f} degrees after geometry at s={s:g}"
 
@@ -378,42 +377,52 @@ def _linked_lane_ids(ends: _Ends, road: etree._Element, ids: list[set[str]], ind
 
 
 def _junctions(ends: _Ends) -> Iterator[str]:
-    connected: set[str] = set()
+    used: set[str] = set()
     for key, junction in ends.junctions.items():
         connections = junction.findall("connection")
         if not connections:
             yield f"no connection (junction {key})"
         for connection in connections:
-            incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
-            connected.add(connecting)
+            used.add(connection.get("connectingRoad", ""))
             where = f"junction {key}, connection {connection.get('id')}"
-            if incoming not in ends.roads or connecting not in ends.roads:
-                yield f"joins road {incoming} to road {connecting}, one of which does not exist ({where})"
-                continue
-            if ends.roads[connecting].get("junction") != key:
-                yield f"connecting road {connecting} does not belong to the junction ({where})"
-            contact = connection.get("contactPoint", "")
-            own_link = ends.roads[connecting].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
-            if own_link is None or own_link.get("elementId") != incoming:
-                yield f"connecting road {connecting} does not link back to road {incoming} ({where})"
-                continue
-            at = own_link.get("contactPoint", "")
-            arm_link = ends.roads[incoming].find(f"link/{'predecessor' if at == 'start' else 'successor'}")
-            if arm_link is None or (arm_link.get("elementType"), arm_link.get("elementId")) != ("junction", key):
-                yield f"incoming road {incoming} does not link to the junction at its {at} ({where})"
-            links = connection.findall("laneLink")
-            if not links:
-                yield f"no lane link ({where})"
-            for lane_link in links:
-                if lane_link.get("from") not in ends.lane_ids.get((incoming, at), ()):
-                    yield f"lane link from lane {lane_link.get('from')}, which does not exist ({where})"
-                if lane_link.get("to") not in ends.lane_ids.get((connecting, contact), ()):
-                    yield f"lane link to lane {lane_link.get('to')}, which does not exist ({where})"
+            yield from (f"{problem} ({where})" for problem in _connection(ends, key, connection))
+    yield from _connecting_roads(ends, used)
+
+
+def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Iterator[str]:
+    """A connection's two roads, whether they and the junction name each other, and its lane links."""
+    incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
+    if incoming not in ends.roads or connecting not in ends.roads:
+        yield f"joins road {incoming} to road {connecting}, one of which does not exist"
+        return
+    if ends.roads[connecting].get("junction") != junction:
+        yield f"connecting road {connecting} does not belong to the junction"
+    contact = connection.get("contactPoint", "")
+    own_link = ends.roads[connecting].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
+    if own_link is None or own_link.get("elementId") != incoming:
+        yield f"connecting road {connecting} does not link back to road {incoming}"
+        return
+    at = own_link.get("contactPoint", "")
+    arm_link = ends.roads[incoming].find(f"link/{'predecessor' if at == 'start' else 'successor'}")
+    if arm_link is None or (arm_link.get("elementType"), arm_link.get("elementId")) != ("junction", junction):
+        yield f"incoming road {incoming} does not link to the junction at its {at}"
+    links = connection.findall("laneLink")
+    if not links:
+        yield "no lane link"
+    for link in links:
+        if link.get("from") not in ends.lane_ids.get((incoming, at), ()):
+            yield f"lane link from lane {link.get('from')}, which does not exist"
+        if link.get("to") not in ends.lane_ids.get((connecting, contact), ()):
+            yield f"lane link to lane {link.get('to')}, which does not exist"
+
+
+def _connecting_roads(ends: _Ends, used: Collection[str]) -> Iterator[str]:
+    """Whether every road of a junction is one that exists and is ``used`` by a connection."""
     for key, road in ends.roads.items():
         if road.get("junction", "-1") != "-1":
             if road.get("junction") not in ends.junctions:
                 yield f"belongs to junction {road.get('junction')}, which does not exist (road {key})"
-            elif key not in connected:
+            elif key not in used:
                 yield f"connecting road that no connection uses (road {key})"
 
 

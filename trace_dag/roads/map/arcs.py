@@ -1,0 +1,45 @@
+"""Arcs by their chords: where a line of constant curvature leads.
+
+The chord of an arc that turns by ``a`` is ``sin(a/2) / (a/2)`` of its length and points ``a/2`` off its beginning; a
+straight line is the arc that turns by nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+
+_STRAIGHT_RAD: Final = 1e-9  # half a turn below which chord and arc differ by less than a double can tell
+
+
+def along_arc(
+    x_m: float, y_m: float, heading_rad: float, length_m: float, curvature_1pm: float
+) -> tuple[float, float, float]:
+    """x, y (metres) and heading (radians) after ``length_m`` of an arc; curvature is positive to the left.
+
+    >>> x, y, heading = along_arc(0.0, 0.0, 0.0, math.pi * 50, 1 / 100)  # a quarter of a circle of 100 m radius
+    >>> round(x, 6), round(y, 6), round(math.degrees(heading), 6)
+    (100.0, 100.0, 90.0)
+    """
+    if not curvature_1pm:  # most pieces of a map are straight
+        return x_m + length_m * math.cos(heading_rad), y_m + length_m * math.sin(heading_rad), heading_rad
+    turn = curvature_1pm * length_m
+    half = turn / 2
+    chord_m = length_m if abs(half) < _STRAIGHT_RAD else length_m * math.sin(half) / half
+    direction = heading_rad + half
+    return x_m + chord_m * math.cos(direction), y_m + chord_m * math.sin(direction), heading_rad + turn
+
+
+def along_arcs(
+    x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray, length_m: FloatArray, curvature_1pm: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """:func:`along_arc` for many arcs, arrays of one shape."""
+    turn = curvature_1pm * length_m
+    chord_m = length_m * np.sinc(turn / math.tau)  # numpy's sinc(x) is sin(pi x) / (pi x)
+    direction = heading_rad + turn / 2
+    return x_m + chord_m * np.cos(direction), y_m + chord_m * np.sin(direction), heading_rad + turn
