@@ -6,7 +6,6 @@ Classes are mapped by number, never by label: labels of ``ACC_TYPE`` 68-85 chang
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import StrEnum
 from typing import Final
 
@@ -40,7 +39,7 @@ class RoadTopology(StrEnum):
 
 
 class VehicleTrajectory(StrEnum):
-    """From the ``ACC_TYPE`` of the vehicle pair."""
+    """From the ``ACC_TYPE`` of the vehicle pair, by :mod:`trace_dag.crash.crash_types`."""
 
     SAME_DIRECTION = "same_direction"
     OPPOSITE_DIRECTION = "opposite_direction"
@@ -83,33 +82,3 @@ def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopolo
     if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
         return RoadTopology.NOT_AN_INTERSECTION
     return _ROAD_TOPOLOGIES.get(typ_int or 0, RoadTopology.OTHERS)
-
-
-def trajectory_of_crash_type(acc_type: int | None) -> VehicleTrajectory:
-    """Class of one vehicle's ``ACC_TYPE``; every other code and None are others."""
-    match acc_type:
-        case int(code) if 20 <= code <= 49:
-            return VehicleTrajectory.SAME_DIRECTION
-        case int(code) if 50 <= code <= 67:
-            return VehicleTrajectory.OPPOSITE_DIRECTION
-        case int(code) if 68 <= code <= 85:
-            return VehicleTrajectory.TURNING
-        case int(code) if 86 <= code <= 91:
-            return VehicleTrajectory.INTERSECTING
-        case _:
-            return VehicleTrajectory.OTHERS
-
-
-def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
-    """Class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
-
-    A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
-    name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
-    """
-    named = [trajectory_of_crash_type(code) for code in acc_types]
-    return next((each for each in named if each is not VehicleTrajectory.OTHERS), VehicleTrajectory.OTHERS)
-
-
-def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
-    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes."""
-    return len({trajectory_of_crash_type(code) for code in acc_types if code is not None}) > 1

@@ -12,10 +12,9 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from trace_dag.crash.classes import VehicleTrajectory, trajectory_of_crash_type
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
+from trace_dag.crash.crash_types import crash_type_of
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
 from trace_dag.crash.kind import another_kind, untold_meeting
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
@@ -28,7 +27,6 @@ US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)
 """The fifty states, Puerto Rico and the Virgin Islands; the Aleutians beyond 180 degrees have no road FARS covers."""
 
-_BACKING_TYPES: Final = (92, 93)
 _TELLING_EVENTS: Final = frozenset({*range(10, 19), 20, 21, *range(50, 79)})
 """``P_CRASH2`` values that say how this vehicle moved, or how the other one did relative to it."""
 
@@ -123,9 +121,10 @@ def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: Vehic
     return (
         vehicle.movement not in (*UNSAID_MOVEMENTS, PreCrashMovement.NO_DRIVER)
         or not vehicle.in_transport
-        or _names_a_path(vehicle.crash_type_code)
+        or crash_type_of(vehicle).of_two
+        or crash_type_of(vehicle).single_driver
         or vehicle.critical_event_code in _TELLING_EVENTS
-        or (partner is not None and _names_a_pair(partner.crash_type_code))
+        or (partner is not None and crash_type_of(partner).of_two)
         or any(event.vehicle_1 == vehicle.number and event.code in DEPARTURES for event in record.events)
         or (
             partner is not None
@@ -133,15 +132,6 @@ def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: Vehic
             and record.manner_of_collision_code in _DIRECTED_MANNERS
         )
     )
-
-
-def _names_a_path(acc_type: int | None) -> bool:
-    return _names_a_pair(acc_type) or acc_type in SINGLE_DRIVER_TYPES
-
-
-def _names_a_pair(acc_type: int | None) -> bool:
-    named = trajectory_of_crash_type(acc_type) is not VehicleTrajectory.OTHERS
-    return named or acc_type in _BACKING_TYPES
 
 
 def _location(record: CrashRecord) -> str | None:

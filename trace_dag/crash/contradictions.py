@@ -6,24 +6,17 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
-from trace_dag.crash.classes import trajectories_disagree, trajectory_of_crash_type
 from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, FUNC_SYS, MAN_COLL, RELJCT2, ROUTE, TYP_INT
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.codes.vehicle import (
-    ACC_TYPE,
-    JUNCTION_TYPES,
-    P_CRASH1,
-    SINGLE_DRIVER_TYPES,
-)
+from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1
+from trace_dag.crash.crash_types import Side, crash_type, crash_type_of, trajectories_disagree
 from trace_dag.crash.derive import (
     CORNER_H,
     SAME_AREA_H,
     UNSAID_MOVEMENTS,
     agrees_with_manner,
     area_in,
-    counterpart_of_crash_type,
     impact_area,
-    implied_impact_of_crash_type,
     implied_movement,
     is_near,
 )
@@ -53,18 +46,10 @@ _SIGNS: Final[Mapping[str, frozenset[int]]] = {
 """``ROUTE`` by the first letter of the system in a road's number; secondary routes (12) are numbered by either."""
 _BESIDE_A_ROUTE: Final = frozenset({7, 10, 11})  # frontage, forest and business routes bear the number of another
 _RAMP: Final = re.compile(r"\bRAMP\b", re.IGNORECASE)
-_FROM_THE_RIGHT_H: Final = 2.0
-_FROM_THE_LEFT_H: Final = 10.0
-_EXPOSED_REACH_H: Final = 3.5
+_SHOWN_SIDE_H: Final[Mapping[Side, float]] = {Side.RIGHT: 2.0, Side.LEFT: 10.0}
+"""The middle of what a vehicle shows another one that it has on one side or ahead."""
+_SHOWN_REACH_H: Final = 3.5
 """From the front and a side's middle: the other corner of the front, and all of that side."""
-_EXPOSED_H: Final[Mapping[int, float]] = {
-    **dict.fromkeys((68, 76, 79, 83), _FROM_THE_RIGHT_H),
-    **dict.fromkeys((69, 77, 78, 82), _FROM_THE_LEFT_H),
-}
-"""By ``ACC_TYPE``, the middle of what a vehicle shows the other one. Who turns left across the path of oncoming traffic
-(68) shows it its right side and comes from its left (69); who turns left into the path of traffic from its right (76)
-comes from that one's left (77), who turns right (78) from its right (79), left into the opposite direction (82) too
-(83), being met from the left."""
 _STOPPED_MAX_MPS: Final = 2.3
 """A vehicle coded as stopped may still have been rolling at walking pace (5 mph)."""
 
@@ -90,15 +75,13 @@ def _vehicle_counts(record: CrashRecord) -> Iterator[str]:
 def _crash_types(record: CrashRecord) -> Iterator[str]:
     pair = record.colliding_pair
     if pair and trajectories_disagree([vehicle.crash_type_code for vehicle in pair]):
-        classes = " and ".join(
-            f"{trajectory_of_crash_type(vehicle.crash_type_code)} ({vehicle.crash_type_code})" for vehicle in pair
-        )
+        classes = " and ".join(f"{crash_type_of(vehicle).trajectory} ({vehicle.crash_type_code})" for vehicle in pair)
         yield f"ACC_TYPE puts vehicles {pair[0].number} and {pair[1].number} into different classes: {classes}"
 
 
 def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
     for vehicle in record.colliding_pair or ():
-        expected = implied_impact_of_crash_type(vehicle.crash_type_code)
+        expected = impact_area(crash_type_of(vehicle).impact_code)
         reported = impact_area(vehicle.initial_impact_code) or vehicle.impact
         if expected and reported and not is_near(reported, expected.clock_h, CORNER_H):
             said = "IMPACT1" if impact_area(vehicle.initial_impact_code) else "the event"
@@ -218,14 +201,15 @@ def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
     one, two = (vehicle.crash_type_code for vehicle in record.colliding_pair)
     if trajectories_disagree([one, two]):
         return  # said by another check
-    if counterpart_of_crash_type(one) not in (None, two) and counterpart_of_crash_type(two) not in (None, one):
-        yield f"ACC_TYPE {one} and {two} are no pair: {one} goes with {counterpart_of_crash_type(one)}"
+    of_one, of_two = crash_type(one).counterpart, crash_type(two).counterpart
+    if of_one not in (None, two) and of_two not in (None, one):
+        yield f"ACC_TYPE {one} and {two} are no pair: {one} goes with {of_one}"
 
 
 def _single_driver(record: CrashRecord) -> Iterator[str]:
     pair = record.colliding_pair
     for vehicle in pair or ():
-        if vehicle.crash_type_code in SINGLE_DRIVER_TYPES and pair and all(each.in_transport for each in pair):
+        if crash_type_of(vehicle).single_driver and pair and all(each.in_transport for each in pair):
             yield (
                 f"vehicle {vehicle.number}: ACC_TYPE {vehicle.crash_type_code} "
                 f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) is that of a single vehicle, but it collided with "
@@ -283,7 +267,7 @@ def _turn_away_from_junctions(record: CrashRecord) -> Iterator[str]:
     if any(vehicle.movement is PreCrashMovement.U_TURN for vehicle in pair):
         return  # one can turn round anywhere
     for vehicle in pair:
-        if vehicle.crash_type_code in JUNCTION_TYPES:
+        if crash_type_of(vehicle).needs_junction:
             yield (
                 f"vehicle {vehicle.number}: ACC_TYPE {vehicle.crash_type_code} "
                 f"({ACC_TYPE.meaning(vehicle.crash_type_code)}) needs a junction or driveway, but RELJCT2 says "
@@ -308,14 +292,14 @@ def _impact_against_course(record: CrashRecord) -> Iterator[str]:
     """
     pair = record.colliding_pair
     for vehicle in pair or ():
-        exposed, impact = _EXPOSED_H.get(vehicle.crash_type_code or 0), vehicle.impact
-        if exposed is not None and impact is not None and not is_near(impact, exposed, _EXPOSED_REACH_H):
+        shown, impact = crash_type_of(vehicle).shows, vehicle.impact
+        if shown is not None and impact is not None and not is_near(impact, _SHOWN_SIDE_H[shown], _SHOWN_REACH_H):
             yield (
                 f"vehicle {vehicle.number}: struck at {impact.clock_h:g} o'clock, but ACC_TYPE "
                 f"{vehicle.crash_type_code} ({ACC_TYPE.meaning(vehicle.crash_type_code)}) has the other "
-                f"{'on its right' if exposed == _FROM_THE_RIGHT_H else 'on its left'} or ahead"
+                f"on its {shown} or ahead"
             )
-    if pair and all(vehicle.crash_type_code in JUNCTION_TYPES for vehicle in pair):
+    if pair and all(crash_type_of(vehicle).needs_junction for vehicle in pair):
         impacts = [vehicle.impact for vehicle in pair if vehicle.impact is not None]
         if len(impacts) == 2 and all(_is_squarely_on_a_side(impact) for impact in impacts):
             yield (

@@ -1,4 +1,4 @@
-"""What a FARS crash type says about one vehicle: how it met the other, and what it did.
+"""What a FARS crash type says about one vehicle: how it met the other, what it did, where it was struck.
 
 ``ACC_TYPE`` (1-99) is coded per vehicle from the crash type diagrams of the FARS/CRSS Coding and Validation Manual.
 Read by number, never by label (the labels of 68-85 changed in 2023). Where ``ACC_TYPE`` is silent (98, 99, single
@@ -8,10 +8,13 @@ the two left its lane; :func:`critical_event` holds that.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Final
 
+from trace_dag.crash.classes import VehicleTrajectory
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 
 
@@ -54,7 +57,11 @@ class CrashType:
     """One row of the table. ``None`` where the diagram does not say.
 
     ``turn``: what this vehicle does; ``other_from``: the side the other vehicle comes from (crossing) or travels on
-    (same direction); ``stopped``, ``backing``: this vehicle's motion.
+    (same direction); ``stopped``, ``backing``: this vehicle's motion. ``trajectory``: the manual's category of the
+    configuration; ``single_driver``: no other vehicle's course played a part, and ``departure`` is the side on which
+    this one left the road. ``movement``: the value of ``P_CRASH1`` that goes with it; ``impact_code``: the one of
+    ``IMPACT1``; ``shows``: the side this vehicle shows the other one on its way across or into its path.
+    ``counterpart``: the ``ACC_TYPE`` of the other vehicle, the first of several.
     """
 
     relation: Relation | None = None
@@ -63,76 +70,194 @@ class CrashType:
     other_from: Side | None = None
     stopped: bool = False
     backing: bool = False
+    trajectory: VehicleTrajectory = VehicleTrajectory.OTHERS
+    single_driver: bool = False
+    departure: Side | None = None
+    movement: PreCrashMovement | None = None
+    impact_code: int | None = None
+    shows: Side | None = None
+    counterpart: int | None = None
+
+    @property
+    def of_two(self) -> bool:
+        """Whether it is the configuration of two vehicles, the other one of which need not be known."""
+        return self.relation is not None or self.counterpart is not None
+
+    @property
+    def needs_junction(self) -> bool:
+        """Whether a vehicle changed trafficway or two crossed, which takes a junction or driveway."""
+        return self.trajectory in (VehicleTrajectory.TURNING, VehicleTrajectory.INTERSECTING)
+
+    @property
+    def turned_across(self) -> Turn | None:
+        """The turn across or into the other's path; a vehicle struck from behind while it turns makes none."""
+        return self.turn if self.role is EncounterRole.ENCROACHING else None
+
+
+_FRONT, _RIGHT_SIDE, _REAR, _LEFT_SIDE = 12, 3, 6, 9
+_STRAIGHT: Final = PreCrashMovement.GOING_STRAIGHT
+_MOVEMENT_OF_TURN: Final = {
+    Turn.LEFT: PreCrashMovement.TURNING_LEFT,
+    Turn.RIGHT: PreCrashMovement.TURNING_RIGHT,
+    Turn.U_TURN: PreCrashMovement.U_TURN,
+}
+_TURN_OF_MOVEMENT: Final = {movement: turn for turn, movement in _MOVEMENT_OF_TURN.items()}
 
 
 def _table() -> dict[int, CrashType]:
-    same_lane, same, opposite, crossing = Relation
-    striking, struck, encroaching, steady, _ = EncounterRole
-    left, right = Side.LEFT, Side.RIGHT
-    table = {code: CrashType() for code in (0, *range(1, 17), 98, 99)}
-    for code in (20, 24, 28):  # configuration D, rear end
-        table[code] = CrashType(same_lane, striking)
-        for step, turn in ((1, None), (2, Turn.LEFT), (3, Turn.RIGHT)):
-            table[code + step] = CrashType(same_lane, struck, turn, stopped=code == 20)
-    table[32] = table[33] = CrashType(same_lane)
-    for first, relation in ((34, same), (54, opposite)):  # E and H, forward impact
-        for code in range(first, first + 8, 2):
-            table[code] = CrashType(relation, encroaching)
-            table[code + 1] = CrashType(relation, steady)
-        table[first + 8] = table[first + 9] = CrashType(relation)
-    table[44] = CrashType(same, steady, other_from=right)  # F, angle and sideswipe
-    table[45] = CrashType(same, steady)
-    table[46] = CrashType(same, encroaching, other_from=right)
-    table[47] = CrashType(same, encroaching, other_from=left)
-    table[48] = table[49] = CrashType(same)
-    for first in (50, 64):  # G head-on, I angle and sideswipe
-        table[first] = CrashType(opposite, encroaching)
-        table[first + 1] = CrashType(opposite, steady)
-        table[first + 2] = table[first + 3] = CrashType(opposite)
-    table[68] = CrashType(opposite, encroaching, Turn.LEFT)  # J, turn across path
-    table[69] = CrashType(opposite, steady)
-    table[70] = CrashType(same, encroaching, Turn.RIGHT, right)
-    table[71] = CrashType(same, steady, other_from=left)
-    table[72] = CrashType(same, encroaching, Turn.LEFT, left)
-    table[73] = CrashType(same, steady, other_from=right)
-    table[74] = table[75] = CrashType()
-    table[76] = CrashType(crossing, encroaching, Turn.LEFT, right)  # K, turn into path
-    table[77] = CrashType(crossing, steady, other_from=left)
-    table[78] = CrashType(crossing, encroaching, Turn.RIGHT, left)
-    table[79] = CrashType(crossing, steady, other_from=right)
-    table[80] = CrashType(crossing, encroaching, Turn.RIGHT, right)
-    table[81] = CrashType(crossing, steady, other_from=left)
-    table[82] = CrashType(crossing, encroaching, Turn.LEFT, left)
-    table[83] = CrashType(crossing, steady, other_from=right)
-    table[84] = table[85] = CrashType(crossing)
-    table[86] = CrashType(crossing, striking, other_from=left)  # L, straight paths; 86 strikes from the right of 87
-    table[87] = CrashType(crossing, struck, other_from=right)
-    table[88] = CrashType(crossing, striking, other_from=right)
-    table[89] = CrashType(crossing, struck, other_from=left)
-    table[90] = table[91] = CrashType(crossing)
-    table[92] = CrashType(role=encroaching, backing=True)  # M
-    table[93] = CrashType(role=steady)
+    """The table by ``ACC_TYPE``; the letters are the manual's configurations."""
+    table = {code: CrashType() for code in (0, 98, 99)}
+    for code in range(1, 17):  # A to C, single driver
+        departure = Side.RIGHT if code <= 5 else Side.LEFT if code <= 10 else None
+        table[code] = CrashType(single_driver=True, departure=departure, movement=_STRAIGHT)
+    table |= {**_same_direction(), **_opposite_direction(), **_turning(), **_intersecting()}
+    table[92] = CrashType(  # M
+        role=EncounterRole.ENCROACHING,
+        backing=True,
+        movement=PreCrashMovement.BACKING,
+        impact_code=_REAR,
+        counterpart=93,
+    )
+    table[93] = CrashType(role=EncounterRole.STEADY, counterpart=92)
     return table
 
 
+def _same_direction() -> dict[int, CrashType]:
+    row = partial(CrashType, trajectory=VehicleTrajectory.SAME_DIRECTION)
+    table: dict[int, CrashType] = {}
+    for code, struck_while in (  # D, rear end
+        (20, PreCrashMovement.STOPPED),
+        (24, _STRAIGHT),
+        (28, PreCrashMovement.DECELERATING),
+    ):
+        lane, striking, struck = Relation.SAME_LANE, EncounterRole.STRIKING, EncounterRole.STRUCK
+        table[code] = row(lane, striking, movement=_STRAIGHT, impact_code=_FRONT, counterpart=code + 1)
+        for step, turn in ((1, None), (2, Turn.LEFT), (3, Turn.RIGHT)):
+            stopped = struck_while is PreCrashMovement.STOPPED
+            movement = struck_while if turn is None or stopped else _MOVEMENT_OF_TURN[turn]
+            table[code + step] = row(
+                lane, struck, turn, stopped=stopped, movement=movement, impact_code=_REAR, counterpart=code
+            )
+    table |= {code: row(Relation.SAME_LANE, counterpart=code) for code in (32, 33)}
+    table |= _forward_impacts(34, partial(row, Relation.SAME_DIRECTION))  # E
+    same, steady, encroaching = Relation.SAME_DIRECTION, EncounterRole.STEADY, EncounterRole.ENCROACHING
+    table[44] = row(same, steady, other_from=Side.RIGHT, movement=_STRAIGHT)  # F, angle and sideswipe
+    table[45] = row(same, steady, movement=_STRAIGHT)
+    for code, side in ((46, Side.RIGHT), (47, Side.LEFT)):
+        table[code] = row(same, encroaching, other_from=side, movement=PreCrashMovement.CHANGING_LANES)
+    table |= {code: row(same, counterpart=code) for code in (48, 49)}
+    return table
+
+
+def _opposite_direction() -> dict[int, CrashType]:
+    row = partial(
+        CrashType, Relation.OPPOSITE_DIRECTION, trajectory=VehicleTrajectory.OPPOSITE_DIRECTION, movement=_STRAIGHT
+    )
+    table = _forward_impacts(54, row)  # H
+    for first, impact in ((50, _FRONT), (64, None)):  # G, head-on; I, angle and sideswipe
+        table[first] = row(EncounterRole.ENCROACHING, impact_code=impact, counterpart=first + 1)
+        table[first + 1] = row(EncounterRole.STEADY, impact_code=impact, counterpart=first)
+        table |= {code: row(impact_code=impact, counterpart=code) for code in (first + 2, first + 3)}
+    return table
+
+
+def _forward_impacts(first: int, row: Callable[..., CrashType]) -> dict[int, CrashType]:
+    """E and H: out of control or avoiding something, into the other one's path; who was the other is not coded."""
+    table: dict[int, CrashType] = {}
+    for code in range(first, first + 8, 2):
+        table[code] = row(role=EncounterRole.ENCROACHING, movement=_STRAIGHT)
+        table[code + 1] = row(role=EncounterRole.STEADY, movement=_STRAIGHT)
+    return table | {code: row(movement=_STRAIGHT, counterpart=code) for code in (first + 8, first + 9)}
+
+
+def _turning() -> dict[int, CrashType]:
+    opposite, same, crossing = Relation.OPPOSITE_DIRECTION, Relation.SAME_DIRECTION, Relation.CROSSING
+    left, right = Side.LEFT, Side.RIGHT
+    row = partial(CrashType, trajectory=VehicleTrajectory.TURNING)
+    table: dict[int, CrashType] = {}
+    # The code of who turns; the turn; where each of the two sees the other; the side each shows the other. Who turns
+    # left across the path of oncoming traffic (68) shows it its right side and comes from its left (69); who turns left
+    # into the path of traffic from its right (76) comes from that one's left (77), who turns right (78) from its right
+    # (79), left into the opposite direction (82) too (83), being met from the left.
+    for code, relation, turn, turner_sees, other_sees, turner_shows, other_shows in (
+        (68, opposite, Turn.LEFT, None, None, right, left),  # J, turn across path
+        (70, same, Turn.RIGHT, right, left, None, None),
+        (72, same, Turn.LEFT, left, right, None, None),
+        (76, crossing, Turn.LEFT, right, left, right, left),  # K, turn into path
+        (78, crossing, Turn.RIGHT, left, right, left, right),
+        (80, crossing, Turn.RIGHT, right, left, None, None),
+        (82, crossing, Turn.LEFT, left, right, left, right),
+    ):
+        table[code] = row(
+            relation,
+            EncounterRole.ENCROACHING,
+            turn,
+            turner_sees,
+            movement=_MOVEMENT_OF_TURN[turn],
+            shows=turner_shows,
+            counterpart=code + 1,
+        )
+        table[code + 1] = row(
+            relation,
+            EncounterRole.STEADY,
+            other_from=other_sees,
+            movement=_STRAIGHT,
+            shows=other_shows,
+            counterpart=code,
+        )
+    table |= {code: row(counterpart=code) for code in (74, 75)}
+    return table | {code: row(crossing, counterpart=code) for code in (84, 85)}
+
+
+def _intersecting() -> dict[int, CrashType]:
+    row = partial(CrashType, Relation.CROSSING, trajectory=VehicleTrajectory.INTERSECTING, movement=_STRAIGHT)
+    striking, struck = EncounterRole.STRIKING, EncounterRole.STRUCK
+    return {  # L, straight paths; 86 strikes from the right of 87
+        86: row(striking, other_from=Side.LEFT, impact_code=_FRONT, counterpart=87),
+        87: row(struck, other_from=Side.RIGHT, impact_code=_RIGHT_SIDE, counterpart=86),
+        88: row(striking, other_from=Side.RIGHT, impact_code=_FRONT, counterpart=89),
+        89: row(struck, other_from=Side.LEFT, impact_code=_LEFT_SIDE, counterpart=88),
+        90: row(counterpart=90),
+        91: row(counterpart=91),
+    }
+
+
 CRASH_TYPES: dict[int, CrashType] = _table()
+_UNKNOWN: Final = CrashType()
 
 
-_MOVEMENT_TURN: Final = {
-    PreCrashMovement.TURNING_LEFT: Turn.LEFT,
-    PreCrashMovement.TURNING_RIGHT: Turn.RIGHT,
-    PreCrashMovement.U_TURN: Turn.U_TURN,
-}
+def crash_type(acc_type: int | None) -> CrashType:
+    """The row of the table for an ``ACC_TYPE``; one that says nothing for unknown ones and None.
+
+    >>> crash_type(69).counterpart, crash_type(69).movement.name
+    (68, 'GOING_STRAIGHT')
+    """
+    return CRASH_TYPES.get(acc_type or 0, _UNKNOWN)
 
 
 def crash_type_of(vehicle: VehicleRecord) -> CrashType:
     """The row of the table for a vehicle; one that says nothing where its type is unknown."""
-    return CRASH_TYPES.get(vehicle.crash_type_code or 99, CrashType())
+    return crash_type(vehicle.crash_type_code)
 
 
 def turn_of(vehicle: VehicleRecord) -> Turn | None:
     """The turn a vehicle made: by its movement, else by its crash type."""
-    return _MOVEMENT_TURN.get(vehicle.movement, crash_type_of(vehicle).turn)
+    return _TURN_OF_MOVEMENT.get(vehicle.movement, crash_type_of(vehicle).turn)
+
+
+def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
+    """Class of a crash from the ``ACC_TYPE`` of the vehicles that collided, first party first.
+
+    A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
+    name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
+    """
+    named = [crash_type(code).trajectory for code in acc_types]
+    return next((each for each in named if each is not VehicleTrajectory.OTHERS), VehicleTrajectory.OTHERS)
+
+
+def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
+    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes."""
+    return len({crash_type(code).trajectory for code in acc_types if code is not None}) > 1
 
 
 @dataclass(frozen=True)

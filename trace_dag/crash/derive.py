@@ -14,6 +14,7 @@ from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
+from trace_dag.crash.crash_types import crash_type, crash_type_of
 from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
 from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
 
@@ -47,21 +48,7 @@ def impact_area(code: int | None) -> ImpactArea | None:
 
 # --- crash type ----------------------------------------------------------------------------------------------------
 
-_COUNTERPART: Final[Mapping[int, int]] = {
-    **{code: code + 1 for code in (20, 24, 28, 50, 64, 68, 70, 72, 76, 78, 80, 82, 86, 88, 92)},
-    **{code: code - 1 for code in (21, 25, 29, 51, 65, 69, 71, 73, 77, 79, 81, 83, 87, 89, 93)},
-    **dict.fromkeys((22, 23), 20),
-    **dict.fromkeys((26, 27), 24),
-    **dict.fromkeys((30, 31), 28),
-    **{code: code for code in (32, 33, 42, 43, 48, 49, 52, 53, 62, 63, 66, 67, 74, 75, 84, 85, 90, 91)},
-}
-"""The ``ACC_TYPE`` of the other vehicle of a pair: crash types come in configurations of two."""
 _CRASH_TYPE_UNKNOWN: Final = 99
-
-
-def counterpart_of_crash_type(acc_type: int | None) -> int | None:
-    """The ``ACC_TYPE`` of the other vehicle of the configuration; of several the first; None if it leaves that open."""
-    return _COUNTERPART.get(acc_type or 0)
 
 
 def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
@@ -71,7 +58,7 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
         return tuple(vehicles)
     implied: dict[int, VehicleRecord] = {}
     for vehicle, partner in (pair, pair[::-1]):
-        counterpart = counterpart_of_crash_type(partner.crash_type_code)
+        counterpart = crash_type_of(partner).counterpart
         if vehicle.crash_type_code in (None, _CRASH_TYPE_UNKNOWN) and counterpart is not None:
             implied[vehicle.number] = replace(
                 vehicle, crash_type_code=counterpart, implied=(*vehicle.implied, "crash_type_code")
@@ -81,7 +68,7 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
 
 def in_one_configuration(one: int | None, other: int | None) -> bool:
     """Whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21."""
-    return _COUNTERPART.get(one or 0) == (other or -1) or _COUNTERPART.get(other or 0) == (one or -1)
+    return crash_type(one).counterpart == (other or -1) or crash_type(other).counterpart == (one or -1)
 
 
 def _pair(
@@ -98,34 +85,14 @@ def _pair(
 
 # --- movement ------------------------------------------------------------------------------------------------------
 
-_STRAIGHT, _LEFT, _RIGHT = (
-    PreCrashMovement.GOING_STRAIGHT,
-    PreCrashMovement.TURNING_LEFT,
-    PreCrashMovement.TURNING_RIGHT,
-)
-_MOVEMENT_OF_CRASH_TYPE: Final[Mapping[int, PreCrashMovement]] = {
-    **dict.fromkeys(range(1, 17), _STRAIGHT),
-    **dict.fromkeys((20, 24, 25, 28), _STRAIGHT),
-    **dict.fromkeys((21, 22, 23), PreCrashMovement.STOPPED),
-    **dict.fromkeys((26, 30, 72, 76, 82), _LEFT),
-    **dict.fromkeys((27, 31, 70, 78, 80), _RIGHT),
-    29: PreCrashMovement.DECELERATING,
-    **dict.fromkeys(range(34, 46), _STRAIGHT),
-    **dict.fromkeys((46, 47), PreCrashMovement.CHANGING_LANES),
-    **dict.fromkeys(range(50, 68), _STRAIGHT),
-    68: _LEFT,
-    **dict.fromkeys((69, 71, 73, 77, 79, 81, 83), _STRAIGHT),
-    **dict.fromkeys(range(86, 92), _STRAIGHT),
-    92: PreCrashMovement.BACKING,
-}
 _MOVEMENT_OF_CRITICAL_EVENT: Final[Mapping[int, PreCrashMovement]] = {
-    10: _STRAIGHT,
-    11: _STRAIGHT,
-    12: _STRAIGHT,
-    13: _STRAIGHT,
-    15: _LEFT,
-    16: _RIGHT,
-    17: _STRAIGHT,
+    10: PreCrashMovement.GOING_STRAIGHT,
+    11: PreCrashMovement.GOING_STRAIGHT,
+    12: PreCrashMovement.GOING_STRAIGHT,
+    13: PreCrashMovement.GOING_STRAIGHT,
+    15: PreCrashMovement.TURNING_LEFT,
+    16: PreCrashMovement.TURNING_RIGHT,
+    17: PreCrashMovement.GOING_STRAIGHT,
     18: PreCrashMovement.DECELERATING,
     20: PreCrashMovement.BACKING,
     21: PreCrashMovement.U_TURN,
@@ -135,7 +102,7 @@ UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UN
 
 def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
     """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does."""
-    movement = _MOVEMENT_OF_CRASH_TYPE.get(vehicle.crash_type_code or 0)
+    movement = crash_type_of(vehicle).movement
     if movement is None:
         movement = _MOVEMENT_OF_CRITICAL_EVENT.get(vehicle.critical_event_code or 0)
     if movement is None and vehicle.travel_speed_mps == 0:
@@ -147,20 +114,8 @@ def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
 
 # --- impact --------------------------------------------------------------------------------------------------------
 
-_FRONT, _RIGHT_SIDE, _REAR, _LEFT_SIDE = 12, 3, 6, 9
-_IMPACT_OF_CRASH_TYPE: Final[Mapping[int, int]] = {
-    **dict.fromkeys((20, 24, 28, 50, 51, 52, 53, 86, 88), _FRONT),
-    **dict.fromkeys((21, 22, 23, 25, 26, 27, 29, 30, 31), _REAR),
-    87: _RIGHT_SIDE,
-    89: _LEFT_SIDE,
-    92: _REAR,
-}
+_FRONT, _REAR = 12, 6
 _FRONT_TO_REAR, _FRONT_TO_FRONT, _REAR_TO_REAR = 1, 2, 10
-
-
-def implied_impact_of_crash_type(acc_type: int | None) -> ImpactArea | None:
-    """The area that ``ACC_TYPE`` alone says was struck, None if it leaves that open."""
-    return impact_area(_IMPACT_OF_CRASH_TYPE.get(acc_type or 0))
 
 
 def implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
@@ -235,7 +190,7 @@ def _with_own_impact(
     if initial is not None:
         return replace(vehicle, impact=initial)
     own = next((area for event in events if (area := area_in(event, vehicle.number)) is not None), None)
-    area = implied_impact_of_crash_type(vehicle.crash_type_code) if in_pair else own
+    area = impact_area(crash_type_of(vehicle).impact_code) if in_pair else own
     return _implied(vehicle, area) if area is not None else vehicle
 
 

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trace_dag.crash.classes import (
-    CollisionType,
-    RoadTopology,
-    VehicleTrajectory,
-    collision_type,
-    road_topology,
-    vehicle_trajectory,
-)
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory, collision_type, road_topology
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
 from trace_dag.crash.parse import case_of, crash_element

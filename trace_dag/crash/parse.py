@@ -14,11 +14,12 @@ from typing import Final
 
 from lxml import etree
 
-from trace_dag.crash.classes import RoadTopology, collision_type, road_topology, vehicle_trajectory
+from trace_dag.crash.classes import RoadTopology, collision_type, road_topology
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes.table import FIRST_YEAR, UnknownCodeError
 from trace_dag.crash.contradictions import contradictions_of
+from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.derive import (
     UNSAID_MOVEMENTS,
     implied_movement,

@@ -12,11 +12,10 @@ from typing import Final
 
 from trace_dag.crash.classes import CollisionType, RoadTopology
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
-from trace_dag.crash.codes.vehicle import SINGLE_DRIVER_TYPES
-from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, EncounterRole, Relation, Side, Turn, critical_event
+from trace_dag.crash.crash_types import CrashType, EncounterRole, Relation, Side, crash_type_of, critical_event
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.units import clock_difference_h, wrap_angle
-from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURNS_BY_MOVEMENT, turn_error_deg
+from trace_dag.verdict.directions import STRAIGHT_MOVEMENTS, TURN_DEG, TURNS_BY_MOVEMENT, turn_error_deg
 from trace_dag.verdict.metrics import FirstContact, ObservedVehicle, clock_error_h, speed_error_rel
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
@@ -32,7 +31,6 @@ _LEFT, _RIGHT, _FRONT, _REAR = 9.0, 3.0, 12.0, 6.0
 _ANY_ANGLE: Final = frozenset(
     {RoadTopology.L, RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_POINT_OR_MORE}
 )
-_TURNS: Final = {Turn.LEFT: 90.0, Turn.RIGHT: -90.0, Turn.U_TURN: 180.0}
 
 
 def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fact]:
@@ -110,8 +108,8 @@ def _crash_type(
     code = vehicle.crash_type_code
     if code is None or "crash_type_code" in vehicle.implied:
         return
-    kind = CRASH_TYPES.get(code, CrashType())
-    if code in SINGLE_DRIVER_TYPES:
+    kind = crash_type_of(vehicle)
+    if kind.single_driver:
         agrees = False
     elif kind.relation is None:
         return
@@ -119,7 +117,7 @@ def _crash_type(
         agrees = (
             _is_relation(kind.relation, record, seen, other)
             and _makes_turn(kind, seen)
-            and _is_struck_so(code, kind, seen)
+            and _is_struck_so(kind, seen)
             and _comes_from(kind.other_from, kind.relation, seen, other)
         )
     found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+.0f} deg, struck at "
@@ -143,19 +141,15 @@ def _is_relation(relation: Relation, record: CrashRecord, seen: ObservedVehicle,
 
 
 def _makes_turn(kind: CrashType, seen: ObservedVehicle) -> bool:
-    allowed = frozenset({_TURNS[kind.turn]} if kind.turn else {0.0})
+    allowed = frozenset({TURN_DEG[kind.turn]} if kind.turn else {0.0})
     error = turn_error_deg(seen.turn_deg, allowed, seen.offered_turns_deg)
     return error is None or error <= _TURN_DEG
 
 
-def _is_struck_so(code: int, kind: CrashType, seen: ObservedVehicle) -> bool:
-    if kind.role is EncounterRole.STRIKING:
-        return _is_on(_FRONT, seen.clock_h)
-    if kind.role is EncounterRole.STRUCK and kind.relation is Relation.SAME_LANE:
-        return _is_on(_REAR, seen.clock_h)
-    if kind.role is EncounterRole.STRUCK:
-        return _is_on(_RIGHT if kind.other_from is Side.RIGHT else _LEFT, seen.clock_h)
-    return True
+def _is_struck_so(kind: CrashType, seen: ObservedVehicle) -> bool:
+    if kind.role not in (EncounterRole.STRIKING, EncounterRole.STRUCK) or kind.impact_code is None:
+        return True
+    return _is_on(kind.impact_code, seen.clock_h)
 
 
 def _comes_from(side: Side | None, relation: Relation, seen: ObservedVehicle, other: ObservedVehicle) -> bool:

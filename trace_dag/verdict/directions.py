@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.classes import VehicleTrajectory
+from trace_dag.crash.crash_types import EncounterRole, Relation, Turn, crash_type_of
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneRef
@@ -51,16 +53,13 @@ TURNS_BY_MOVEMENT = {
     PreCrashMovement.TURNING_RIGHT: -90.0,
     PreCrashMovement.U_TURN: 180.0,
 }
-_LEFT_CRASH_TYPES = frozenset({68, 72, 76, 82})  # ACC_TYPE: turned left across or into the other's path
-_RIGHT_CRASH_TYPES = frozenset({70, 78, 80})
-_STRAIGHT_CRASH_TYPES = frozenset({*range(20, 68), 69, 71, 73, 77, 79, 81, 83, *range(86, 92)})
-_RELATION_BY_CRASH_TYPE: tuple[tuple[range, float], ...] = (
-    (range(20, 50), 0.0),  # same trafficway, same direction
-    (range(50, 70), 180.0),  # opposite direction; 68, 69: turn across the path of oncoming traffic
-    (range(70, 74), 0.0),  # turn across the path of traffic in the same direction
-    (range(76, 86), 90.0),  # turn into path
-    (range(86, 92), 90.0),  # intersecting paths
-)
+TURN_DEG = {Turn.LEFT: 90.0, Turn.RIGHT: -90.0, Turn.U_TURN: 180.0}
+_RELATION_DEG = {
+    Relation.SAME_LANE: 0.0,
+    Relation.SAME_DIRECTION: 0.0,
+    Relation.OPPOSITE_DIRECTION: 180.0,
+    Relation.CROSSING: 90.0,
+}
 
 
 def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
@@ -73,21 +72,19 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
         turns.add(TURNS_BY_MOVEMENT[vehicle.movement])
     elif vehicle.movement in STRAIGHT_MOVEMENTS:
         turns.add(0.0)
-    code = vehicle.crash_type_code
-    if code in _LEFT_CRASH_TYPES:
-        turns.add(90.0)
-    elif code in _RIGHT_CRASH_TYPES:
-        turns.add(-90.0)
-    elif code in _STRAIGHT_CRASH_TYPES and not turns:
+    kind = crash_type_of(vehicle)
+    open_who_turned = kind.trajectory is VehicleTrajectory.TURNING and kind.role is EncounterRole.UNDETERMINED
+    if kind.turned_across is not None:
+        turns.add(TURN_DEG[kind.turned_across])
+    elif not turns and kind.relation is not None and not open_who_turned:
         turns.add(0.0)
     return frozenset(turns)
 
 
 def reported_relations_deg(one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
     """Angles between the two directions of approach that the crash types (``ACC_TYPE``) of the pair allow."""
-    return frozenset(
-        angle for vehicle in (one, two) for codes, angle in _RELATION_BY_CRASH_TYPE if vehicle.crash_type_code in codes
-    )
+    relations = (crash_type_of(vehicle).relation for vehicle in (one, two))
+    return frozenset(_RELATION_DEG[relation] for relation in relations if relation is not None)
 
 
 def turn_error_deg(

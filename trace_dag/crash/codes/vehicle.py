@@ -414,7 +414,3 @@ ACC_TYPE = table(
     },
     unknown=(99,),
 )
-SINGLE_DRIVER_TYPES: Final = range(1, 17)
-"""``ACC_TYPE`` of a crash in which no other vehicle's course played a part."""
-JUNCTION_TYPES: Final = range(68, 92)
-"""``ACC_TYPE`` of vehicles that changed trafficway or crossed on two of them, which takes a junction or driveway."""
