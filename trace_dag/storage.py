@@ -16,7 +16,6 @@ import hashlib
 import os
 import re
 import tempfile
-import time
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -342,24 +341,32 @@ def _on_disk(action: Callable[[], T], path: str) -> T:
 
 
 def _remotely(action: Callable[[], T], path: str) -> T:
-    """Try several times with growing pauses: object stores answer slowly or with errors now and then.
+    """Try several times with growing pauses: object stores answer slowly or with errors now and then."""
+    from tenacity import Retrying, retry_if_exception, stop_after_attempt, wait_exponential  # local storage needs none
 
-    Their clients raise errors of many kinds for it (OSError, TimeoutError, classes of their own).
-    """
-    wait_s = _REMOTE_FIRST_WAIT_S
-    for attempt in range(1, _REMOTE_ATTEMPTS + 1):
-        try:
-            return action()
-        except (FileNotFoundError, ImportError, ValueError):
+    trying = Retrying(
+        retry=retry_if_exception(_may_answer_later),
+        stop=stop_after_attempt(_REMOTE_ATTEMPTS),
+        wait=wait_exponential(multiplier=_REMOTE_FIRST_WAIT_S),
+        reraise=True,
+    )
+    try:
+        return trying(action)
+    except PermissionError as error:
+        raise Failure(f"{path}: access denied ({error}); check the credentials in the environment") from error
+    except Exception as error:
+        if type(error).__name__ in _NO_CREDENTIALS:
+            raise Failure(f"{path}: {error}; set the credentials in the environment") from error
+        if not _may_answer_later(error):
             raise
-        except PermissionError as error:
-            raise Failure(f"{path}: access denied ({error}); check the credentials in the environment") from error
-        except Exception as error:
-            if type(error).__name__ in _NO_CREDENTIALS:
-                raise Failure(f"{path}: {error}; set the credentials in the environment") from error
-            if attempt == _REMOTE_ATTEMPTS:
-                reason = f"{type(error).__name__}: {error}"
-                raise TransientFailure(f"{path}: no answer after {attempt} attempts ({reason}); run again") from error
-        time.sleep(wait_s)
-        wait_s *= 2
-    raise AssertionError("unreachable")
+        reason = f"{type(error).__name__}: {error}"
+        raise TransientFailure(f"{path}: no answer after {_REMOTE_ATTEMPTS} attempts ({reason}); run again") from error
+
+
+def _may_answer_later(error: BaseException) -> bool:
+    """Whether an object store may answer if it is asked again.
+
+    Their clients raise errors of many kinds for that (OSError, TimeoutError, classes of their own).
+    """
+    for_good = isinstance(error, FileNotFoundError | PermissionError | ImportError | ValueError)
+    return isinstance(error, Exception) and not for_good and type(error).__name__ not in _NO_CREDENTIALS

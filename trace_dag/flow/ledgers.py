@@ -7,11 +7,10 @@ files it lists, under a seal (:mod:`trace_dag.sealing`). Outcome records list th
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.sealing import is_sealed, sealed, unsealed
@@ -24,10 +23,11 @@ FOLDER = "ledgers"
 SUBJECT_FOLDERS = ("comparisons", "evaluations", "variations")
 """Folders all of whose files are listed in ledgers of their own; ``ledgers/`` has a folder for each."""
 
-_LOOKS = 3  # a file that is being replaced agrees with its ledger again a moment later
+_LOOKS = 3
 _PAUSE_S = 0.1
 _READ_AT_ONCE = 200
 
+T = TypeVar("T")
 Complaint = Callable[[Failure], None]
 """Hears of one crash or file that had to be left out, while the others go on."""
 
@@ -77,17 +77,33 @@ def sound_ledger(storage: Storage, subject: str) -> Ledger:
 
 def read_listed(storage: Storage, subject: str, name: str, *, remedy: str) -> bytes:
     """A file, if it is as the ledger of its subject says. Raises :class:`DamagedFile` that names the remedy."""
-    for look in range(1, _LOOKS + 1):
-        try:
-            file = read_ledger(storage, subject).files.get(name)
-            if file is None:
-                raise DamagedFile(name, f"{ledger_name(subject)} does not list it")
-            return storage.read_whole(file)
-        except DamagedFile as damaged:
-            if look == _LOOKS:
-                raise damaged.mended_by(remedy) from damaged
-        time.sleep(_PAUSE_S)
-    raise AssertionError("unreachable")
+
+    def look() -> bytes:
+        file = read_ledger(storage, subject).files.get(name)
+        if file is None:
+            raise DamagedFile(name, f"{ledger_name(subject)} does not list it")
+        return storage.read_whole(file)
+
+    return agreed(look, remedy=remedy)
+
+
+def agreed(look: Callable[[], T], *, remedy: str) -> T:
+    """What ``look`` finds, which raises :class:`DamagedFile` where a file and its ledger do not agree.
+
+    Files that are being replaced agree with their ledger a moment later, so it looks several times.
+    """
+    from tenacity import Retrying, retry_if_exception_type, stop_after_attempt, wait_fixed  # 0.05 s of start-up
+
+    looking = Retrying(
+        retry=retry_if_exception_type(DamagedFile),
+        stop=stop_after_attempt(_LOOKS),
+        wait=wait_fixed(_PAUSE_S),
+        reraise=True,
+    )
+    try:
+        return looking(look)
+    except DamagedFile as damaged:
+        raise damaged.mended_by(remedy) from damaged
 
 
 def subjects(storage: Storage, folder: str = "") -> list[str]:

@@ -13,6 +13,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
+from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
+
 from trace_dag.code_versions import referred
 from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, StageDefinition
@@ -45,6 +47,11 @@ from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
+
+
+def _may_pass(error: BaseException) -> bool:
+    """Whether a stage may do if it is tried again: not where whoever raised it has tried several times already."""
+    return isinstance(error, TransientFailure) and not error.tried_again
 
 
 def get_ready(flow: Flow, settings: Settings) -> None:
@@ -151,29 +158,34 @@ class _CrashWorker:
 
     def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
         execution = self.work.settings.execution
-        started_at, started, wait_s = now(), time.monotonic(), execution.retry_wait_s
-        for attempt in range(1, execution.transient_retries + 2):
-            try:
-                with at_work(self.task.key, definition.stage):
-                    product: StageProduct | Rejection | Exception = self.work.flow.make(definition, self.files)
-            except Rejection as rejection:
-                product = rejection
-            except Exception as error:
-                product = error
-                passing = isinstance(error, TransientFailure) and not error.tried_again
-                if passing and attempt <= execution.transient_retries:
-                    log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
-                    time.sleep(wait_s)
-                    wait_s *= 2
-                    continue
-            break
-        return self.conclude(definition, provenance, product, started_at, time.monotonic() - started, attempt)
+        started_at, started = now(), time.monotonic()
+        trying = Retrying(
+            retry=retry_if_exception(_may_pass),
+            stop=stop_after_attempt(execution.transient_retries + 1),
+            wait=wait_exponential(multiplier=execution.retry_wait_s),
+            before_sleep=lambda state: self._say_trying_again(definition, state),
+            reraise=True,
+        )
+        try:
+            product: StageProduct | Exception = trying(self._make, definition)
+        except Exception as error:
+            product = error
+        attempts = trying.statistics["attempt_number"]
+        return self.conclude(definition, provenance, product, started_at, time.monotonic() - started, attempts)
+
+    def _make(self, definition: StageDefinition) -> StageProduct:
+        with at_work(self.task.key, definition.stage):
+            return self.work.flow.make(definition, self.files)
+
+    def _say_trying_again(self, definition: StageDefinition, state: RetryCallState) -> None:
+        error = state.outcome.exception() if state.outcome else None
+        log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
 
     def conclude(
         self,
         definition: StageDefinition,
         provenance: Provenance,
-        product: StageProduct | Rejection | Exception,
+        product: StageProduct | Exception,
         started_at: str,
         duration_s: float,
         attempts: int = 1,

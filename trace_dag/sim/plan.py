@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.errors import Failure
-from trace_dag.geometry import FloatArray, hermite
+from trace_dag.geometry import FloatArray
 from trace_dag.sim.types import Participant, VehicleLog
 from trace_dag.states.types import Trajectory
 
@@ -94,11 +94,16 @@ def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahea
     at = np.interp(times, t.time_s, np.arange(len(t.time_s)))
     index = np.clip(at.astype(int), 0, len(t.time_s) - 2)
     h = (t.time_s[index + 1] - t.time_s[index])[:, None]
-    since = (at - index)[:, None] * h
+    u = (at - index)[:, None]
     xy = np.stack([t.x_m, t.y_m], axis=-1)
     velocity = t.speed_mps[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    a, b, c, d = hermite(h, xy[index], xy[index + 1], velocity[index], velocity[index + 1])
-    position = a + since * (b + since * (c + since * d))
+    p0, p1, v0, v1 = xy[index], xy[index + 1], velocity[index], velocity[index + 1]
+    position = (
+        (2 * u**3 - 3 * u**2 + 1) * p0
+        + (u**3 - 2 * u**2 + u) * h * v0
+        + (3 * u**2 - 2 * u**3) * p1
+        + (u**3 - u**2) * h * v1
+    )
     speed = np.interp(times, t.time_s, t.speed_mps)
     course = np.interp(times, t.time_s, heading)
     z = np.interp(times, t.time_s, t.z_m)

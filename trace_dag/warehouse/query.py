@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.errors import DamagedFile, UserError
-from trace_dag.flow.ledgers import read_ledger
+from trace_dag.flow.ledgers import agreed, read_ledger
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
-_LOOKS, _PAUSE_S = 3, 0.1  # one that is being put in place agrees with its ledger a moment later
 
 
 def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
@@ -39,15 +37,7 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
 
 def check_warehouse(path: Path) -> None:
     """Raise :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built."""
-    for look in range(1, _LOOKS + 1):
-        if not path.is_file():
-            raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
-        try:
-            return _check(path)
-        except DamagedFile as damaged:
-            if look == _LOOKS:
-                raise damaged.mended_by(_BUILT_AGAIN) from damaged
-        time.sleep(_PAUSE_S)
+    agreed(lambda: _check(path), remedy=_BUILT_AGAIN)
 
 
 def stray_log(path: Path) -> Path:
@@ -56,6 +46,8 @@ def stray_log(path: Path) -> Path:
 
 
 def _check(path: Path) -> None:
+    if not path.is_file():
+        raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
     file = read_ledger(Storage(path.parent), WAREHOUSE_SUBJECT).files.get(path.name)
     if file is None:
         raise DamagedFile(str(path), "nothing says with what content it was built")

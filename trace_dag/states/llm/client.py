@@ -16,13 +16,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from tenacity import RetryCallState, Retrying, retry_if_exception_type, wait_exponential
+
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.llm.ledger import SpendingLedger
 from trace_dag.states.llm.prompt import Message
 from trace_dag.states.llm.store import AnswerStore, StoredAnswer, question_key
 
 REFUSED = "refused"
-_FIRST_WAIT_S = 2.0
+_BACK_OFF = wait_exponential(multiplier=2.0)  # seconds: 2, 4, 8, ...
 _PASSING_STATUS = frozenset({408, 425, 429})  # and every 5xx
 _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECASE)
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
@@ -70,26 +72,39 @@ class LlmClient:
         return stored
 
     def _ask(self, messages: list[Message], schema: Mapping[str, Any]) -> StoredAnswer:
-        asked = 0
-        left_s = self.question_time_s
-        while True:
+        taken_s = 0.0  # by requests: waiting for one's turn does not count
+
+        def ask_once() -> StoredAnswer:
+            nonlocal taken_s
+            left_s = self.question_time_s - taken_s - trying.statistics["idle_for"]
             self.ledger.reserve()
             started = time.monotonic()
-            asked += 1
             try:
-                answer = self._request(messages, schema, min(self.timeout_s, left_s))
-            except _NoAnswer as none:
-                wait_s = none.wait_s if none.wait_s is not None else _FIRST_WAIT_S * 2 ** (asked - 1)
-                left_s -= time.monotonic() - started + wait_s
-                if asked >= self.attempts or left_s <= 0:
-                    self.ledger.unanswered()
-                    times = "once" if asked == 1 else f"{asked} times"
-                    raise TransientFailure(f"{none} (asked {times})", tried_again=True) from None
-                log.warning("%s; asking again in %.0f s", none, wait_s)
-                self.sleep(wait_s)
-            else:
-                self.ledger.charge(answer.cost_usd)
-                return answer
+                return self._request(messages, schema, min(self.timeout_s, left_s))
+            finally:
+                taken_s += time.monotonic() - started
+
+        def enough(state: RetryCallState) -> bool:
+            then_s = taken_s + state.idle_for + state.upcoming_sleep
+            return state.attempt_number >= self.attempts or then_s >= self.question_time_s
+
+        trying = Retrying(
+            retry=retry_if_exception_type(_NoAnswer),
+            stop=enough,
+            wait=_pause_s,
+            before_sleep=_say_asking_again,
+            sleep=self.sleep,
+            reraise=True,
+        )
+        try:
+            answer = trying(ask_once)
+        except _NoAnswer as none:
+            self.ledger.unanswered()
+            asked = trying.statistics["attempt_number"]
+            times = "once" if asked == 1 else f"{asked} times"
+            raise TransientFailure(f"{none} (asked {times})", tried_again=True) from None
+        self.ledger.charge(answer.cost_usd)
+        return answer
 
     def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
         """One request. Raises :class:`_NoAnswer` where another may be answered, :class:`Failure` where none will."""
@@ -157,6 +172,18 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if it stays
     def __init__(self, message: str, wait_s: float | None) -> None:
         super().__init__(message)
         self.wait_s = wait_s
+
+
+def _pause_s(state: RetryCallState) -> float:
+    """Seconds before a question is asked again: as the provider asks, else twice as long each time."""
+    error = state.outcome.exception() if state.outcome else None
+    asked_s = error.wait_s if isinstance(error, _NoAnswer) else None
+    return asked_s if asked_s is not None else _BACK_OFF(state)
+
+
+def _say_asking_again(state: RetryCallState) -> None:
+    error = state.outcome.exception() if state.outcome else None
+    log.warning("%s; asking again in %.0f s", error, state.upcoming_sleep)
 
 
 def _missing_keys(litellm: Any, model: str) -> list[str]:
