@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from trace_dag.states.llm.store import FOLDER as ANSWERS
 from trace_dag.storage import Storage
 from trace_dag.studies.estimators import estimates_folder, estimators_compared, settings_of
 from trace_dag.studies.truth import load_truth
+from trace_dag.warehouse.query import query
 
 CRASHES = ("2023-319003", "2023-319022", "2023-319024", "2023-319029")
 MAPPED = tuple(stage for stage in Stage if stage.position < Stage.STATE_ESTIMATE.position)
@@ -155,7 +157,8 @@ def test_unusable_answers_end_as_the_setting_says_and_are_kept(root, served, fal
     assert (record.figures["attempts"], record.figures["cost_usd"]) == (2, pytest.approx(2 * COST_USD))
     if fallback == "analytic":
         assert record.outcome is Outcome.ACCEPTED
-        assert record.figures["fallback"] is True
+        assert (record.figures["estimator"], record.figures["fallback_from"]) == ("analytic", "llm")
+        assert "gave no usable answer in 2 attempts" in record.figures["fallback_reason"]
         answers = estimate_from_json(estimate_bytes(workspace)[0]).run.answers
     else:
         assert (record.outcome, record.reason) == (Outcome.REJECTED, Reason.NO_FEASIBLE_STATE)
@@ -192,6 +195,38 @@ def test_the_command_leaves_no_key_anywhere(root, served, model):
     assert any(path.suffix == ".db" for path in written), "Dagster's records"
     assert not [path for path in written if KEY.encode() in path.read_bytes()]
     assert KEY not in done.stdout + done.stderr
+
+
+def test_estimates_that_are_not_the_models_are_told_apart_everywhere(root, served, model):
+    vague = CRASHES[0]
+    served(lambda request, before: completion("?") if asked_about(request) == vague else model(request, before))
+    environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_STATES__LLM_MAX_ATTEMPTS": "1"}
+    done = trace_dag(root, "run", "--estimator", "llm", "--executor", "in_process", **environment)
+    assert done.returncode == 0, done.stderr
+    share = "4 estimates: 3 by llm, 1 by analytic in place of llm (25 %)"
+    assert done.stdout.strip().splitlines()[-1] == share
+    assert share in trace_dag(root, "status").stdout
+    scored = json.loads(trace_dag(root, "score-truth", "--json").stdout)
+    assert (scored["summary"]["estimators"], scored["summary"]["estimated"]) == (share, 3)
+    assert scored["summary"]["fallbacks"] == 1
+    rows = query(root / "warehouse.duckdb", "SELECT key, estimator, asked_estimator, fallback_reason FROM estimates")[1]
+    by_key = {key: (made, asked, why) for key, made, asked, why in rows}
+    why = by_key[vague][2]
+    assert by_key[vague][:2] == ("analytic", "llm")
+    assert f"{MODEL} gave no usable answer in 1 attempt;" in why
+    assert by_key[CRASHES[1]] == ("llm", "llm", None)
+    page = (root / "benchmark" / "crashes" / f"{vague}.html").read_text()
+    assert "Estimated by the analytic estimator, in place of the llm estimator" in page
+    assert (
+        f"Estimated by the llm estimator ({MODEL})"
+        in (root / "benchmark" / "crashes" / f"{CRASHES[1]}.html").read_text()
+    )
+    with zipfile.ZipFile(next((root / "benchmark").rglob(f"*{vague}*.zip"))) as package:
+        (readme,) = [name for name in package.namelist() if name.endswith("README.md")]
+        assert "analytic estimator, in place of the llm estimator" in package.read(readme).decode()
+    assert trace_dag(root, "release", "--version", "0.1", "--output", str(root / "releases")).returncode == 0
+    datasheet = next(root.rglob("DATASHEET.md")).read_text()
+    assert "states estimated (llm: 3, analytic in place of llm: 1)" in datasheet
 
 
 def test_estimators_are_set_side_by_side(root, served, model):

@@ -12,7 +12,7 @@ from trace_dag.states.compare import EstimateErrors, EstimatorAttempt, Estimator
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import EstimatorRun, StateEstimate
 
-RUN = EstimatorRun("llm", "1", model="m", attempts=3, prompt_tokens=900, cost_usd=0.02, fallback=True)
+RUN = EstimatorRun("llm", "1", model="m", attempts=3, prompt_tokens=900, cost_usd=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +79,25 @@ def test_the_summary_adds_up(analytic):
     assert (one.approach_correct, one.lane_correct, one.median_impact_point_error_m) == (0.5, 0.5, 1.5)
     assert (one.median_heading_error_deg, one.median_initial_position_error_m) == (4.0, 1.0)
     assert (two.estimator, two.crashes, two.estimated, two.rejected, two.failed) == ("llm", 2, 1, 1, 0)
-    assert (two.accepted, two.cost_usd, two.tokens, two.fallbacks, two.mean_attempts) == (0.0, 0.04, 1800, 2, 3)
+    assert (two.accepted, two.cost_usd, two.tokens, two.fallbacks, two.mean_attempts) == (0.0, 0.04, 1800, 0, 3)
     assert two.approach_agreement == two.lane_agreement == 1.0
     assert two.approach_correct is None
+
+
+def test_what_another_estimated_in_its_place_is_counted_apart(analytic):
+    stepped_in = dataclasses.replace(
+        RUN, estimator="analytic", fallback_from="llm", fallback_reason="m gave no usable answer"
+    )
+    right = EstimateErrors(True, True, 0.5, 3.0, 1.0)
+    own = attempt(analytic, accepted=False)
+    fallback = EstimatorAttempt(dataclasses.replace(analytic, run=stepped_in), stepped_in, accepted=True, truth=right)
+    rows = [*compared(EstimatorAttempt(analytic), own), *compared(EstimatorAttempt(analytic), fallback)]
+    assert [row.outcome for row in rows if row.estimator == "llm"] == ["estimated", "fallback"]
+    assert rows[-1].detail == "m gave no usable answer"
+    llm = summarise(rows)[1]
+    assert (llm.crashes, llm.estimated, llm.fallbacks) == (2, 1, 1)
+    assert (llm.accepted, llm.approach_correct, llm.median_impact_point_error_m) == (0.0, None, None)
+    assert llm.cost_usd == pytest.approx(0.04), "asking was paid for all the same"
 
 
 def test_nothing_to_compare_is_no_rows():

@@ -85,7 +85,8 @@ def test_what_is_no_answer_is_an_attempt_and_then_the_fallback(monkeypatch, case
     assert len(asked.server.requests) == 2
     assert complaint in asked.question(1)
     made = asked.estimate
-    assert (made.run.attempts, made.run.fallback) == (2, True)
+    assert (made.run.attempts, made.run.estimator, made.run.fallback_from) == (2, "analytic", "llm")
+    assert complaint in made.run.fallback_reason
     analytic = estimate(case.record, case.network, case.report, SETTINGS.states)
     assert made.best.name == analytic.best.name
     with pytest.raises(Rejection, match="no usable answer in 2 attempts") as caught:

@@ -39,7 +39,8 @@ from trace_dag.warehouse import query
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.
 _PACKED = """
-SELECT crashes.*, verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key), estimates.estimator, estimates.ambiguity,
+SELECT crashes.*, verdicts.* EXCLUDE (key), bodies.* EXCLUDE (key), estimates.estimator, estimates.asked_estimator,
+    estimates.fallback_reason, estimates.ambiguity,
     simulations.backend || ' ' || simulations.backend_version AS backend
 FROM crashes
 JOIN verdicts USING (key)

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 def print_standings(crashes: Mapping[str, Standing]) -> None:
-    """The funnel beside the published one, the final states, and why crashes were rejected."""
+    """The funnel beside the published one, the final states, why crashes were rejected, and what made the estimates."""
+    from trace_dag.flow.makers import makers_in_words
     from trace_dag.flow.standing import FinalState, funnel
 
     states = Counter(crash.final_state for crash in crashes.values())
@@ -44,6 +45,10 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
                 )
             ],
         )
+    estimated = [crash.made for crash in crashes.values() if crash.made is not None]
+    if estimated:
+        click.echo()
+        click.echo(makers_in_words(estimated))
 
 
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

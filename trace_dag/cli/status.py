@@ -49,6 +49,8 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
                         "stage_reached": crash.stage_reached.value if crash.stage_reached else None,
                         "reason": crash.reason.value if crash.reason else None,
                         "detail": crash.detail,
+                        "estimator": crash.made.estimator if crash.made else None,
+                        "estimator_asked": (crash.made.fallback_from or crash.made.estimator) if crash.made else None,
                     }
                     for key, crash in crashes.items()
                 },

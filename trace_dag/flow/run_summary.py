@@ -10,6 +10,7 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
+from trace_dag.flow.makers import Made, maker_of, makers_in_words
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
@@ -30,6 +31,7 @@ class RunSummary:
     retries: int = 0
     cost_usd: float = 0.0
     artefact_bytes: int = 0
+    estimates: list[Made] = field(default_factory=list)
     without_picture: dict[str, str] = field(default_factory=dict)
     computing_s: dict[Stage, float] = field(default_factory=lambda: defaultdict(float))
     crash_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -47,6 +49,8 @@ class RunSummary:
             return
         self.outcomes[record.outcome] += 1
         self.retries += record.attempts - 1
+        if event.stage is Stage.STATE_ESTIMATE and (made := maker_of(record)) is not None:
+            self.estimates.append(made)
         cost = record.figures.get("cost_usd")
         if isinstance(cost, int | float):
             self.cost_usd += cost
@@ -79,6 +83,7 @@ class RunSummary:
             "rejected": self.outcomes[Outcome.REJECTED],
             "failed": self.outcomes[Outcome.FAILED],
             "retries": self.retries,
+            "fallback_estimates": sum(made.fallback_from is not None for made in self.estimates),
             "pictures_missing": len(self.without_picture),
             "cost_usd": round(self.cost_usd, 6),
             "artefact_bytes": self.artefact_bytes,
@@ -101,6 +106,8 @@ class RunSummary:
             parts.append(f"most time in {figures['slowest_stage']}")
         parts.append(f"{self.retries} retries")
         parts.append(f"${self.cost_usd:.4f} for language models" if self.cost_usd else "no cost")
+        if any(made.estimator != "analytic" or made.fallback_from for made in self.estimates):
+            parts.append(makers_in_words(self.estimates))
         if self.without_picture:
             key, why = next(iter(self.without_picture.items()))
             parts.append(f"pictures missing: {len(self.without_picture)} ({key}: {why})")

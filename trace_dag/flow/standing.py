@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from trace_dag.errors import Reason
+from trace_dag.flow.makers import Made, maker_of
 from trace_dag.flow.records import Records
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.provenance import Outcome, OutcomeRecord
@@ -29,7 +30,7 @@ class FinalState(StrEnum):
 class Standing:
     """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
 
-    ``corroborated``: verified, and borne out by more than the criteria.
+    ``corroborated``: verified, and borne out by more than the criteria. ``made``: what made its estimate, if any.
     """
 
     key: str
@@ -38,6 +39,7 @@ class Standing:
     reason: Reason | None = None
     detail: str = ""
     corroborated: bool = False
+    made: Made | None = None
 
 
 def valid_records(records: Records) -> Records:
@@ -73,13 +75,14 @@ def standing_of_valid(key: str, valid: Records) -> Standing:
     """Where one crash stands by the records that count, as :func:`valid_records` finds them."""
     if not valid:
         return Standing(key, FinalState.PENDING)
+    made = maker_of(valid[Stage.STATE_ESTIMATE]) if Stage.STATE_ESTIMATE in valid else None
     last: OutcomeRecord = valid[max(valid, key=lambda stage: stage.position)]
     if last.outcome is Outcome.REJECTED:
-        return Standing(key, FinalState.REJECTED, last.stage, last.reason, last.detail)
+        return Standing(key, FinalState.REJECTED, last.stage, last.reason, last.detail, made=made)
     if last.outcome is Outcome.FAILED:
-        return Standing(key, FinalState.FAILED, last.stage, None, last.detail)
+        return Standing(key, FinalState.FAILED, last.stage, None, last.detail, made=made)
     state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
-    return Standing(key, state, last.stage, corroborated=last.figures.get("grade") == CORROBORATED)
+    return Standing(key, state, last.stage, corroborated=last.figures.get("grade") == CORROBORATED, made=made)
 
 
 @no_garbage_collection()

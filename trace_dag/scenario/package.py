@@ -187,6 +187,7 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         verdict=crash.verdict,
         judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
         log=crash.log,
+        estimated_by=crash.estimate.run.in_words(),
         vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
         files=files,
         inferred=crash.map_report.inferred_roads,

@@ -62,6 +62,8 @@ RELEASE_INDEX = TableSchema(
         Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
         Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
         Column("estimator", _T.TEXT, "What estimated the states: analytic or llm"),
+        Column("asked_estimator", _T.TEXT, "What was asked for the states; it made none where it is another"),
+        Column("fallback_reason", _T.TEXT, "Why it made none"),
         Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),
         Column("backend", _T.TEXT, "Simulator and its version"),
         Column("rule_set", _T.TEXT, "Rules it was verified by"),
@@ -192,11 +194,16 @@ def _rendered(template: str, release: BenchmarkRelease) -> bytes:
             body for row in release.packages for body in str(row["vehicle_classes"] or "").split(", ") if body
         ).most_common(),
         rule_sets=Counter(str(row["rule_set"]) for row in release.packages).most_common(),
-        estimators=Counter(str(row["estimator"]) for row in release.packages).most_common(),
+        estimators=Counter(_estimator(row) for row in release.packages).most_common(),
         backends=Counter(str(row["backend"]) for row in release.packages).most_common(),
         speeds_reported=sum(int(row["speeds_reported"] or 0) for row in release.packages),
         megabytes=sum(int(row["package_bytes"]) for row in release.packages) / 1e6,
     )
+
+
+def _estimator(row: Row) -> str:
+    made, asked = row["estimator"], row["asked_estimator"]
+    return str(made) if made == asked else f"{made} in place of {asked}"
 
 
 def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:

@@ -45,10 +45,10 @@ class EstimatorAttempt:
 class EstimatorRow:
     """One estimator's estimate of one crash, beside the reference estimator's; None for what there is not.
 
-    ``outcome``: estimated, rejected or failed, ``detail`` says why. ``approach_agrees``: both vehicles start on the
-    same road in the same direction as in the reference's best hypothesis; ``lane_agrees``: in the same lane too.
-    ``accepted`` and ``reason`` are the verdict's. Errors are against the truth, see :class:`EstimateErrors`. Distances
-    in metres, costs in US dollars.
+    ``outcome``: estimated (by itself), fallback (another estimator had to), rejected or failed; ``detail`` says why.
+    ``approach_agrees``: both vehicles start on the same road in the same direction as in the reference's best
+    hypothesis; ``lane_agrees``: in the same lane too. ``accepted`` and ``reason`` are the verdict's. Errors are against
+    the truth, see :class:`EstimateErrors`. Distances in metres, costs in US dollars.
     """
 
     key: str
@@ -67,7 +67,6 @@ class EstimatorRow:
     model: str | None = None
     prompt_version: str | None = None
     attempts: int = 0
-    fallback: bool = False
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost_usd: float = 0.0
@@ -81,7 +80,10 @@ class EstimatorRow:
 
 @dataclass(frozen=True)
 class EstimatorSummary:
-    """One estimator over a cohort; shares and medians are over the crashes that have an answer, None if none has."""
+    """One estimator over a cohort. What another had to estimate in its place is counted as fallbacks and nowhere else.
+
+    Shares and medians are over the crashes it estimated itself that have an answer, None if none has.
+    """
 
     estimator: str
     crashes: int
@@ -108,6 +110,8 @@ def compare_estimators(
 ) -> tuple[EstimatorRow, ...]:
     """Rows of one crash in the order of ``attempts`` (by estimator); ``reference`` is the one the others are set to."""
     against = attempts[reference].estimate if reference in attempts else None
+    if against is not None and against.run.fallback:
+        against = None  # it is not the reference's own
     return tuple(_row(key, name, attempt, against if name != reference else None) for name, attempt in attempts.items())
 
 
@@ -130,7 +134,8 @@ def _row(key: str, estimator: str, attempt: EstimatorAttempt, other: StateEstima
     return EstimatorRow(
         key,
         estimator,
-        "estimated",
+        "fallback" if attempt.estimate.run.fallback else "estimated",
+        attempt.estimate.run.fallback_reason,
         hypothesis=best.name,
         hypotheses=len(attempt.estimate.hypotheses),
         ambiguity=attempt.estimate.ambiguity,
@@ -149,7 +154,6 @@ _TAKEN_OVER = (
     "model",
     "prompt_version",
     "attempts",
-    "fallback",
     "prompt_tokens",
     "completion_tokens",
     "cost_usd",
@@ -193,7 +197,7 @@ def _summary(estimator: str, rows: list[EstimatorRow]) -> EstimatorSummary:
         all_checks_passed=_share(row.checks_failed == 0 for row in made),
         accepted=_share(row.accepted for row in made),
         mean_attempts=mean(asked) if asked else None,
-        fallbacks=sum(row.fallback for row in rows),
+        fallbacks=sum(row.outcome == "fallback" for row in rows),
         tokens=sum(row.prompt_tokens + row.completion_tokens for row in rows),
         cost_usd=round(sum(row.cost_usd for row in rows), 8),
         approach_correct=_share(row.approach_correct for row in made),

@@ -122,7 +122,11 @@ class EstimateCheck:
 
 @dataclass(frozen=True)
 class EstimatorRun:
-    """Provenance of an estimate: who made it, and for LLMs model, prompt version, attempts, tokens, cost, answers."""
+    """Provenance of an estimate: who made it, and for LLMs model, prompt version, attempts, tokens, cost, answers.
+
+    ``estimator`` made it. Where that is not the one that was asked, ``fallback_from`` is the asked one and
+    ``fallback_reason`` says why it made none; model, attempts, cost and answers are then what asking it took.
+    """
 
     estimator: str
     version: str
@@ -133,8 +137,21 @@ class EstimatorRun:
     completion_tokens: int = 0
     cost_usd: float = 0.0
     latency_s: float = 0.0
-    fallback: bool = False
+    fallback_from: str | None = None
+    fallback_reason: str = ""
     answers: tuple[dict[str, object], ...] = field(default=())
+
+    @property
+    def fallback(self) -> bool:
+        """Whether another estimator than the asked one made the estimate."""
+        return self.fallback_from is not None
+
+    def in_words(self) -> str:
+        """Which estimator made the estimate, and why not the asked one."""
+        made = f"{self.estimator} estimator"
+        if self.fallback_from is None:
+            return f"{made} ({self.model})" if self.model else made
+        return f"{made}, in place of the {self.fallback_from} estimator: {self.fallback_reason}"
 
 
 @dataclass(frozen=True, eq=False)

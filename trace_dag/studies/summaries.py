@@ -124,7 +124,8 @@ def _peer_column(rows: Sequence[ComparisonRow]) -> dict[str, str]:
 def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:
     return {
         "crashes": str(summary.crashes),
-        "estimated": str(summary.estimated),
+        "estimated by itself": str(summary.estimated),
+        "estimated by another in its place": str(summary.fallbacks or ""),
         "rejected": str(summary.rejected or ""),
         "failed": str(summary.failed or ""),
         "same approaches": _percent(summary.approach_agreement),
@@ -132,7 +133,6 @@ def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:
         "all checks passed": _percent(summary.all_checks_passed),
         "accepted by the verdict": _percent(summary.accepted),
         "answers per crash": "" if not summary.tokens else f"{summary.mean_attempts or 0:.2f}",
-        "fallbacks": str(summary.fallbacks or ""),
         "tokens": f"{summary.tokens:,}" if summary.tokens else "",
         "cost, USD": f"{summary.cost_usd:.4f}" if summary.tokens else "",
         "true approaches": _percent(summary.approach_correct),

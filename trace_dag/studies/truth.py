@@ -22,8 +22,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from trace_dag.errors import UserError
+from trace_dag.flow.makers import Made, makers_in_words
 from trace_dag.geometry import FloatArray, Pose
-from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
+from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
 from trace_dag.units import wrap_angle
 
 MAX_APPROACH_HEADING_RAD = math.radians(60)
@@ -125,14 +126,22 @@ class TruthRow:
     approach_correct: bool | None = None
     lane_correct: bool | None = None
     estimated_manoeuvre: str | None = None
+    estimator: str | None = None  # that made the estimate
+    fallback_from: str | None = None  # the one asked, where that made none
 
 
 @dataclass(frozen=True)
 class TruthSummary:
-    """The sample as a whole. Medians are over vehicles with an estimate, of the impact point over crashes."""
+    """The sample as a whole. Medians are over vehicles with an estimate, of the impact point over crashes.
+
+    ``estimators`` says what made how many estimates, in words. Errors are of the asked estimator's own estimates;
+    those another made in its place are counted in ``fallbacks`` alone.
+    """
 
     crashes: int
+    estimators: str
     estimated: int
+    fallbacks: int
     approach_correct_share: float | None  # of the crashes estimated, both vehicles
     lane_correct_share: float | None
     median_impact_point_error_m: float | None
@@ -205,7 +214,8 @@ def score_truth(
     for crash in truth.crashes:
         estimate = estimates.get(crash.key)
         best = estimate.hypotheses[chosen.get(crash.key, 0)] if estimate is not None else None
-        rows.extend(_row(crash, vehicle, best) for vehicle in crash.vehicles)
+        run = estimate.run if estimate is not None else None
+        rows.extend(_row(crash, vehicle, best, run) for vehicle in crash.vehicles)
     compared = tuple(
         OutcomeRow(
             crash.key,
@@ -219,7 +229,7 @@ def score_truth(
     return TruthScore(tuple(rows), compared, _summary(truth, rows, compared if outcomes is not None else None))
 
 
-def _row(crash: TrueCrash, vehicle: TrueVehicle, hypothesis: Hypothesis | None) -> TruthRow:
+def _row(crash: TrueCrash, vehicle: TrueVehicle, hypothesis: Hypothesis | None, run: EstimatorRun | None) -> TruthRow:
     known: dict[str, Any] = {
         "key": crash.key,
         "title": crash.title,
@@ -227,6 +237,8 @@ def _row(crash: TrueCrash, vehicle: TrueVehicle, hypothesis: Hypothesis | None) 
         "manoeuvre": vehicle.manoeuvre,
         "street": vehicle.approach.street,
         "speed_reported": vehicle.speed_reported,
+        "estimator": run.estimator if run is not None else None,
+        "fallback_from": run.fallback_from if run is not None else None,
     }
     estimated = _participant(hypothesis, vehicle.vehicle_number)
     if hypothesis is None or estimated is None or crash.impact_point is None:
@@ -305,13 +317,16 @@ def _summary(truth: SampleTruth, rows: Iterable[TruthRow], outcomes: tuple[Outco
     by_crash: dict[str, list[TruthRow]] = {}
     for row in rows:
         by_crash.setdefault(row.key, []).append(row)
-    estimated = [pair for pair in by_crash.values() if all(row.approach_correct is not None for row in pair)]
+    measured = [pair for pair in by_crash.values() if all(row.approach_correct is not None for row in pair)]
+    estimated = [pair for pair in measured if pair[0].fallback_from is None]
     vehicles = [row for pair in estimated for row in pair]
     both_reported = [row for pair in estimated if all(r.speed_reported for r in pair) for row in pair]
     one_unreported = [row for pair in estimated if not all(r.speed_reported for r in pair) for row in pair]
     return TruthSummary(
         crashes=len(by_crash),
+        estimators=makers_in_words(Made(pair[0].estimator or "", pair[0].fallback_from) for pair in measured),
         estimated=len(estimated),
+        fallbacks=len(measured) - len(estimated),
         approach_correct_share=_share(all(row.approach_correct for row in pair) for pair in estimated),
         lane_correct_share=_share(all(row.lane_correct for row in pair) for pair in estimated),
         median_impact_point_error_m=_median(pair[0].impact_point_error_m for pair in estimated),

@@ -49,7 +49,8 @@ def _run_figures(run: EstimatorRun) -> dict[str, Figure]:
         figures |= {
             "model": run.model,
             "attempts": run.attempts,
-            "fallback": run.fallback,
+            "fallback_from": run.fallback_from,
+            "fallback_reason": run.fallback_reason,
             "tokens": run.prompt_tokens + run.completion_tokens,
             "cost_usd": run.cost_usd,
         }

@@ -61,7 +61,7 @@ class _Tally:
             }
         )
 
-    def run(self, settings: StateSettings, *, fallback: bool) -> EstimatorRun:
+    def run(self, settings: StateSettings) -> EstimatorRun:
         return EstimatorRun(
             estimator=NAME,
             version=VERSION,
@@ -72,7 +72,6 @@ class _Tally:
             completion_tokens=self.completion_tokens,
             cost_usd=round(self.cost_usd, 8),
             latency_s=round(self.latency_s, 3),
-            fallback=fallback,
             answers=tuple(self.answers),
         )
 
@@ -115,16 +114,22 @@ def estimate_llm(
             messages = ask_again(messages, answer.text, wrong.complaints)
             continue
         tally.add(answer, [])
-        return StateEstimate(record.key, hypotheses, tally.run(settings, fallback=False), ambiguity)
+        return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
+    last = "; ".join(str(each) for each in _complaints(tally))
+    tries = f"{len(tally.answers)} attempt{'' if len(tally.answers) == 1 else 's'}"
+    why = f"{settings.llm_model} gave no usable answer in {tries}; the last: {last}"
+    asked = tally.run(settings)
     if settings.llm_fallback == "reject":
-        last = "; ".join(str(each) for each in _complaints(tally))
-        raise UnusableAnswers(
-            f"{settings.llm_model} gave no usable answer in {len(tally.answers)} attempts; the last: {last}",
-            tally.run(settings, fallback=False),
-            threshold=settings.llm_max_attempts,
-        )
-    fallback = estimate_analytic(record, network, report, settings)
-    return replace(fallback, run=tally.run(settings, fallback=True))
+        raise UnusableAnswers(why, asked, threshold=settings.llm_max_attempts)
+    made = estimate_analytic(record, network, report, settings)
+    run = replace(
+        asked,
+        estimator=made.run.estimator,
+        version=made.run.version,
+        fallback_from=asked.estimator,
+        fallback_reason=why,
+    )
+    return replace(made, run=run)
 
 
 def _complaints(tally: _Tally) -> list[object]:

@@ -3,6 +3,8 @@ CREATE TABLE estimates AS
 SELECT
     key,
     run.estimator,
+    coalesce(run.fallback_from, run.estimator) AS asked_estimator,
+    nullif(run.fallback_reason, '') AS fallback_reason,
     run.version,
     run.model,
     run.prompt_version,
@@ -11,7 +13,6 @@ SELECT
     run.completion_tokens,
     run.cost_usd,
     run.latency_s,
-    run.fallback,
     len(hypotheses) AS hypotheses,
     hypotheses[1].name AS best,
     hypotheses[1].score AS best_score,
@@ -22,7 +23,9 @@ ORDER BY key;
 
 COMMENT ON TABLE estimates IS 'Every state estimate: who made it, from how many hypotheses, at what cost';
 COMMENT ON COLUMN estimates.key IS 'Key of the crash';
-COMMENT ON COLUMN estimates.estimator IS 'analytic or llm';
+COMMENT ON COLUMN estimates.estimator IS 'What made the estimate: analytic or llm';
+COMMENT ON COLUMN estimates.asked_estimator IS 'What was asked for it; another than estimator if that had to take its place';
+COMMENT ON COLUMN estimates.fallback_reason IS 'Why the asked estimator made none; null if it did';
 COMMENT ON COLUMN estimates.version IS 'Version of the estimator';
 COMMENT ON COLUMN estimates.model IS 'Language model, if one was asked';
 COMMENT ON COLUMN estimates.prompt_version IS 'Name of the prompt';
@@ -31,7 +34,6 @@ COMMENT ON COLUMN estimates.prompt_tokens IS 'Tokens asked';
 COMMENT ON COLUMN estimates.completion_tokens IS 'Tokens answered';
 COMMENT ON COLUMN estimates.cost_usd IS 'Cost, US dollars';
 COMMENT ON COLUMN estimates.latency_s IS 'Time spent waiting for answers, s';
-COMMENT ON COLUMN estimates.fallback IS 'The analytic estimator had to step in';
 COMMENT ON COLUMN estimates.hypotheses IS 'Hypotheses kept, best first';
 COMMENT ON COLUMN estimates.best IS 'Name of the best one';
 COMMENT ON COLUMN estimates.best_score IS 'Its log-likelihood';

@@ -21,7 +21,6 @@ FROM read_json(
         'model': 'VARCHAR',
         'prompt_version': 'VARCHAR',
         'attempts': 'INTEGER',
-        'fallback': 'BOOLEAN',
         'prompt_tokens': 'BIGINT',
         'completion_tokens': 'BIGINT',
         'cost_usd': 'DOUBLE',
@@ -39,8 +38,8 @@ COMMENT ON TABLE estimator_comparison IS 'Estimators set side by side on the sam
 COMMENT ON COLUMN estimator_comparison.cohort IS 'Cohort compared on';
 COMMENT ON COLUMN estimator_comparison.key IS 'Key of the crash';
 COMMENT ON COLUMN estimator_comparison.estimator IS 'Estimator as named in the comparison: analytic, llm, llm:PROMPT, llm@MODEL';
-COMMENT ON COLUMN estimator_comparison.outcome IS 'estimated, rejected or failed';
-COMMENT ON COLUMN estimator_comparison.detail IS 'Why there is no estimate';
+COMMENT ON COLUMN estimator_comparison.outcome IS 'estimated (by itself), fallback (the analytic estimator in its place), rejected or failed';
+COMMENT ON COLUMN estimator_comparison.detail IS 'Why there is no estimate of its own';
 COMMENT ON COLUMN estimator_comparison.hypothesis IS 'Best hypothesis';
 COMMENT ON COLUMN estimator_comparison.hypotheses IS 'Hypotheses kept';
 COMMENT ON COLUMN estimator_comparison.ambiguity IS 'Posterior share of all but the best, 0 to 1';
@@ -53,7 +52,6 @@ COMMENT ON COLUMN estimator_comparison.reason IS 'Why not';
 COMMENT ON COLUMN estimator_comparison.model IS 'Language model';
 COMMENT ON COLUMN estimator_comparison.prompt_version IS 'Version of its prompt';
 COMMENT ON COLUMN estimator_comparison.attempts IS 'Answers of the model; 1 for an estimator that asks none';
-COMMENT ON COLUMN estimator_comparison.fallback IS 'Whether no answer was usable and the analytic estimate took its place';
 COMMENT ON COLUMN estimator_comparison.prompt_tokens IS 'Tokens asked with';
 COMMENT ON COLUMN estimator_comparison.completion_tokens IS 'Tokens answered with';
 COMMENT ON COLUMN estimator_comparison.cost_usd IS 'Cost when the answers were given, US dollars';

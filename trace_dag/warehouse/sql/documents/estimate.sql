@@ -6,7 +6,7 @@ SELECT
         "run": {
             "estimator": "VARCHAR", "version": "VARCHAR", "model": "VARCHAR", "prompt_version": "VARCHAR",
             "attempts": "INTEGER", "prompt_tokens": "BIGINT", "completion_tokens": "BIGINT", "cost_usd": "DOUBLE",
-            "latency_s": "DOUBLE", "fallback": "BOOLEAN"
+            "latency_s": "DOUBLE", "fallback_from": "VARCHAR", "fallback_reason": "VARCHAR"
         },
         "hypotheses": [{
             "name": "VARCHAR", "score": "DOUBLE", "impact_time_s": "DOUBLE",

@@ -1,0 +1,40 @@
+"""Which estimators made some estimates, in words: how many made what they were asked for, and how many did not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from trace_dag.provenance import OutcomeRecord
+
+
+class Made(NamedTuple):
+    """The estimator that made an estimate, and the one that was asked, where that is another."""
+
+    estimator: str
+    fallback_from: str | None = None
+
+
+def maker_of(record: OutcomeRecord) -> Made | None:
+    """What made the estimate of a stage's record; None where there is no estimate."""
+    estimator, asked = record.figures.get("estimator"), record.figures.get("fallback_from")
+    if not estimator or not record.artefacts or record.reason is not None:
+        return None
+    return Made(str(estimator), str(asked) if asked else None)
+
+
+def makers_in_words(estimates: Iterable[Made]) -> str:
+    """Such as "50 estimates: 14 by llm, 36 by analytic in place of llm (72 %)"; "" where there are none."""
+    counts = Counter(estimates)
+    total = counts.total()
+    if not total:
+        return ""
+    parts = [
+        f"{count} by {made.estimator}"
+        + (f" in place of {made.fallback_from} ({100 * count / total:.0f} %)" if made.fallback_from else "")
+        for made, count in sorted(
+            counts.items(), key=lambda item: (item[0].fallback_from is not None, item[0].estimator)
+        )
+    ]
+    return f"{total} estimate{'' if total == 1 else 's'}: {', '.join(parts)}"
