@@ -1,8 +1,9 @@
 """A flow of tiny stages whose behaviour is written in the report itself, one word per line.
 
-``reject:<stage>``, ``fail:<stage>``, ``flaky:<stage>``, ``die:<stage>`` (kills its worker), ``slow:<stage>``. Each
-stage appends its name to what it was given, so an artefact tells which stages it went through, and each call is
-counted in a file, so a test can see what was really computed.
+``reject:<stage>``, ``fail:<stage>``, ``flaky:<stage>``, ``die:<stage>`` (kills its worker), ``slow:<stage>``; at the
+first, the second or all later calls alone ``fail-once``, ``fail-second``, ``die-once``, ``die-later``. Each stage
+appends its name to what it was given, so an artefact tells which stages it went through, and each call is counted in a
+file, so a test can see what was really computed.
 """
 
 from __future__ import annotations
@@ -73,8 +74,10 @@ def _behave(key: str, services: Services, stage: Stage, content: bytes) -> Stage
         os.kill(os.getpid(), signal.SIGKILL)
     if f"fail:{stage}" in words:
         raise RuntimeError(f"{stage} is broken for {key}")
-    if f"fail-once:{stage}" in words and times == 1:
+    if (f"fail-once:{stage}" in words and times == 1) or (f"fail-second:{stage}" in words and times == 2):
         raise RuntimeError(f"{stage} is broken for {key}")
+    if f"die-later:{stage}" in words and times > 1:
+        os.kill(os.getpid(), signal.SIGKILL)
     if f"flaky:{stage}" in words and times == 1:
         raise TransientFailure("no answer")
     rejection = None

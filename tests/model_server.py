@@ -89,6 +89,10 @@ def completion(content: str | dict | None, *, finish: str = "stop", refusal: str
     return Answer(json.dumps(body).encode(), headers={"Content-Type": "application/json"})
 
 
+READY = completion({"ready": True})
+"""What answers the question before a run."""
+
+
 def failing(status: int, **headers: str) -> Answer:
     """An error of the provider's, one that quotes the key it was called with."""
     body = json.dumps({"error": {"message": f"sorry, {KEY} cannot be served", "type": "error", "code": str(status)}})
@@ -104,6 +108,11 @@ def knowing(crashes: Iterable[Case]) -> Respond:
     """A model that answers rightly for each of some crashes."""
     answers = {case.key: right_answer(case) for case in crashes}
     return lambda request, _: completion(answers[asked_about(request)])
+
+
+def is_trial(request: Request) -> bool:
+    """Whether a request is about no crash: the question before a run, whether anybody is there."""
+    return "<data>" not in request.body.decode()
 
 
 def asked_about(request: Request) -> str:

@@ -5,7 +5,6 @@ what to run (:mod:`trace_dag.flow.planning`).
 """
 
 import os
-import uuid
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,7 +36,6 @@ from trace_dag.errors import DamagedFile
 from trace_dag.flow.selection import PlannedBatch, Selection, plan
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 from trace_dag.processes import is_gone, this_process
-from trace_dag.settings import StateSettings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
@@ -134,7 +132,6 @@ def run_batches(
 ) -> RunReport:
     """Run planned batches one after the other, each as one Dagster run in this process."""
     job = _job(workspace, ALL_STAGES)
-    settings = _with_one_ledger(settings, workspace.settings.states)
     errors: list[str] = []
     for batch in batches:
         result = job.execute_in_process(
@@ -146,13 +143,6 @@ def run_batches(
         )
         errors.extend(_errors(result))
     return RunReport(len(batches), tuple(errors))
-
-
-def _with_one_ledger(settings: Mapping[str, Any], states: StateSettings) -> Mapping[str, Any]:
-    """The overrides with a name under which all batches of a call count against one budget for language models."""
-    if states.estimator != "llm" or states.llm_ledger is not None:
-        return settings
-    return {**settings, "states": {**settings.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
 
 
 def summarise(workspace: Workspace, instance: DagsterInstance) -> RunReport:

@@ -70,12 +70,25 @@ class EarlierOutcome:
 
 
 @dataclass(frozen=True)
+class FailedAttempt:
+    """An attempt to make a result anew that failed. ``error`` is its traceback."""
+
+    run_id: str
+    started_at: str
+    detail: str
+    error: str
+    transient: bool
+    attempts: int
+
+
+@dataclass(frozen=True)
 class OutcomeRecord:
     """The result of one stage for one crash, as stored at ``ROOT/<stage>/<key>.outcome.json``.
 
     ``started_at`` is ISO 8601 in UTC; ``measured`` and ``threshold`` are in the unit ``detail`` states; ``figures``
     are the few numbers a person looks at first; ``error`` is the traceback of a failure. ``pictures`` were drawn of the
-    crash as it stood with this outcome, its last then.
+    crash as it stood with this outcome, its last then. With a ``failed_attempt`` the result is outdated: it was to be
+    made anew, which failed, and it stands until that succeeds.
     """
 
     key: str
@@ -96,6 +109,7 @@ class OutcomeRecord:
     error: str = ""
     transient: bool = False
     attempts: int = 1
+    failed_attempt: FailedAttempt | None = None
     history: tuple[EarlierOutcome, ...] = ()
 
     @property
@@ -114,7 +128,15 @@ class OutcomeRecord:
 
     def begun_again(self) -> OutcomeRecord:
         """This record as it stands while its artefacts are made anew: it lists none, and its stage has to run."""
-        return replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="").superseding(self)
+        begun = replace(self, outcome=Outcome.STARTED, artefacts=(), pictures=(), fingerprint="", failed_attempt=None)
+        return begun.superseding(self)
+
+    def outlasting(self, failed: OutcomeRecord) -> OutcomeRecord:
+        """This record as it stands after an attempt to make its result anew has failed."""
+        attempt = FailedAttempt(
+            failed.run_id, failed.started_at, failed.detail, failed.error, failed.transient, failed.attempts
+        )
+        return replace(self, failed_attempt=attempt)
 
     def superseding(self, earlier: OutcomeRecord | None) -> OutcomeRecord:
         """This record with the history of the one it replaces, at most the latest twenty."""
@@ -131,6 +153,9 @@ class OutcomeRecord:
                 detail=earlier.detail,
             )
             history = (*history, past)
+        if (attempt := earlier.failed_attempt) is not None:
+            failed = EarlierOutcome(attempt.run_id, attempt.started_at, Outcome.FAILED, None, "", attempt.detail)
+            history = (*history, failed)
         return replace(self, history=history[-_HISTORY_KEPT:])
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from cases import SAMPLE, sample_case
 from loopback import Answer, Loopback, Request, serving
-from model_server import COST_USD, KEY, MODEL, Respond, asked_about, completion, failing, knowing
+from model_server import COST_USD, KEY, MODEL, READY, Respond, asked_about, completion, failing, is_trial, knowing
 from sample_runs import reports_of, trace_dag
 
 from trace_dag.cohorts.ingest import ingest
@@ -63,8 +63,8 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Respond], Loop
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     running: list[Any] = []
 
-    def start(respond: Respond) -> Loopback:
-        context = serving(respond)
+    def start(respond: Respond, trial: Answer = READY) -> Loopback:
+        context = serving(lambda request, before: trial if is_trial(request) else respond(request, before))
         server = context.__enter__()
         running.append(context)
         monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
@@ -73,6 +73,11 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Respond], Loop
     yield start
     for context in running:
         context.__exit__(None, None, None)
+
+
+def questions(server: Loopback) -> list[Request]:
+    """What was asked about crashes."""
+    return [request for request in server.requests if not is_trial(request)]
 
 
 def opened(root: Path, *, workers: int = 1, **states: object) -> Workspace:
@@ -113,13 +118,13 @@ def test_a_run_is_verified_says_what_it_took_and_costs_nothing_again(root, serve
     assert (made.attempts, made.fallback, made.cost_usd) == (1, False, pytest.approx(COST_USD))
     assert json.loads(made.answers[0]["text"])["reasoning"] == "as reported"
     assert made.answers[0]["latency_s"] == made.latency_s > 0
-    assert len(server.requests) == len(CRASHES)
+    assert len(questions(server)) == len(CRASHES)
 
     before = estimate_bytes(workspace)
     run(workspace, "second")
     run(workspace, "forced", force=[Stage.STATE_ESTIMATE])
     assert estimate_bytes(workspace) == before
-    assert len(server.requests) == len(CRASHES)
+    assert len(questions(server)) == len(CRASHES)
 
 
 def test_a_provider_that_fails_for_one_crash_fails_that_crash_and_a_later_run_mends_it(root, served, model):
@@ -138,14 +143,14 @@ def test_a_provider_that_fails_for_one_crash_fails_that_crash_and_a_later_run_me
     assert {record.outcome for record in records.values()} == {Outcome.ACCEPTED}
     down.clear()
     assert run(workspace, "second")[CRASHES[0]].outcome is Outcome.ACCEPTED
-    assert len(server.requests) == len(CRASHES) + 1
+    assert len(questions(server)) == len(CRASHES) + 1
 
 
 def test_a_provider_that_is_down_does_not_hold_a_run_up(root, served):
     server = served(lambda *_: failing(500))
     records = run(opened(root, estimator="llm", llm_provider_attempts=1), "down")
     assert {(record.outcome, record.transient) for record in records.values()} == {(Outcome.FAILED, True)}
-    assert len(server.requests) == 3  # then it is left alone
+    assert len(questions(server)) == 3  # then it is left alone
     assert "left 3 questions in a row unanswered" in records[CRASHES[-1]].detail
 
 
@@ -168,16 +173,18 @@ def test_unusable_answers_end_as_the_setting_says_and_are_kept(root, served, fal
 
 def test_two_workers_stop_at_the_budget_and_a_later_run_goes_on(root, served, model):
     server = served(model)
-    tight = opened(root, workers=2, estimator="llm", llm_budget_usd=COST_USD / 2)
+    tight = opened(
+        root, workers=2, estimator="llm", llm_budget_usd=1.5 * COST_USD
+    )  # the question before the run costs too
     records = run(tight, "tight")
     paid = [key for key, record in records.items() if record.outcome is Outcome.ACCEPTED]
-    assert 1 <= len(paid) == len(server.requests) <= 2
+    assert 1 <= len(paid) == len(questions(server)) <= 2
     unpaid = [record for key, record in records.items() if key not in paid]
     assert all(record.outcome is Outcome.FAILED and "budget" in record.detail for record in unpaid)
     assert not any(record.transient for record in unpaid)
     later = run(opened(root, estimator="llm", llm_budget_usd=1.0), "later")
     assert {record.outcome for record in later.values()} == {Outcome.ACCEPTED}
-    assert len(server.requests) == len(CRASHES)
+    assert len(questions(server)) == len(CRASHES)
 
 
 def test_the_command_leaves_no_key_anywhere(root, served, model):
@@ -227,6 +234,57 @@ def test_estimates_that_are_not_the_models_are_told_apart_everywhere(root, serve
     assert trace_dag(root, "release", "--version", "0.1", "--output", str(root / "releases")).returncode == 0
     datasheet = next(root.rglob("DATASHEET.md")).read_text()
     assert "states estimated (llm: 3, analytic in place of llm: 1)" in datasheet
+
+
+def contents(root: Path) -> dict[str, bytes]:
+    """Everything a reader of the root sees: results, tables, pages."""
+    folders = (*(stage.value for stage in Stage), "benchmark", "pictures")
+    files = [path for folder in folders for path in (root / folder).rglob("*") if path.is_file()]
+    return {str(path): path.read_bytes() for path in [*files, root / "warehouse.duckdb"]}
+
+
+def test_a_provider_that_fails_takes_nothing_from_what_is_verified(root, served, model, monkeypatch):
+    environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_STATES__LLM_PROVIDER_ATTEMPTS": "1"}
+    ask = ("run", "--estimator", "llm", "--executor", "in_process")
+    keys = CRASHES[:2]
+    assert trace_dag(root, "run", "--executor", "in_process", "--only", *keys).returncode == 0
+    before = contents(root)
+
+    served(model, trial=failing(401))
+    refused = trace_dag(root, *ask, "--only", *keys, **environment)
+    monkeypatch.delenv("OPENAI_API_KEY")
+    keyless = trace_dag(root, *ask, "--only", *keys, **environment)
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    for done, what in ((refused, "AuthenticationError"), (keyless, "the environment lacks OPENAI_API_KEY")):
+        assert done.returncode == 2
+        (line,) = done.stderr.splitlines()
+        assert what in line
+    assert contents(root) == before
+
+    down = {keys[0]}
+    served(lambda request, nth: failing(503) if asked_about(request) in down else model(request, nth))
+    done = trace_dag(root, *ask, "--only", *keys, **environment)
+    assert done.returncode == 1
+    assert f"outdated: {keys[0]} in state_estimate: the new attempt failed: {MODEL}" in done.stderr
+    status = trace_dag(root, "status").stdout
+    assert "2 verified" in status
+    assert "1 of them outdated" in status
+    row = "SELECT key, final_state, outdated, outdated_because LIKE '%asked once%' FROM crashes WHERE key IN"
+    assert query(root / "warehouse.duckdb", f"{row} ('{keys[0]}', '{keys[1]}') ORDER BY key")[1] == [
+        (keys[0], "verified", "state_estimate", True),
+        (keys[1], "verified", None, None),
+    ]
+    assert query(root / "warehouse.duckdb", "SELECT key, final_state, stage FROM failures")[1] == [
+        (keys[0], "verified", "state_estimate")
+    ]
+    page = (root / "benchmark" / "crashes" / f"{keys[0]}.html").read_text()
+    assert "<b>Outdated:</b> its state estimate was to be made anew, which failed." in page
+    assert not any(key in trace_dag(root, "verify").stdout for key in keys), "Dagster shows a failed attempt"
+
+    down.clear()
+    assert trace_dag(root, *ask, "--only", *keys, **environment).returncode == 0
+    assert "outdated" not in trace_dag(root, "status").stdout
+    assert query(root / "warehouse.duckdb", "SELECT count(*) FROM failures")[1] == [(0,)]
 
 
 def test_estimators_are_set_side_by_side(root, served, model):

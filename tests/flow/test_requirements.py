@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 
 import pytest
+from model_server import KEY, MODEL
 from sample_runs import KEYS, ingest, reports_of, trace_dag
 
+from trace_dag.cohorts import ingest as cohorts
 from trace_dag.errors import UserError
 from trace_dag.flow.batch import check_requirements, run_stages
 from trace_dag.flow.stages import FLOW
@@ -26,11 +29,16 @@ def opened(tmp_path, **sections) -> Workspace:
     return Workspace.open(str(tmp_path / "root"), FLOW, sections)
 
 
+def registered(workspace: Workspace, folder: Path) -> None:
+    cohorts.ingest(workspace.storage, "sample", reports=[reports_of(folder / "reports", KEYS[:1])])
+
+
 def test_without_a_carla_server_no_run_begins(tmp_path, silent_port):
     pytest.importorskip("carla", reason="the carla extra is not installed")
     workspace = opened(tmp_path, sim={"backend": "carla", "carla_port": silent_port})
+    registered(workspace, tmp_path)
     with pytest.raises(UserError, match=f"no CARLA server answers at 127.0.0.1:{silent_port}"):
-        list(run_stages(workspace, ["2023-1"], run_id="a run"))
+        list(run_stages(workspace, KEYS[:1], run_id="a-run"))
 
 
 def test_a_listening_server_is_enough_to_begin(tmp_path):
@@ -47,6 +55,32 @@ def test_stages_that_are_not_run_require_nothing(tmp_path, silent_port):
 def test_workers_of_a_cluster_have_their_own(tmp_path, silent_port):
     sections = {"sim": {"backend": "carla", "carla_port": silent_port}, "execution": {"executor": "dask"}}
     check_requirements(opened(tmp_path, **sections), Stage)
+
+
+def test_without_its_key_a_model_is_not_asked_and_no_run_begins(tmp_path, monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    workspace = opened(tmp_path, states={"estimator": "llm", "llm_model": MODEL})
+    registered(workspace, tmp_path)
+    with pytest.raises(UserError, match=f"{MODEL}: the environment lacks OPENAI_API_KEY"):
+        list(run_stages(workspace, KEYS[:1], run_id="a-run"))
+    assert not list((tmp_path / "root").rglob("*.outcome.json"))
+    assert list(run_stages(workspace, KEYS[:1], [Stage.RAW_REPORT, Stage.CRASH_RECORD], run_id="no-estimates"))
+    check_requirements(opened(tmp_path, states={"llm_model": MODEL}), Stage)
+
+
+def test_a_prompt_there_is_not_is_said_before_the_model_is_asked(tmp_path, monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    workspace = opened(tmp_path, states={"estimator": "llm", "llm_prompt": "best-v9"})
+    with pytest.raises(UserError, match="no prompt is called 'best-v9'"):
+        check_requirements(workspace, [Stage.STATE_ESTIMATE])
+
+
+def test_a_model_server_that_is_not_there_is_said_before_a_run(tmp_path, monkeypatch, silent_port):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    monkeypatch.setenv("OPENAI_API_BASE", f"http://127.0.0.1:{silent_port}/v1")
+    states = {"estimator": "llm", "llm_model": MODEL, "llm_provider_attempts": 1}
+    with pytest.raises(UserError, match="the language model cannot be asked, so nothing is run"):
+        check_requirements(opened(tmp_path, states=states), [Stage.STATE_ESTIMATE])
 
 
 def test_a_converter_that_is_not_installed_is_named_with_its_extra(tmp_path, monkeypatch):

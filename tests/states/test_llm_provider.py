@@ -6,12 +6,13 @@ import dataclasses
 import json
 import logging
 import socket
+import time
 
 import pytest
 from cases import Case, sample_case
 from llm_asking import HEAD_ON, asking
-from loopback import Answer
-from model_server import KEY, completion, failing, in_turn, llm_settings, right_answer
+from loopback import Answer, serving
+from model_server import COST_USD, KEY, completion, failing, in_turn, llm_settings, right_answer
 
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.estimate import estimate, llm_client
@@ -111,6 +112,29 @@ def test_a_missing_key_is_named_and_not_waited_for(monkeypatch, case, model, key
     with pytest.raises(Failure, match=f"the environment lacks .*{key}") as caught:
         estimate(case.record, case.network, case.report, chosen, llm=llm_client(chosen))
     assert not isinstance(caught.value, TransientFailure)
+
+
+def test_a_trial_asks_one_short_question_a_minute_and_counts_for_the_budget(monkeypatch):
+    chosen = llm_settings(llm_budget_usd=COST_USD)
+    with serving(in_turn(completion("?"))) as server:
+        monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+        client = llm_client(chosen)
+        client.try_out()
+        client.try_out()
+        assert len(server.requests) == 1
+        now = time.monotonic()
+        monkeypatch.setattr("trace_dag.states.llm.client.time.monotonic", lambda: now + 61.0)
+        with pytest.raises(Failure, match="the budget of .* is spent"):
+            client.try_out()
+
+
+def test_a_refused_key_is_not_asked_with_again(monkeypatch):
+    with serving(in_turn(failing(401))) as server:
+        monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+        with pytest.raises(Failure, match="AuthenticationError") as caught:
+            llm_client(llm_settings()).try_out()
+        assert len(server.requests) == 1
+        assert KEY not in str(caught.value)
 
 
 def test_a_model_nobody_serves_is_a_failure(monkeypatch, case):

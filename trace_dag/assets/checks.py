@@ -28,14 +28,14 @@ def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
 @asset_check(
     asset=warehouse,
     required_resource_keys={"workspace"},
-    description="No crash stands failed. The ones that do are named, with the stage and what happened.",
+    description="No crash stands failed or outdated. The ones that do are named, with the stage and what happened.",
 )
 def no_failed_crashes(context: AssetCheckExecutionContext) -> AssetCheckResult:
     """The standing set of failed crashes."""
-    rows = _ask(context, "SELECT key, stage_reached, detail FROM crashes WHERE final_state = 'failed' ORDER BY key")
+    rows = _ask(context, "SELECT key, final_state, stage, message FROM failures ORDER BY key")
     return AssetCheckResult(
         passed=not rows,
-        metadata={"failed": len(rows), "crashes": _listing(["crash", "stage", "what happened"], rows)},
+        metadata={"failed": len(rows), "crashes": _listing(["crash", "stands", "stage", "what happened"], rows)},
     )
 
 

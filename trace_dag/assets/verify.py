@@ -12,7 +12,7 @@ from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterIns
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
 from trace_dag.flow.records import Records
-from trace_dag.flow.standing import valid_records
+from trace_dag.flow.standing import standing, valid_records
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.flow.verify import Disagreement, DisagreementKind
 from trace_dag.progress import Progress, silent
@@ -20,7 +20,7 @@ from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
-_MATERIALIZED = "MATERIALIZED"
+_MATERIALIZED, _FAILED = "MATERIALIZED", "FAILED"
 
 
 def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) -> list[Disagreement]:
@@ -38,6 +38,7 @@ def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) ->
         if key not in records
     ]
     told = {key: last_word(of_crash) for key, of_crash in records.items()}
+    outdated = {key: standing(key, of_crash).outdated for key, of_crash in records.items()}
     for stage in Stage:
         status = instance.get_status_by_partition(AssetKey(stage.value), partitions, CRASHES) or {}
         versions = instance.event_log_storage.get_latest_tags_by_partition(
@@ -47,6 +48,9 @@ def verify_dagster(instance: DagsterInstance, records: Mapping[str, Records]) ->
             held = status.get(key)
             shown = held.value if held is not None else "missing"
             version = versions.get(key, {}).get(DATA_VERSION)
+            since = outdated[key]
+            if since is not None and stage.position >= since.position and shown == _FAILED:
+                continue  # of the new attempt, which failed; the earlier result stands
             found += _of_stage(key, stage, told[key].get(stage), shown, version)
     return found
 

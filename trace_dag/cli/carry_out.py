@@ -31,7 +31,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
     from trace_dag.flow.standing import FinalState, standings
     from trace_dag.flow.workspace import Workspace
 
-    workspace = Workspace.open(root, overrides=settings)
+    workspace, settings = Workspace.open(root, overrides=settings).with_one_ledger(settings)
     selection = select(workspace)
     with ExitStack() as resources:
         if selection.start:
@@ -45,10 +45,16 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
         click.echo(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}", err=True)
     if len(failed) > _FAILURES_SHOWN:
         click.echo(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
-    if not failed:
+    outdated = [crash for crash in stand.values() if crash.outdated]
+    for crash in outdated[:_FAILURES_SHOWN]:
+        why = one_line(crash.outdated_because, 200)
+        click.echo(f"outdated: {crash.key} in {crash.outdated}: the new attempt failed: {why}", err=True)
+    if len(outdated) > _FAILURES_SHOWN:
+        click.echo(f"outdated: {len(outdated) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
+    if not failed and not outdated:
         for error in errors:
             click.echo(f"failed: {one_line(error, 500)}", err=True)
-    return 1 if failed or errors else 0
+    return 1 if failed or outdated or errors else 0
 
 
 @contextmanager

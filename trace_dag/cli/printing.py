@@ -31,6 +31,9 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
     if states[FinalState.VERIFIED]:
         said[FinalState.VERIFIED] += f" ({sum(crash.corroborated for crash in crashes.values())} of them corroborated)"
     click.echo(", ".join(said.values()) + f"; {len(crashes)} in all")
+    outdated = sum(crash.outdated is not None for crash in crashes.values())
+    if outdated:
+        click.echo(f"{outdated} of them outdated: the new attempt failed, and the earlier result stands")
     reasons = Counter(
         (crash.stage_reached, crash.reason) for crash in crashes.values() if crash.final_state is FinalState.REJECTED
     )

@@ -23,7 +23,7 @@ from trace_dag.cli.carry_out import carry_out
         "trace-dag rerun --rejected crash_off_road --cohort virginia",
     ),
 )
-@click.option("--failed", is_flag=True, help="The crashes that failed, from the stage that broke.")
+@click.option("--failed", is_flag=True, help="The crashes that failed or are outdated, from the stage that broke.")
 @click.option("--rejected", type=click.Choice([reason.value for reason in Reason]), help="Those rejected for a reason.")
 @stage_option("--from", "first", help="Every crash that got there, from this stage on.")
 @click.option("--cohort", help="Only crashes of this cohort.")

@@ -49,6 +49,8 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
                         "stage_reached": crash.stage_reached.value if crash.stage_reached else None,
                         "reason": crash.reason.value if crash.reason else None,
                         "detail": crash.detail,
+                        "outdated": crash.outdated.value if crash.outdated else None,
+                        "outdated_because": crash.outdated_because,
                         "estimator": crash.made.estimator if crash.made else None,
                         "estimator_asked": (crash.made.fallback_from or crash.made.estimator) if crash.made else None,
                     }
@@ -68,4 +70,14 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
         )
         if len(failed) > _FAILED_SHOWN:
             click.echo(f"... and {len(failed) - _FAILED_SHOWN} more (status --json lists all)")
+    outdated = [crash for crash in crashes.values() if crash.outdated]
+    if outdated:
+        click.echo()
+        print_table(
+            ["outdated", "in", "why the new attempt failed"],
+            [(crash.key, crash.outdated, one_line(crash.outdated_because, 200)) for crash in outdated[:_FAILED_SHOWN]],
+        )
+        if len(outdated) > _FAILED_SHOWN:
+            click.echo(f"... and {len(outdated) - _FAILED_SHOWN} more (status --json lists all)")
+    if failed or outdated:
         click.echo("trace-dag rerun --failed runs them again.")

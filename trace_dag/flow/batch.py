@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 from trace_dag.code_versions import referred
 from trace_dag.cohorts.registry import CrashSource
+from trace_dag.cohorts.services import Services
 from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
-from trace_dag.flow.records import Records, intact, read_records, write_index, write_record
+from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
 from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, StageEvent, Work, is_current, provenance_of
 from trace_dag.flow.worker import work_on_chunk
 from trace_dag.flow.workspace import Workspace
@@ -63,16 +64,18 @@ def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
     return stale
 
 
-def check_requirements(workspace: Workspace, stages: Collection[Stage]) -> None:
+def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
     """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
 
-    Workers of a cluster have an installation of their own, about which nothing is known here.
+    What asking costs counts for the run. Workers of a cluster have an installation of their own, about which nothing is
+    known here.
     """
     if workspace.settings.execution.executor == "dask":
         return
+    services = Services(workspace.storage, workspace.settings.services, run_id)
     for definition in workspace.flow.stages:
         if definition.stage in stages and definition.requires is not None:
-            referred(definition.requires)(workspace.settings)
+            referred(definition.requires)(workspace.settings, services)
 
 
 def run_stages(
@@ -87,32 +90,55 @@ def run_stages(
 
     What is current is not run again unless its stage is in ``force``. A crash that fails never keeps another from
     going on. Events of one crash come in the order of the stages.
+
+    Raises :class:`trace_dag.errors.UserError`, before anything is touched, for what :func:`check_requirements` finds.
     """
-    check_requirements(workspace, stages)
     with workspace.executing() as executor:
         work = _shared_out(work_of(workspace, run_id, force), executor.machines)
-        yield from _Batch(work, executor, stages).run(keys, workspace.registry.sources(keys))
+        batch = _Batch(work, executor, stages, keys, workspace.registry.sources(keys))
+        check_requirements(workspace, batch.to_run(), run_id)
+        yield from batch.run()
 
 
 class _Batch:
-    def __init__(self, work: Work, executor: Executor, stages: Collection[Stage]) -> None:
+    def __init__(
+        self,
+        work: Work,
+        executor: Executor,
+        stages: Collection[Stage],
+        keys: Sequence[str],
+        sources: Mapping[str, CrashSource],
+    ) -> None:
         self.work = work
         self.executor = executor
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
+        records = read_records(work.storage, keys)
+        self.whole = intact(work.storage, [record for each in records.values() for record in each.values()])
+        self.crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
 
-    def run(self, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> Iterator[StageEvent]:
+    def to_run(self) -> set[Stage]:
+        """The stages that some crash may have to go through: from the first that is not current on."""
+        found: set[Stage] = set()
+        for crash in self.crashes.values():
+            for position, stage in enumerate(self.stages):
+                if stage in found or self._ended_before(crash, stage) is not None:
+                    break
+                if self._has_work(crash, self.work.flow.definition(stage)):
+                    found.update(self.stages[position:])
+                    break
+        return found
+
+    def run(self) -> Iterator[StageEvent]:
         for stage in self.stages:
             self.work.storage.remove_leftovers(stage)
-        records = read_records(self.work.storage, keys)
-        whole = intact(self.work.storage, [record for each in records.values() for record in each.values()])
-        crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        crashes = self.crashes
         segments = self.work.flow.segments(self.stages)
         for segment in segments:
             waiting = []
             for crash in crashes.values():
                 if not crash.open:
                     continue
-                known = self._without_work(crash, segment, whole)
+                known = self._without_work(crash, segment)
                 if known is None:
                     waiting.append(crash)
                 else:
@@ -134,19 +160,22 @@ class _Batch:
         run_id = self.work.run_id
         write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
 
-    def _without_work(
-        self, crash: _Crash, segment: Sequence[StageDefinition], whole: Mapping[str, bool]
-    ) -> list[StageEvent] | None:
+    def _has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
+        """Whether a stage has to run for a crash that reaches it."""
+        made_from = provenance_of(definition, self.work, crash.source, crash.records)
+        record = crash.records.get(definition.stage)
+        return definition.stage in self.work.force or not is_current(record, made_from, self.whole)
+
+    def _without_work(self, crash: _Crash, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
         """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
         events: list[StageEvent] = []
         for definition in segment:
             ended = self._ended_before(crash, definition.stage)
             if ended is not None:
                 return events + self._with_later(crash, ended)
-            record = crash.records.get(definition.stage)
-            made_from = provenance_of(definition, self.work, crash.source, crash.records)
-            if definition.stage in self.work.force or not is_current(record, made_from, whole):
+            if self._has_work(crash, definition):
                 return None
+            record = crash.records.get(definition.stage)
             event = StageEvent(crash.key, definition.stage, Action.UNCHANGED, record)
             if record is not None and record.outcome is Outcome.REJECTED:
                 return events + self._with_later(crash, event)
@@ -215,7 +244,8 @@ class _Batch:
         events: list[StageEvent] = []
         for stuck in segment:
             record = records.get(stuck.stage)
-            if not is_current(record, provenance_of(stuck, self.work, task.source, records), {}):
+            forced = stuck.stage in self.work.force and (record is None or record.run_id != self.work.run_id)
+            if forced or not is_current(record, provenance_of(stuck, self.work, task.source, records), {}):
                 break
             events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
             if record is not None and record.outcome is Outcome.REJECTED:
@@ -225,9 +255,9 @@ class _Batch:
         provenance = provenance_of(stuck, self.work, task.source, records)
         detail = f"the worker process died in this stage, alone and twice over ({lost.detail})"
         attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
-        record = replace(attempt.record(Outcome.FAILED), detail=detail).superseding(records.get(stuck.stage))
-        write_record(self.work.storage, record)
-        return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, record)]
+        failed = replace(attempt.record(Outcome.FAILED), detail=detail)
+        write_record(self.work.storage, after_failure(self.work.storage, records.get(stuck.stage), failed))
+        return [*events, StageEvent(task.key, stuck.stage, Action.COMPUTED, failed)]
 
 
 def _shared_out(work: Work, machines: int) -> Work:

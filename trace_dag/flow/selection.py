@@ -79,12 +79,15 @@ def select_again(
     reason: Reason | None = None,
     first: Stage | None = None,
 ) -> Selection:
-    """Crashes to run again: those that failed, those rejected for a reason, or all that reached a stage."""
+    """Crashes to run again: that failed or are outdated, that were rejected for a reason, or that reached a stage."""
     asked = registered(workspace, cohort, only)
     records = read_records(workspace.storage, asked)
     start: dict[str, Stage] = {}
     for key, crash in standings(records).items():
         if crash.stage_reached is None:
+            continue
+        if failed and crash.outdated is not None:
+            start[key] = crash.outdated
             continue
         if (failed and crash.final_state is FinalState.FAILED) or (
             reason is not None and crash.final_state is FinalState.REJECTED and crash.reason is reason

@@ -31,6 +31,8 @@ class Standing:
     """Where a crash stands. ``stage_reached`` is the stage that ended it, or the last one that accepted it.
 
     ``corroborated``: verified, and borne out by more than the criteria. ``made``: what made its estimate, if any.
+    ``outdated`` is the first stage whose result was to be made anew, which failed, and ``outdated_because`` says why:
+    the crash stands where it stood.
     """
 
     key: str
@@ -40,6 +42,8 @@ class Standing:
     detail: str = ""
     corroborated: bool = False
     made: Made | None = None
+    outdated: Stage | None = None
+    outdated_because: str = ""
 
 
 def valid_records(records: Records) -> Records:
@@ -76,13 +80,25 @@ def standing_of_valid(key: str, valid: Records) -> Standing:
     if not valid:
         return Standing(key, FinalState.PENDING)
     made = maker_of(valid[Stage.STATE_ESTIMATE]) if Stage.STATE_ESTIMATE in valid else None
+    outdated = next((record for record in valid.values() if record.failed_attempt is not None), None)
     last: OutcomeRecord = valid[max(valid, key=lambda stage: stage.position)]
     if last.outcome is Outcome.REJECTED:
-        return Standing(key, FinalState.REJECTED, last.stage, last.reason, last.detail, made=made)
-    if last.outcome is Outcome.FAILED:
-        return Standing(key, FinalState.FAILED, last.stage, None, last.detail, made=made)
-    state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
-    return Standing(key, state, last.stage, corroborated=last.figures.get("grade") == CORROBORATED, made=made)
+        state = FinalState.REJECTED
+    elif last.outcome is Outcome.FAILED:
+        state = FinalState.FAILED
+    else:
+        state = FinalState.VERIFIED if last.stage is Stage.VERDICT else FinalState.PENDING
+    return Standing(
+        key,
+        state,
+        last.stage,
+        last.reason,
+        last.detail,
+        corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == CORROBORATED,
+        made=made,
+        outdated=outdated.stage if outdated else None,
+        outdated_because=outdated.failed_attempt.detail if outdated and outdated.failed_attempt else "",
+    )
 
 
 @no_garbage_collection()

@@ -120,11 +120,11 @@ def provenance_of(
 
 
 def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:
-    """Whether a stored outcome still holds: no failure, its artefacts whole, made from what it would be made from now.
+    """Whether a stored outcome still holds: no failure, made from what it would be made from now, its artefacts whole.
 
     ``whole`` says of records by name whether their artefacts are, as :func:`trace_dag.flow.records.intact` finds.
     """
-    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED):
+    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.failed_attempt:
         return False
     return whole.get(record.name, True) and record.fingerprint == made_from.fingerprint
 

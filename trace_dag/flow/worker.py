@@ -1,8 +1,9 @@
 """The work itself: some stages for some crashes, wherever an executor calls it.
 
 Each crash is isolated: whatever one raises becomes its outcome, and the next is worked on. The order of writing is
-what makes an interruption harmless: an older record is first marked as started, then the artefacts are written, then
-the record that lists them.
+what makes an interruption harmless: once a new result is at hand an older record is marked as started, then the
+artefacts are written, then the record that lists them. An attempt that fails before has touched nothing, and the older
+result stands, marked as outdated.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, StageDefinition
 from trace_dag.flow.locks import held
 from trace_dag.flow.products import StageProduct
-from trace_dag.flow.records import intact, read_records, write_record
+from trace_dag.flow.records import after_failure, intact, read_records, write_record
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -134,18 +135,8 @@ class _CrashWorker:
         earlier = self.records.get(definition.stage)
         if not force and self.holds(earlier, provenance):
             return StageEvent(self.task.key, definition.stage, Action.UNCHANGED, earlier)
-        unmarked = self.mark_started(definition, provenance)
-        return self._event(unmarked or self.compute(definition, provenance))
-
-    def mark_started(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord | None:
-        """Say in storage that the artefacts are about to be replaced; the failure, where that cannot be said."""
-        earlier = self.records.get(definition.stage)
-        if earlier is not None and earlier.artefacts:
-            try:
-                write_record(self.work.storage, replace(earlier.begun_again(), run_id=self.work.run_id))
-            except Failure as error:
-                return self._failed(definition, provenance, now(), 0.0, error)
-        return None
+        record = self.compute(definition, provenance)
+        return StageEvent(self.task.key, definition.stage, Action.COMPUTED, record)
 
     def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
         """Whether an outcome is current, looking at its artefacts only if it could be."""
@@ -190,10 +181,14 @@ class _CrashWorker:
         duration_s: float,
         attempts: int = 1,
     ) -> OutcomeRecord:
-        """Store what a stage made, then its record. A stage that fails leaves nothing but its record."""
+        """Store what a stage made, then its record; the record of what it came to.
+
+        A stage that fails leaves nothing but its record, or the earlier result, where that outlasts the failure.
+        """
         contents: dict[str, bytes] = {}
         parsed: dict[str, object] = {}
-        earlier = self.records.get(definition.stage)
+        earlier = standing = self.records.get(definition.stage)
+        replaced = {file.name for file in earlier.artefacts} if earlier else set()
         try:
             if isinstance(product, Rejection):
                 product = StageProduct({}, rejection=product)
@@ -201,6 +196,7 @@ class _CrashWorker:
                 self.invalidate(product)
             if isinstance(product, Exception):
                 raise product
+            standing = self._begun(earlier)
             stored = []
             for extension, data in product.files.items():
                 name = artefact_name(definition.stage, self.task.key, extension)
@@ -211,16 +207,39 @@ class _CrashWorker:
             record = replace(record, attempts=attempts).superseding(earlier)
             write_record(self.work.storage, record)
             parsed = {artefact_name(definition.stage, self.task.key, e): v for e, v in product.parsed.items()}
-            obsolete = {file.name for file in earlier.artefacts} - set(contents) if earlier else set()
+            standing = record
         except Exception as error:
-            record = replace(self._failed(definition, provenance, started_at, duration_s, error), attempts=attempts)
-            obsolete = {file.name for file in earlier.artefacts} | set(contents) if earlier else set(contents)
+            attempt = self._attempt(definition, provenance, started_at, duration_s)
+            record = replace(failed_record(attempt, error), attempts=attempts)
+            standing = self._after_failure(standing, record)
+            record = standing if standing.outcome is Outcome.FAILED else record
+            replaced |= set(contents)
             contents = {}
-        self._delete(obsolete)
-        self.records[definition.stage] = record
-        self.files.accept(record, contents, parsed)
+        self._delete(replaced - {file.name for file in standing.artefacts})
+        self.records[definition.stage] = standing
+        self.files.accept(standing, contents, parsed)
         log_outcome(record)
         return record
+
+    def _begun(self, earlier: OutcomeRecord | None) -> OutcomeRecord | None:
+        """The record that stands while artefacts are replaced: one that says so, if there are any to be replaced."""
+        if earlier is None or not earlier.artefacts:
+            return earlier
+        begun = replace(earlier.begun_again(), run_id=self.work.run_id)
+        write_record(self.work.storage, begun)
+        return begun
+
+    def _after_failure(self, standing: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
+        try:
+            stands = after_failure(self.work.storage, standing, failed)
+            write_record(self.work.storage, stands)
+        except Failure as second:
+            # The disk is full or the store is gone: the run still knows and says so.
+            log.error("%s %s: the failure could not be recorded: %s", failed.key, failed.stage, second)
+            return standing or failed
+        if stands.failed_attempt is not None:
+            log.warning("%s %s: the earlier result stands, outdated", failed.key, failed.stage)
+        return stands
 
     def _delete(self, names: Iterable[str]) -> None:
         for name in names:
@@ -242,10 +261,12 @@ class _CrashWorker:
             event.action is Action.COMPUTED and event.stage.position >= Stage.ROAD_MAP.position for event in events
         ):
             return events
+        last = events[-1]
+        if self.records.get(last.stage) is not last.record:
+            return events  # it failed and an earlier result stands, with its picture
         if not self.work.settings.execution.pictures:
             self._delete(file.name for record in self.task.records.values() for file in record.pictures)
             return events
-        last = events[-1]
         try:
             stored = [
                 self.work.storage.write(picture_name(self.task.key, extension), picture)
@@ -273,27 +294,6 @@ class _CrashWorker:
     ) -> Attempt:
         return Attempt(self.task.key, definition.stage, provenance, self.work.run_id, started_at, duration_s)
 
-    def _failed(
-        self,
-        definition: StageDefinition,
-        provenance: Provenance,
-        started_at: str,
-        duration_s: float,
-        error: Exception,
-    ) -> OutcomeRecord:
-        attempt = self._attempt(definition, provenance, started_at, duration_s)
-        record = failed_record(attempt, error).superseding(self.records.get(definition.stage))
-        try:
-            write_record(self.work.storage, record)
-        except Failure as second:
-            # The disk is full or the store is gone: the run still knows and says so.
-            log.error("%s %s: the failure could not be recorded: %s", self.task.key, definition.stage, second)
-        return record
-
-    def _event(self, record: OutcomeRecord) -> StageEvent:
-        self.records[record.stage] = record
-        return StageEvent(record.key, record.stage, Action.COMPUTED, record)
-
 
 def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent]:
     """A batch stage for a group: one call for all crashes whose record is not current."""
@@ -306,14 +306,8 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
             events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
         else:
             open_workers.append((worker, provenance))
-    marked = []
-    for worker, provenance in open_workers:
-        failed = worker.mark_started(definition, provenance)
-        if failed is None:
-            marked.append((worker, provenance))
-        else:
-            events.append(StageEvent(failed.key, failed.stage, Action.COMPUTED, failed))
-    for (worker, provenance), product, started_at, duration_s in _call_for_several(chunk.work.flow, definition, marked):
+    made = _call_for_several(chunk.work.flow, definition, open_workers)
+    for (worker, provenance), product, started_at, duration_s in made:
         record = worker.conclude(definition, provenance, product, started_at, duration_s)
         event = StageEvent(record.key, record.stage, Action.COMPUTED, record)
         events.extend(worker.drawn([event]) if chunk.last else [event])

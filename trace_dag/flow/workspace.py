@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -59,6 +60,14 @@ class Workspace:
     def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
         """The same with other settings over the root's own; itself where there are none."""
         return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
+
+    def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:
+        """The same, and the overrides, with a name under which several runs count against one budget for models."""
+        states = self.settings.states
+        if states.estimator != "llm" or states.llm_ledger is not None:
+            return self, overrides
+        named = {**overrides, "states": {**overrides.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
+        return self.with_settings(named), named
 
     @property
     def root(self) -> str:

@@ -156,6 +156,7 @@ _FILTERS = {
     "state_name": "State",
     "cohort": "Cohort",
     "reason": "Reason",
+    "outdated": "Outdated",
 }
 _TABLE_COLUMNS = (
     {"name": "key", "label": "Crash", "class": "", "sorted": True},

@@ -10,10 +10,11 @@ import hashlib
 import re
 import uuid
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
+from trace_dag.flow.batch import check_requirements
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.records import read_records
@@ -23,6 +24,7 @@ from trace_dag.progress import Progress
 from trace_dag.settings import StateSettings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
+from trace_dag.stage import Stage
 from trace_dag.states.compare import EstimateErrors, EstimatorAttempt, EstimatorRow, compare_estimators
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_to_json
@@ -86,14 +88,19 @@ def estimators_compared(
     ``truth`` adds the errors against it. ``listener`` hears how many crashes of how many are done. Stored for the
     warehouse.
 
-    Raises :class:`UserError` for an estimator there is not, a cohort that is not registered, or one without a map.
+    Raises :class:`UserError` for an estimator there is not, a model that cannot be asked, a cohort that is not
+    registered, or one without a map.
     """
     named = {name: settings_of(name, workspace.settings.states) for name in estimators}
     if len(named) < 2:
         raise UserError("give at least two different estimators to compare, such as analytic,llm")
-    mapped = [crash for crash in _crashes(workspace, cohort) if crash.has(ROAD_MAP)]
+    run_id = f"compare-{uuid.uuid4().hex}"
+    mapped = [crash for crash in _crashes(workspace, cohort, run_id) if crash.has(ROAD_MAP)]
     if not mapped:
         raise UserError(f"no crash of cohort {cohort!r} has a road map yet; trace-dag run --cohort {cohort} makes them")
+    for chosen in named.values():
+        its_own = workspace.settings.model_copy(update={"states": chosen})
+        check_requirements(replace(workspace, settings=its_own), [Stage.STATE_ESTIMATE], run_id)
     tasks = [_Task(crash, tuple(named.items()), truth) for crash in mapped]
     rows: dict[str, Sequence[EstimatorRow]] = {}
     files: list[StoredFile] = []
@@ -113,8 +120,8 @@ def estimators_compared(
     return found
 
 
-def _crashes(workspace: Workspace, cohort: str) -> Iterator[CrashFiles]:
-    keys, run_id = workspace.registry.keys(cohort), f"compare-{uuid.uuid4().hex}"
+def _crashes(workspace: Workspace, cohort: str, run_id: str) -> Iterator[CrashFiles]:
+    keys = workspace.registry.keys(cohort)
     sources = workspace.registry.sources(keys)
     for key, records in read_records(workspace.storage, keys).items():
         crash = CrashFiles(key, sources[key], workspace.settings, workspace.storage, run_id=run_id)

@@ -17,7 +17,9 @@ Row = dict[str, Any]
 
 _TEXT, _INTEGER, _BIG, _REAL, _BOOLEAN = "string", "int32", "int64", "float64", "bool"
 _COLUMNS: Mapping[str, Mapping[str, str]] = {
-    "standing": dict.fromkeys(("key", "cohort", "final_state", "stage_reached", "reason", "detail"), _TEXT),
+    "standing": dict.fromkeys(
+        ("key", "cohort", "final_state", "stage_reached", "reason", "detail", "outdated", "outdated_because"), _TEXT
+    ),
     "outcome": {
         **dict.fromkeys(("key", "stage", "outcome", "reason", "published_category", "detail", "error"), _TEXT),
         **dict.fromkeys(("started_at", "run_id", "fingerprint", "code_version", "settings"), _TEXT),
@@ -31,6 +33,11 @@ _COLUMNS: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("started_at", "run_id", "fingerprint"), _TEXT),
         **dict.fromkeys(("stage_number", "number"), _INTEGER),
         "standing": _BOOLEAN,
+    },
+    "failed_attempt": {
+        **dict.fromkeys(("key", "stage", "detail", "started_at", "run_id", "error"), _TEXT),
+        "attempts": _INTEGER,
+        "transient": _BOOLEAN,
     },
     "artefact": {**dict.fromkeys(("key", "stage", "file", "sha256"), _TEXT), "bytes": _BIG},
 }
@@ -59,6 +66,7 @@ class OutcomeTables:
             rows["standing"].append(_standing_row(crash, cohort_of[crash.key]))
             rows["outcome"].extend(_outcome_row(record) for record in crash.valid.values())
             rows["known_outcome"].extend(_known_rows(crash))
+            rows["failed_attempt"].extend(_failed_attempts(crash))
             rows["artefact"].extend(_artefact_rows(crash))
         for table, schema in self._schemas.items():
             self._parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
@@ -79,7 +87,26 @@ def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
         "stage_reached": stands.stage_reached.value if stands.stage_reached else None,
         "reason": stands.reason.value if stands.reason else None,
         "detail": stands.detail or None,
+        "outdated": stands.outdated.value if stands.outdated else None,
+        "outdated_because": stands.outdated_because or None,
     }
+
+
+def _failed_attempts(crash: CrashSnapshot) -> Iterator[Row]:
+    """What broke: the stage that failed, or the new attempt at a result that stands."""
+    for stage, record in crash.valid.items():
+        failed = record if record.outcome is Outcome.FAILED else record.failed_attempt
+        if failed is not None:
+            yield {
+                "key": crash.key,
+                "stage": stage.value,
+                "detail": failed.detail or None,
+                "started_at": failed.started_at,
+                "run_id": failed.run_id,
+                "error": failed.error or None,
+                "attempts": failed.attempts,
+                "transient": failed.transient,
+            }
 
 
 def _outcome_row(record: OutcomeRecord) -> Row:

@@ -13,7 +13,7 @@ from trace_dag.stage import Stage
 from trace_dag.warehouse.build import is_built_by_this_code
 from trace_dag.warehouse.query import query
 
-_CRASHES = "SELECT key, final_state, stage_reached, reason FROM crashes"
+_CRASHES = "SELECT key, final_state, stage_reached, reason, outdated FROM crashes"
 _OUTCOMES = "SELECT key, stage, fingerprint FROM stage_outcomes"
 
 
@@ -52,7 +52,7 @@ def _of_crash(
     if row is None:
         return [Disagreement(DisagreementKind.WAREHOUSE, "it is registered and not in the warehouse", key)]
     stand = standing(key, records)
-    now = (stand.final_state, stand.stage_reached, stand.reason)
+    now = (stand.final_state, stand.stage_reached, stand.reason, stand.outdated)
     if tuple(row) != now:
         return [
             Disagreement(

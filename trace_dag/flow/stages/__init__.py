@@ -14,6 +14,7 @@ from trace_dag.stage import Stage
 _GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
 _REQUIREMENTS = {
     Stage.ROAD_MAP: "trace_dag.flow.requirements:road_map",
+    Stage.STATE_ESTIMATE: "trace_dag.flow.requirements:state_estimate",
     Stage.SIMULATION_LOG: "trace_dag.flow.requirements:simulation_log",
 }
 

@@ -9,6 +9,7 @@ from stored answers.
 from __future__ import annotations
 
 import logging
+import math
 import os
 import re
 import time
@@ -30,7 +31,16 @@ _SECRET_NAME = re.compile(r"(KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL)", re.IGNORECA
 _KEY_SHAPED = re.compile(r"\b(sk|pk|AIza|gsk|xai|hf)[-_A-Za-z0-9]{12,}")
 _SHORTEST_SECRET = 6
 _LONGEST_MESSAGE = 300
-_KEY_WANTED = re.compile(r"api.?key", re.IGNORECASE)
+_KEY_WANTED = re.compile(r"api.?key|credential", re.IGNORECASE)
+_REFUSED_STATUS = (401, 403)
+_ANSWERING_FOR_S = 60.0  # after an answer the provider needs no trial
+_TRIAL: list[Message] = [{"role": "user", "content": 'Are you there? Answer with {"ready": true}.'}]
+_TRIAL_ANSWER = {
+    "type": "object",
+    "properties": {"ready": {"type": "boolean"}},
+    "required": ["ready"],
+    "additionalProperties": False,
+}
 _ITS_TRACEBACK = "Traceback (most recent call last)"  # litellm quotes one in some of its messages
 
 log = logging.getLogger(__name__)
@@ -53,6 +63,15 @@ class LlmClient:
     ledger: SpendingLedger = field(default_factory=SpendingLedger)
     sleep: Callable[[float], None] = time.sleep
     _warned_of_price: bool = field(default=False, init=False, repr=False)
+    _answered_s: float = field(default=-math.inf, init=False, repr=False)  # by the monotonic clock
+
+    def try_out(self) -> None:
+        """Make sure that the model answers: one short question, unless it has answered within the last minute.
+
+        What it says does not matter; whether key, model, budget and way to it are right does. Raises as :meth:`ask`.
+        """
+        if time.monotonic() - self._answered_s > _ANSWERING_FOR_S:
+            self._ask(_TRIAL, _TRIAL_ANSWER)
 
     def ask(self, messages: list[Message], *, prompt: str, schema: Mapping[str, Any]) -> StoredAnswer:
         """The answer to a question, from the store if it was asked before. ``prompt``: version and digest.
@@ -104,6 +123,7 @@ class LlmClient:
             times = "once" if asked == 1 else f"{asked} times"
             raise TransientFailure(f"{none} (asked {times})", tried_again=True) from None
         self.ledger.charge(answer.cost_usd)
+        self._answered_s = time.monotonic()
         return answer
 
     def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
@@ -127,9 +147,11 @@ class LlmClient:
         except Exception as error:  # litellm's own, its HTTP clients', and what it lets through from either
             said = without_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
             what = f"{self.model}: {type(error).__name__}: {' '.join(said.split())[:_LONGEST_MESSAGE]}"
-            if _KEY_WANTED.search(said) and (missing := _missing_keys(litellm, self.model)):
+            wanted = _KEY_WANTED.search(said) or getattr(error, "status_code", None) in _REFUSED_STATUS
+            if wanted and (missing := _missing_keys(litellm, self.model)):
                 # Without a key some of litellm's providers look as if they could not be reached.
-                raise Failure(f"{what}; the environment lacks {', '.join(missing)}") from None
+                lacking = " or ".join(missing)
+                raise Failure(f"{self.model}: the environment lacks {lacking}, the key of its provider") from None
             if _may_pass(litellm, error):
                 raise _NoAnswer(what, _retry_after_s(error)) from None
             raise Failure(f"{what}; check states.llm_model and the provider's environment variables") from None

@@ -15,6 +15,8 @@ SELECT
     coalesce(record.road_topology, listing.road_topology) AS road_topology,
     coalesce(record.vehicle_trajectory, listing.vehicle_trajectory) AS vehicle_trajectory,
     standing.detail,
+    standing.outdated,
+    standing.outdated_because,
     CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000 AS state_code,
     state.name AS state_name,
     concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')) AS place,
@@ -49,6 +51,8 @@ COMMENT ON COLUMN crashes.collision_type IS 'Coverage class of the manner of col
 COMMENT ON COLUMN crashes.road_topology IS 'Coverage class of the intersection (TYP_INT)';
 COMMENT ON COLUMN crashes.vehicle_trajectory IS 'Coverage class of the crash type of the vehicle pair (ACC_TYPE)';
 COMMENT ON COLUMN crashes.detail IS 'The sentence behind a rejection or failure, with what was measured';
+COMMENT ON COLUMN crashes.outdated IS 'Stage that was to run again and failed: the crash stands where it stood; null if there is none';
+COMMENT ON COLUMN crashes.outdated_because IS 'What happened in that attempt';
 COMMENT ON COLUMN crashes.state_code IS 'State (STATE), as in the case number';
 COMMENT ON COLUMN crashes.state_name IS 'Name of the state';
 COMMENT ON COLUMN crashes.place IS 'City, county and state as labelled';

@@ -1,23 +1,24 @@
 -- What broke, by crash: the message and, for whoever mends it, the traceback.
-CREATE VIEW failures AS
+CREATE TABLE failures AS
 SELECT
     crashes.key,
     crashes.cohort,
-    stage_outcomes.stage,
-    stage_outcomes.detail AS message,
-    stage_outcomes.transient,
-    stage_outcomes.attempts,
-    stage_outcomes.started_at,
-    stage_outcomes.run_id,
-    stage_outcomes.error
+    crashes.final_state,
+    failed_attempt.stage,
+    failed_attempt.detail AS message,
+    failed_attempt.transient,
+    failed_attempt.attempts,
+    failed_attempt.started_at,
+    failed_attempt.run_id,
+    failed_attempt.error
 FROM crashes
-JOIN stage_outcomes USING (key)
-WHERE stage_outcomes.outcome = 'failed'
+JOIN failed_attempt USING (key)
 ORDER BY crashes.key;
 
-COMMENT ON VIEW failures IS 'The crashes that stand failed; trace-dag rerun --failed runs them again';
+COMMENT ON TABLE failures IS 'What broke: crashes that stand failed, and those that stand outdated; trace-dag rerun --failed runs them again';
 COMMENT ON COLUMN failures.key IS 'Key of the crash';
 COMMENT ON COLUMN failures.cohort IS 'Its cohort';
+COMMENT ON COLUMN failures.final_state IS 'Where the crash stands: failed, or where it stood before the attempt';
 COMMENT ON COLUMN failures.stage IS 'Stage that broke';
 COMMENT ON COLUMN failures.message IS 'What happened';
 COMMENT ON COLUMN failures.transient IS 'Whether it may pass by itself';
