@@ -243,7 +243,7 @@ def contents(root: Path) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in [*files, root / "warehouse.duckdb"]}
 
 
-def test_a_provider_that_fails_takes_nothing_from_what_is_verified(root, served, model, monkeypatch):
+def test_a_provider_that_fails_takes_nothing_from_what_is_verified(root, served, model):
     environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_STATES__LLM_PROVIDER_ATTEMPTS": "1"}
     ask = ("run", "--estimator", "llm", "--executor", "in_process")
     keys = CRASHES[:2]
@@ -252,17 +252,12 @@ def test_a_provider_that_fails_takes_nothing_from_what_is_verified(root, served,
 
     served(model, trial=failing(401))
     refused = trace_dag(root, *ask, "--only", *keys, **environment)
-    monkeypatch.delenv("OPENAI_API_KEY")
-    keyless = trace_dag(root, *ask, "--only", *keys, **environment)
-    monkeypatch.setenv("OPENAI_API_KEY", KEY)
-    for done, what in ((refused, "AuthenticationError"), (keyless, "the environment lacks OPENAI_API_KEY")):
-        assert done.returncode == 2
-        (line,) = done.stderr.splitlines()
-        assert what in line
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert "AuthenticationError" in line
     assert contents(root) == before
 
-    down = {keys[0]}
-    served(lambda request, nth: failing(503) if asked_about(request) in down else model(request, nth))
+    served(lambda request, nth: failing(503) if asked_about(request) == keys[0] else model(request, nth))
     done = trace_dag(root, *ask, "--only", *keys, **environment)
     assert done.returncode == 1
     assert f"outdated: {keys[0]} in state_estimate: the new attempt failed: {MODEL}" in done.stderr
@@ -280,11 +275,6 @@ def test_a_provider_that_fails_takes_nothing_from_what_is_verified(root, served,
     page = (root / "benchmark" / "crashes" / f"{keys[0]}.html").read_text()
     assert "<b>Outdated:</b> its state estimate was to be made anew, which failed." in page
     assert not any(key in trace_dag(root, "verify").stdout for key in keys), "Dagster shows a failed attempt"
-
-    down.clear()
-    assert trace_dag(root, *ask, "--only", *keys, **environment).returncode == 0
-    assert "outdated" not in trace_dag(root, "status").stdout
-    assert query(root / "warehouse.duckdb", "SELECT count(*) FROM failures")[1] == [(0,)]
 
 
 def test_estimators_are_set_side_by_side(root, served, model):

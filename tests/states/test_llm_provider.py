@@ -124,7 +124,7 @@ def test_a_trial_asks_one_short_question_a_minute_and_counts_for_the_budget(monk
         assert len(server.requests) == 1
         now = time.monotonic()
         monkeypatch.setattr("trace_dag.states.llm.client.time.monotonic", lambda: now + 61.0)
-        with pytest.raises(Failure, match="the budget of .* is spent"):
+        with pytest.raises(Failure, match=r"the budget of .* is spent"):
             client.try_out()
 
 

@@ -236,7 +236,7 @@ class _CrashWorker:
         except Failure as second:
             # The disk is full or the store is gone: the run still knows and says so.
             log.error("%s %s: the failure could not be recorded: %s", failed.key, failed.stage, second)
-            return standing or failed
+            return failed if standing is None or standing.outcome is Outcome.FAILED else standing
         if stands.failed_attempt is not None:
             log.warning("%s %s: the earlier result stands, outdated", failed.key, failed.stage)
         return stands
