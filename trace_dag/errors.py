@@ -113,13 +113,13 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
         "A filter of the settings leaves the crash out.",
-        "Change crash.vehicles or crash.filters if you want it in.",
+        "Change crash.kinds, crash.vehicles or crash.filters if you want it in.",
     ),
     Reason.NOT_MODELLED: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
-        "No event of the report is a contact of two motor vehicles; the sentence names what happened instead.",
-        "Nothing: collisions of two vehicles alone are modelled so far.",
+        "The crash is of a kind that cannot be judged yet, such as one with a pedestrian; the detail names the event.",
+        "Nothing: crashes in which two vehicles in transport touched are modelled so far.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,

@@ -43,7 +43,10 @@ class CrashSettings(_Section):
     """Reading and filtering reports (stages ``raw_report`` and ``crash_record``)."""
 
     repair_malformed: bool = Field(False, description="Repair reports that are not well-formed, and mark them so.")
-    vehicles: int | None = Field(2, description="Motor vehicles a crash must involve; null takes any number.")
+    kinds: tuple[str, ...] | None = Field(
+        None, description="Kinds a crash must be of, such as two_vehicles; null takes each that can be judged."
+    )
+    vehicles: int | None = Field(None, description="Motor vehicles a crash must involve; null takes any number.")
     filters: dict[str, tuple[int, ...]] = Field(
         default_factory=dict,
         description="Codes a FARS element must have: LGT_COND = [1]; those of vehicles hold for each in transport.",

@@ -254,6 +254,6 @@ def _zipped(folder: Path, prefix: str) -> Path:
 
 def _parties(event: object) -> set[tuple[object, object]]:
     return {
-        (getattr(event, f"vehicle_{side}"), area.code if (area := getattr(event, f"area_{side}")) else None)
+        (getattr(event, f"party_{side}"), area.code if (area := getattr(event, f"area_{side}")) else None)
         for side in (1, 2)
     }

@@ -83,7 +83,7 @@ def test_reading_a_real_report(real_reports: dict[str, bytes], settings: CrashSe
     assert sedan.impact is not None
     assert sedan.impact.centre_rad == pytest.approx(-math.pi / 2)
     assert (sedan.lanes, sedan.trafficway_code, sedan.crash_type_code) == (4, 4, 87)
-    assert [(event.vehicle_1, event.code, event.vehicle_2) for event in record.events] == [(1, 12, 2)]
+    assert [(event.party_1, event.code, event.party_2) for event in record.events] == [(1, 12, 2)]
 
 
 def test_parked_vehicles_are_in_the_record_but_not_in_transport(
@@ -245,15 +245,15 @@ def test_events_from_the_vehicles_own_sequences(settings: CrashSettings) -> None
     assert "events" in record.implied
     seen = [
         (
-            event.vehicle_1,
+            event.party_1,
             event.code,
             event.area_1 and event.area_1.code,
-            event.vehicle_2,
+            event.party_2,
             event.area_2 and event.area_2.code,
         )
         for event in record.events
     ]
-    assert seen == [(1, 68, None, None, None), (1, 12, 12, 2, 9), (1, 42, 1, None, None), (2, 1, None, None, None)]
+    assert seen == [(1, 68, None, None, None), (1, 12, 12, 2, 9), (1, 42, 1, 2003, None), (2, 1, None, None, None)]
 
 
 def test_topology_from_the_relation_to_a_junction(settings: CrashSettings) -> None:

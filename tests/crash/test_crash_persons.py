@@ -62,8 +62,8 @@ def test_all_event_tables_of_national_files_are_read(shared_data: Path, settings
     assert len(records) == 18
     assert not any("events" in record.implied for record in records.values())
     # cevent.csv of 2016-40250: 1 into 2 twice, 1 into 3, then 1 over the centre line, off to the left, over a curb.
-    parties = [(event.code, event.vehicle_1, event.vehicle_2) for event in records["2016-40250"].events]
-    assert parties == [(12, 1, 2), (12, 1, 2), (12, 1, 3), (68, 1, None), (64, 1, None), (33, 1, None)]
+    parties = [(event.code, event.party_1, event.party_2) for event in records["2016-40250"].events]
+    assert parties == [(12, 1, 2), (12, 1, 2), (12, 1, 3), (68, 1, None), (64, 1, None), (33, 1, 2006)]
     vehicles = [vehicle for record in records.values() for vehicle in record.vehicles]
     assert sum(bool(vehicle.damaged_areas) for vehicle in vehicles) > 20
     assert any(vehicle.avoidance_manoeuvres for vehicle in vehicles)

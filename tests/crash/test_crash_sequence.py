@@ -33,7 +33,7 @@ def read(crash: dict[str, object], *vehicles: dict[str, object], settings: Crash
 
 
 def parties(record: CrashRecord) -> list[tuple[int, int | None, int | None]]:
-    return [(event.code, event.vehicle_1, event.vehicle_2) for event in record.events]
+    return [(event.code, event.party_1, event.party_2) for event in record.events]
 
 
 # --- who met whom --------------------------------------------------------------------------------------------------
@@ -77,7 +77,7 @@ def test_parties_that_nothing_tells_stay_unknown(settings: CrashSettings) -> Non
     """1-2 and 3-4, 1-3 and 2-4, or 1-4 and 2-3."""
     record = read({"MAN_COLL": 99}, *({"ACC_TYPE": 98, "Vsoes": own((12, 98))} for _ in range(4)), settings=settings)
     assert parties(record) == [(12, number, None) for number in (1, 2, 3, 4)]
-    assert record.colliding_pair is None
+    assert record.colliding_vehicles is None
     assert "collided with a motor vehicle in transport that is not named" in record.summary
 
 
@@ -121,7 +121,7 @@ def test_pairings_of_a_national_year(shared_data: Path) -> None:
             for number, own_rows in rows[case].items()
         }
         events, _ = merged(sequences, vehicles, NO_MANNER)
-        found = [frozenset((event.vehicle_1, event.vehicle_2)) for event in events if event.is_contact]
+        found = [frozenset((event.party_1, event.party_2)) for event in events if event.is_vehicle_contact]
         right[Counter(found) == Counter(reported[case])] += 1
     assert right == {True: 172}
 
@@ -143,7 +143,8 @@ def test_a_blank_first_harmful_event_is_the_crashs(settings: CrashSettings) -> N
     record = read(
         {"HARM_EV": 8, "MAN_COLL": 0}, {"Vsoes": own((None, 12))}, {"Vsoes": own((42, 12))}, settings=settings
     )
-    assert parties(record) == [(8, 1, None), (42, 2, None)]
+    assert parties(record) == [(8, 1, None), (42, 2, 2002)]
+    assert [event.implied for event in record.events] == [("code",), ()]
 
 
 def test_a_blank_event_of_either_of_two_stays_unknown(settings: CrashSettings) -> None:
@@ -174,7 +175,7 @@ def test_parked_vehicles_of_real_crashes_are_not_in_transport(shared_data: Path,
         record = read_report(data, name=key, settings=settings)
         assert {vehicle.number: vehicle.in_transport for vehicle in record.vehicles} == expected[key]
         struck = [event for event in record.events if event.code == 14]
-        assert {event.vehicle_2 for event in struck} == {n for n, moving in expected[key].items() if not moving}
+        assert {event.party_2 for event in struck} == {n for n, moving in expected[key].items() if not moving}
         assert record.contradictions == ()
 
 
@@ -196,7 +197,7 @@ def test_events_of_a_vehicle_that_is_not_there_are_a_contradiction(tmp_path: Pat
 def test_an_event_with_a_vehicle_that_is_not_there_is_a_contradiction(settings: CrashSettings) -> None:
     record = read_report(report(events=[{"VNUMBER2": 7}]), name="report.xml", settings=settings)
     assert "event 1: VNUMBER2 says vehicle 7, which the report does not list" in record.contradictions
-    assert record.colliding_pair is None
+    assert record.colliding_vehicles is None
 
 
 # --- contradictions ------------------------------------------------------------------------------------------------
@@ -206,7 +207,7 @@ def test_a_first_harmful_event_that_the_sequence_does_not_begin_with(settings: C
     record = read_report(report({"HARM_EV": 42, "MAN_COLL": 0}), name="report.xml", settings=settings)
     (sentence,) = record.contradictions
     assert sentence.startswith("HARM_EV 42 says that the first harmful event is that a vehicle struck a tree, but the")
-    assert record.colliding_pair is not None
+    assert record.colliding_vehicles is not None
 
 
 def test_a_contact_of_a_vehicles_own_sequence_that_the_crashs_lacks(settings: CrashSettings) -> None:

@@ -143,7 +143,7 @@ def test_the_published_scenarios_run_and_are_judged_alike(shared_data: Path) -> 
     for file in sorted((data / "published" / "simulations").glob("*.json")):
         case = file.stem.removeprefix("simulation_")
         record = read_report((data / "reports" / f"crash_{case}.xml").read_bytes(), name=case, settings=SETTINGS.crash)
-        if record.colliding_pair is None:
+        if record.colliding_vehicles is None:
             continue  # two vehicles that never touched, though the published benchmark has them collide
         both_reported += all(vehicle.travel_speed_mps is not None for vehicle in record.vehicles)
         xodr = (data / "published" / "maps" / f"map_{case}.xodr").read_bytes()

@@ -117,7 +117,7 @@ def test_swapped_clocks_are_swapped_wherever_the_record_has_them() -> None:
     (event,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).events
     assert event.area_1 is not None
     assert event.area_2 is not None
-    assert (event.vehicle_1, event.area_1.code, event.vehicle_2, event.area_2.code) == (2, 1, 1, 61)
+    assert (event.party_1, event.area_1.code, event.party_2, event.area_2.code) == (2, 1, 1, 61)
     assert perturb(KINDS["clocks_swapped"], changed.xml, scene()) is not None
 
 

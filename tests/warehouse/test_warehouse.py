@@ -133,23 +133,23 @@ def test_vehicles_and_classes_equal_the_parquet_records(root):
 
 def test_usable_information_equals_a_count_over_the_parquet_records(root):
     reasons = {row["key"]: row["reason"] for row in table(root, "crashes")}
-    counts: dict[int, Counter[str]] = {}
+    counts: dict[tuple[str, int], Counter[str]] = {}
     for path in (root / "crash_record").glob("*.parquet"):
         (row,) = pq.read_table(path).to_pylist()
-        if reasons[row["key"]] == "outside_cohort":
+        if reasons[row["key"]] == "not_modelled":
             continue
         moving = [vehicle for vehicle in row["vehicles"] if vehicle["in_transport"]]
-        counts.setdefault(len(moving), Counter()).update(
+        counts.setdefault((row["kind"], len(moving)), Counter()).update(
             crashes=1,
             topology=reasons[row["key"]] != "incomplete_topology",
             trajectory=reasons[row["key"]] != "incomplete_trajectory",
             impact=all(vehicle["impact"] is not None for vehicle in moving),
             speed=all(vehicle["travel_speed_mps"] is not None for vehicle in moving),
         )
-    found = {row["vehicles"]: row for row in table(root, "usable_information")}
+    found = {(row["kind"], row["vehicles"]): row for row in table(root, "usable_information")}
     assert found.keys() == counts.keys()
-    for vehicles, row in found.items():
-        assert {name: row[name] for name in counts[vehicles]} == dict(counts[vehicles])
+    for group, row in found.items():
+        assert {name: row[name] for name in counts[group]} == dict(counts[group])
 
 
 def test_coverage_counts_each_class_and_shows_the_empty_ones(root):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.kind import CrashKind
 from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def _classes(name: str, classes: type[StrEnum], help: str) -> Callable[[F], F]:
 
 _OPTIONS = (
     click.option("--cases", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179."),
+    _classes("--kinds", CrashKind, "Only these kinds of crash"),
     click.option("--states", multiple=True, metavar="STATE", help="Only these states: VA, Virginia or 51."),
     click.option("--years", multiple=True, metavar="YEAR", help="Only these case years: 2023, or 2019-2023."),
     click.option("--counties", multiple=True, metavar="COUNTY", help="Only these counties: part of a name, or a code."),
@@ -77,6 +79,7 @@ def choice_of(options: dict[str, Any]) -> Choice:
     low, high = _range(options["vehicles"]) if options["vehicles"] else (None, None)
     return Choice(
         CohortFilter(
+            kinds=frozenset(map(CrashKind, options["kinds"])),
             states=frozenset(map(state_code, options["states"])),
             years=frozenset(_years(options["years"])),
             counties=frozenset(options["counties"]),

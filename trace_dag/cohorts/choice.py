@@ -47,6 +47,7 @@ class Choice:
         wanted = self.wanted
         return bool(
             self.stratified is not None
+            or wanted.kinds
             or wanted.box
             or wanted.cities
             or wanted.function_classes
@@ -73,6 +74,7 @@ class Choice:
         """The choice as a cohort notes it: ``VA; 2023; 2 vehicles; sample of 100, seed 1``."""
         wanted = self.wanted
         groups: list[Iterable[str]] = [
+            sorted(wanted.kinds),
             [state_abbreviation(code) for code in sorted(wanted.states)],
             [str(year) for year in sorted(wanted.years)],
             sorted(wanted.counties),

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
 
@@ -29,6 +30,7 @@ class CohortFilter:
     FARS codes or parts of names, in any case.
     """
 
+    kinds: frozenset[CrashKind] = frozenset()
     states: frozenset[int] = frozenset()
     years: frozenset[int] = frozenset()
     counties: frozenset[str] = frozenset()
@@ -53,7 +55,8 @@ class CohortFilter:
     def admits(self, crash: CrashListing) -> bool:
         """Whether the crash is what the filter asks for."""
         return (
-            _one_of(crash.state_code, self.states)
+            _one_of(crash.kind, self.kinds)
+            and _one_of(crash.state_code, self.states)
             and _one_of(crash.case_year, self.years)
             and _place(crash.county_code, crash.county_name, self.counties)
             and _place(crash.city_code, crash.city_name, self.cities)

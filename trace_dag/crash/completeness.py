@@ -15,8 +15,10 @@ from typing import Final
 from trace_dag.crash.codes.crash import TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
-from trace_dag.crash.derive import UNSAID_MOVEMENTS
-from trace_dag.crash.kind import another_kind, untold_meeting
+from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
+from trace_dag.crash.kind import JUDGED_KINDS, OF_PERSONS, CrashKind
+from trace_dag.crash.modelled import another_kind, untold_meeting
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
@@ -29,6 +31,11 @@ US_LONGITUDE_DEG: Final = (-180.0, -64.4)
 
 _TELLING_EVENTS: Final = frozenset({*range(10, 19), 20, 21, *range(50, 79)})
 """``P_CRASH2`` values that say how this vehicle moved, or how the other one did relative to it."""
+
+_FRONT_H: Final = 12.0
+_REAR_H: Final = 6.0
+_SQUARELY_H: Final = 0.5
+"""Half an hour to either side: a corner may be struck by one that turns or crosses."""
 
 _DIRECTED_MANNERS: Final = frozenset({1, 2, 7, 8, 10})
 """``MAN_COLL`` values that say how the two vehicles were headed relative to each other."""
@@ -62,9 +69,13 @@ def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule,
 
 
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
-    """The cohort filters that settings ask for. Raises :class:`UserError` for an element no record holds."""
+    """The cohort filters that settings ask for.
+
+    Raises :class:`UserError` for a kind of crash that is none, and for an element no record holds.
+    """
+    kinds = () if settings.kinds is None else (of_kinds(settings.kinds),)
     vehicles = () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
-    return (*vehicles, *(element_among(element, codes) for element, codes in settings.filters.items()))
+    return (*kinds, *vehicles, *(element_among(element, codes) for element, codes in settings.filters.items()))
 
 
 def element_among(element: str, codes: Collection[int]) -> Rule:
@@ -96,15 +107,27 @@ def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
     return {element: column.name for column in coded for element in column.source.split(", ") if element}
 
 
+def of_kinds(names: Collection[str]) -> Rule:
+    """A crash must be of one of these kinds. Raises :class:`UserError` for a name that is none."""
+    strange = [name for name in names if name not in set(CrashKind)]
+    if strange:
+        raise UserError(f"setting crash.kinds: {strange[0]} is no kind of crash; kinds are {', '.join(CrashKind)}")
+    wanted = " or ".join(names)
+
+    def shortcoming(record: CrashRecord) -> str | None:
+        return None if record.kind in names else f"the kind of crash is {record.kind}; the cohort takes {wanted}"
+
+    return Rule("kinds", Reason.OUTSIDE_COHORT, f"kind of crash is {wanted}", shortcoming)
+
+
 def number_of_vehicles(wanted: int) -> Rule:
     """A crash must involve that many motor vehicles in transport."""
 
     def shortcoming(record: CrashRecord) -> str | None:
-        listed = sum(vehicle.in_transport for vehicle in record.vehicles)
-        found = listed if record.vehicles_in_transport is None else record.vehicles_in_transport
+        found = record.moving_vehicles
         if found == wanted:
             return None
-        parked = len(record.vehicles) - listed
+        parked = sum(not vehicle.in_transport for vehicle in record.vehicles)
         beside = f" (and {parked} parked or working)" if parked else ""
         return f"{found} motor vehicle{'' if found == 1 else 's'} in transport{beside}; the cohort takes {wanted}"
 
@@ -117,21 +140,32 @@ def number_of_vehicles(wanted: int) -> Rule:
 
 
 def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
-    """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's."""
+    """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's.
+
+    One that stood or was struck from behind needs no field of its own: it stood, or was ahead of its partner.
+    """
     return (
         vehicle.movement not in (*UNSAID_MOVEMENTS, PreCrashMovement.NO_DRIVER)
         or not vehicle.in_transport
+        or vehicle.travel_speed_mps == 0
+        or _struck_from_behind(vehicle, partner)
         or crash_type_of(vehicle).of_two
         or crash_type_of(vehicle).single_driver
         or vehicle.critical_event_code in _TELLING_EVENTS
         or (partner is not None and crash_type_of(partner).of_two)
-        or any(event.vehicle_1 == vehicle.number and event.code in DEPARTURES for event in record.events)
+        or any(event.party_1 == vehicle.number and event.code in DEPARTURES for event in record.events)
         or (
             partner is not None
             and record.first_harmful_event_code == MOTOR_VEHICLE_IN_TRANSPORT
             and record.manner_of_collision_code in _DIRECTED_MANNERS
         )
     )
+
+
+def _struck_from_behind(vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
+    if partner is None or vehicle.impact is None or partner.impact is None:
+        return False
+    return is_near(vehicle.impact, _REAR_H, _SQUARELY_H) and is_near(partner.impact, _FRONT_H, _SQUARELY_H)
 
 
 def _location(record: CrashRecord) -> str | None:
@@ -160,17 +194,41 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
-    vehicles = record.colliding_pair or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
+    of_vehicles = record.kind not in OF_PERSONS or (record.colliding_vehicles and record.kind not in JUDGED_KINDS)
+    return _course_of_vehicles(record) if of_vehicles else _course_of_persons(record)
+
+
+def _course_of_persons(record: CrashRecord) -> str | None:
+    """A person was struck by a vehicle whose course is known, from a place that is known."""
+    strike = next((event for event in record.events if event.kind is EventKind.PERSON_STRUCK), None)
+    if strike is None or strike.party_1 is None:
+        return "no event says which vehicle struck the person"
+    vehicle = next((each for each in record.vehicles if each.number == strike.party_1), None)
+    if vehicle is None or not trajectory_known(record, vehicle, None):
+        return _untold_course(vehicle) if vehicle else f"the report lists no vehicle {strike.party_1}"
+    struck = [each for each in record.non_motorists if strike.party_2 in (None, each.party)]
+    if any(person.place_code is not None for person in struck):
+        return None
+    who = f"person {struck[0].number}" if len(struck) == 1 else "any person outside the vehicles"
+    return f"nothing tells where {who} was: neither LOCATION nor PEDPOS nor BIKEPOS is known"
+
+
+def _course_of_vehicles(record: CrashRecord) -> str | None:
+    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
     if not vehicles:
         return "the report lists no vehicle, so that nothing tells how any of them moved"
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
         if not trajectory_known(record, vehicle, partner):
-            return (
-                f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {_movement(vehicle.movement)}, ACC_TYPE "
-                f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
-            )
+            return _untold_course(vehicle)
     return None
+
+
+def _untold_course(vehicle: VehicleRecord) -> str:
+    return (
+        f"nothing tells how vehicle {vehicle.number} moved: P_CRASH1 {_movement(vehicle.movement)}, ACC_TYPE "
+        f"{_said(vehicle.crash_type_code)}, P_CRASH2 {_said(vehicle.critical_event_code)}"
+    )
 
 
 def _said(code: int | None) -> str:
@@ -182,8 +240,10 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 KINDS: Final[tuple[Rule, ...]] = (
-    Rule("sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known", untold_meeting),
-    Rule("modelled", Reason.NOT_MODELLED, "two motor vehicles touched", another_kind),
+    Rule(
+        "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
+    ),
+    Rule("modelled", Reason.NOT_MODELLED, "a kind of crash that can be judged", another_kind),
 )
 """What kind of crash it has to be."""
 

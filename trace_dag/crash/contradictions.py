@@ -8,6 +8,7 @@ from typing import Final
 
 from trace_dag.crash.codes.crash import AT_INTERSECTION, AWAY_FROM_JUNCTION, FUNC_SYS, MAN_COLL, RELJCT2, ROUTE, TYP_INT
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.codes.persons import BIKEPOS, LOCATION, PEDPOS
 from trace_dag.crash.codes.vehicle import ACC_TYPE, P_CRASH1
 from trace_dag.crash.crash_types import Side, crash_type, crash_type_of, trajectories_disagree
 from trace_dag.crash.derive import (
@@ -20,7 +21,15 @@ from trace_dag.crash.derive import (
     implied_movement,
     is_near,
 )
-from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
+from trace_dag.crash.parties import EventKind, PartyKind
+from trace_dag.crash.record import (
+    CrashRecord,
+    EventRecord,
+    ImpactArea,
+    PreCrashMovement,
+    VehicleRecord,
+    first_vehicle_contact,
+)
 from trace_dag.crash.summary import event_in_words
 from trace_dag.units import mps_to_mph
 
@@ -50,6 +59,29 @@ _SHOWN_SIDE_H: Final[Mapping[Side, float]] = {Side.RIGHT: 2.0, Side.LEFT: 10.0}
 """The middle of what a vehicle shows another one that it has on one side or ahead."""
 _SHOWN_REACH_H: Final = 3.5
 """From the front and a side's middle: the other corner of the front, and all of that side."""
+_CARRIAGEWAY, _BESIDE, _WALKED, _OUTSIDE = "carriageway", "beside", "walked", "outside"
+_ZONES_OF_LOCATION: Final[Mapping[int, frozenset[str]]] = {
+    **dict.fromkeys((1, 2, 3, 9, 10, 11, 13), frozenset({_CARRIAGEWAY})),
+    **dict.fromkeys((14, 16, 20), frozenset({_BESIDE})),
+    22: frozenset({_BESIDE, _CARRIAGEWAY}),
+    **dict.fromkeys((21, 23, 24), frozenset({_WALKED})),
+    25: frozenset({_OUTSIDE}),
+}
+_ZONES_OF_PEDPOS: Final[Mapping[int, frozenset[str]]] = {
+    **dict.fromkeys((1, 3), frozenset({_CARRIAGEWAY})),
+    2: frozenset({_CARRIAGEWAY, _WALKED}),  # in a crosswalk, of a shared-use path too
+    **dict.fromkeys((4, 6), frozenset({_BESIDE})),
+    5: frozenset({_WALKED, _BESIDE}),
+    **dict.fromkeys((7, 8), frozenset({_OUTSIDE, _WALKED})),
+}
+_ZONES_OF_BIKEPOS: Final[Mapping[int, frozenset[str]]] = {
+    1: frozenset({_CARRIAGEWAY}),
+    2: frozenset({_BESIDE}),
+    3: frozenset({_WALKED, _CARRIAGEWAY}),
+    4: frozenset({_WALKED, _OUTSIDE}),
+    **dict.fromkeys((5, 6), frozenset({_OUTSIDE, _WALKED})),
+}
+"""Where a person was, coarsely enough that codes of two tables that mean the same place share a zone."""
 _STOPPED_MAX_MPS: Final = 2.3
 """A vehicle coded as stopped may still have been rolling at walking pace (5 mph)."""
 
@@ -73,14 +105,14 @@ def _vehicle_counts(record: CrashRecord) -> Iterator[str]:
 
 
 def _crash_types(record: CrashRecord) -> Iterator[str]:
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     if pair and trajectories_disagree([vehicle.crash_type_code for vehicle in pair]):
         classes = " and ".join(f"{crash_type_of(vehicle).trajectory} ({vehicle.crash_type_code})" for vehicle in pair)
         yield f"ACC_TYPE puts vehicles {pair[0].number} and {pair[1].number} into different classes: {classes}"
 
 
 def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
-    for vehicle in record.colliding_pair or ():
+    for vehicle in record.colliding_vehicles or ():
         expected = impact_area(crash_type_of(vehicle).impact_code)
         reported = impact_area(vehicle.initial_impact_code) or vehicle.impact
         if expected and reported and not is_near(reported, expected.clock_h, CORNER_H):
@@ -92,7 +124,7 @@ def _impact_against_crash_type(record: CrashRecord) -> Iterator[str]:
 
 
 def _impact_against_event(record: CrashRecord) -> Iterator[str]:
-    collision = first_contact(record.events)
+    collision = first_vehicle_contact(record.events)
     if collision is None or "events" in record.implied:
         return
     for vehicle in record.vehicles:
@@ -105,7 +137,7 @@ def _impact_against_event(record: CrashRecord) -> Iterator[str]:
 
 
 def _manner_against_impacts(record: CrashRecord) -> Iterator[str]:
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     if pair is None or record.first_harmful_event_code != MOTOR_VEHICLE_IN_TRANSPORT:
         return
     first, second = pair[0].impact, pair[1].impact
@@ -170,7 +202,7 @@ def _first_event_against_sequence(record: CrashRecord) -> Iterator[str]:
     if "events" in record.implied:
         of_vehicle: dict[int | None, EventRecord] = {}
         for event in harmful:
-            for number in (event.vehicle_1, event.vehicle_2):
+            for number in (event.party_1, event.party_2):
                 of_vehicle.setdefault(number, event)
         harmful = list(of_vehicle.values())
     else:
@@ -196,9 +228,9 @@ def _first_event(record: CrashRecord) -> Iterator[str]:
 
 def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
     """Crash types come in configurations of two: who turns across a path has type 68, who is on that path 69."""
-    if record.colliding_pair is None:
+    if record.colliding_vehicles is None:
         return
-    one, two = (vehicle.crash_type_code for vehicle in record.colliding_pair)
+    one, two = (vehicle.crash_type_code for vehicle in record.colliding_vehicles)
     if trajectories_disagree([one, two]):
         return  # said by another check
     of_one, of_two = crash_type(one).counterpart, crash_type(two).counterpart
@@ -207,7 +239,7 @@ def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
 
 
 def _single_driver(record: CrashRecord) -> Iterator[str]:
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     for vehicle in pair or ():
         if crash_type_of(vehicle).single_driver and pair and all(each.in_transport for each in pair):
             yield (
@@ -263,7 +295,7 @@ def _one_lane(record: CrashRecord) -> Iterator[str]:
 def _turn_away_from_junctions(record: CrashRecord) -> Iterator[str]:
     if record.junction_relation_code != AWAY_FROM_JUNCTION:
         return
-    pair = record.colliding_pair or ()
+    pair = record.colliding_vehicles or ()
     if any(vehicle.movement is PreCrashMovement.U_TURN for vehicle in pair):
         return  # one can turn round anywhere
     for vehicle in pair:
@@ -290,7 +322,7 @@ def _impact_against_course(record: CrashRecord) -> Iterator[str]:
     Whatever the two had ahead of them or on that side may be struck; and where courses cross, one of the two meets
     the other with its front or is struck from behind: two sides do not meet.
     """
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     for vehicle in pair or ():
         shown, impact = crash_type_of(vehicle).shows, vehicle.impact
         if shown is not None and impact is not None and not is_near(impact, _SHOWN_SIDE_H[shown], _SHOWN_REACH_H):
@@ -312,6 +344,38 @@ def _is_squarely_on_a_side(area: ImpactArea) -> bool:
     return is_near(area, 3, SAME_AREA_H) or is_near(area, 9, SAME_AREA_H)
 
 
+def _strikes(record: CrashRecord) -> Iterator[str]:
+    """Persons whom a listed vehicle struck by ``STR_VEH``, but by none of the events, all of whose codes are known."""
+    kinds = {event.kind for event in record.events}
+    strikes = [event for event in record.events if event.kind is EventKind.PERSON_STRUCK]
+    striking = {event.party_1 for event in strikes}
+    if not kinds or EventKind.UNKNOWN in kinds or None in striking:
+        return
+    listed = {vehicle.number for vehicle in record.vehicles}
+    for person in record.non_motorists:
+        vehicle = person.striking_vehicle
+        if person.kind is not PartyKind.OTHER_PERSON and vehicle in listed and vehicle not in striking:
+            yield (
+                f"person {person.number}: STR_VEH says that vehicle {vehicle} struck it, but no event says that it "
+                "struck a person"
+            )
+
+
+def _places_of_persons(record: CrashRecord) -> Iterator[str]:
+    """``LOCATION`` and the typing's position of the same person that cannot both be."""
+    for person in record.non_motorists:
+        for element, table, code, zones in (
+            ("PEDPOS", PEDPOS, person.pedestrian_position_code, _ZONES_OF_PEDPOS),
+            ("BIKEPOS", BIKEPOS, person.cyclist_position_code, _ZONES_OF_BIKEPOS),
+        ):
+            by_location = _ZONES_OF_LOCATION.get(person.location_code or 0)
+            if by_location and code is not None and code in zones and not by_location & zones[code]:
+                yield (
+                    f"person {person.number}: LOCATION says {LOCATION.meaning(person.location_code)} "
+                    f"({person.location_code}), but {element} {table.meaning(code)} ({code})"
+                )
+
+
 _CHECKS: Final[Mapping[str, Callable[[CrashRecord], Iterator[str]]]] = {
     "vehicle counts": _vehicle_counts,
     "classes of crash types": _crash_types,
@@ -331,4 +395,6 @@ _CHECKS: Final[Mapping[str, Callable[[CrashRecord], Iterator[str]]]] = {
     "turn away from junctions": _turn_away_from_junctions,
     "first event": _first_event,
     "first event and sequence": _first_event_against_sequence,
+    "strikes": _strikes,
+    "places of persons": _places_of_persons,
 }

@@ -15,7 +15,7 @@ from typing import Final
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_EVENTS
 from trace_dag.crash.codes.vehicle import CURVED
 from trace_dag.crash.crash_types import crash_type, crash_type_of
-from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
+from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_vehicle_contact
 from trace_dag.units import bearing_to_clock_h, clock_difference_h, clock_to_bearing_rad, wrap_angle
 
 HOUR_RAD: Final = math.pi / 6
@@ -75,11 +75,11 @@ def _pair(
     vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]
 ) -> tuple[VehicleRecord, VehicleRecord] | None:
     """The two vehicles of the first contact, or None."""
-    contact = first_contact(events)
+    contact = first_vehicle_contact(events)
     if contact is None:
         return None
     by_number = {vehicle.number: vehicle for vehicle in vehicles}
-    first, second = by_number.get(contact.vehicle_1 or 0), by_number.get(contact.vehicle_2 or 0)
+    first, second = by_number.get(contact.party_1 or 0), by_number.get(contact.party_2 or 0)
     return (first, second) if first and second else None
 
 
@@ -164,7 +164,7 @@ def with_impacts(
     ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
     with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
     """
-    collision = first_contact(events)
+    collision = first_vehicle_contact(events)
     pair = _pair(vehicles, events) or ()
     found = {
         vehicle.number: _with_own_impact(vehicle, events, collision, in_pair=vehicle in pair) for vehicle in vehicles
@@ -196,9 +196,9 @@ def _with_own_impact(
 
 def area_in(event: EventRecord, number: int) -> ImpactArea | None:
     """Where on its body an event touched the vehicle of that number."""
-    if event.vehicle_1 == number:
+    if event.party_1 == number:
         return event.area_1
-    return event.area_2 if event.vehicle_2 == number else None
+    return event.area_2 if event.party_2 == number else None
 
 
 def _harmful_before(number: int, events: Sequence[EventRecord], collision: EventRecord | None) -> bool:
@@ -206,7 +206,7 @@ def _harmful_before(number: int, events: Sequence[EventRecord], collision: Event
     for event in events:
         if event is collision:
             return False
-        if number in (event.vehicle_1, event.vehicle_2) and event.code in HARM_EV.meanings:
+        if number in (event.party_1, event.party_2) and event.code in HARM_EV.meanings:
             if collision is None and event.code in VEHICLE_EVENTS:
                 continue
             if area_in(event, number) is not None:

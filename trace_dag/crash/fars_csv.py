@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -21,6 +22,7 @@ from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.fars_files import FarsRelease, find_releases
 from trace_dag.crash.keys import crash_key, parse_key, state_of
+from trace_dag.crash.kind import kind_of_codes
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
 
@@ -162,6 +164,7 @@ class _ReleaseTables:
             return
         first, last = self.state_cases[0], self.state_cases[-1]
         collided = self._colliding_numbers(first, last)
+        events = self._event_codes(first, last)
         crash_types: dict[int, list[tuple[int, int | None]]] = {}
         for case, row in self._needed("vehicle").rows(first, last, ("VEH_NO", "ACC_TYPE")):
             crash_types.setdefault(case, []).append((_integer(row, "VEH_NO") or 0, _integer(row, "ACC_TYPE")))
@@ -181,6 +184,7 @@ class _ReleaseTables:
                 function_class_code=_integer(row, "FUNC_SYS")
                 or FUNC_SYS_OF_ROAD_FNC.get(_integer(row, "ROAD_FNC") or 0),
                 vehicles=_integer(row, "VE_FORMS"),
+                kind=kind_of_codes(_integer(row, "HARM_EV"), _integer(row, "VE_FORMS"), events.get(case, ())),
                 manner_of_collision_code=_integer(row, "MAN_COLL"),
                 intersection_type_code=_integer(row, "TYP_INT"),
                 junction_relation_code=_integer(row, "RELJCT2"),
@@ -219,6 +223,16 @@ class _ReleaseTables:
                     found[case] = (number, {_integer(row, "VNUMBER1") or 0, _integer(row, "VNUMBER2") or 0})
         return {case: pair for case, (_, pair) in found.items()}
 
+    def _event_codes(self, first: int, last: int) -> dict[int, list[int]]:
+        """``SOE`` of each crash's events, in order where the release has them as the crash's."""
+        tables = (self._table(name) for name in ("cevent", "vevent", "vsoe"))
+        table = next((each for each in tables if each is not None), None)
+        numbered: dict[int, list[tuple[int, int]]] = {}
+        for case, row in table.rows(first, last, ("EVENTNUM", "SOE")) if table is not None else ():
+            if (code := _integer(row, "SOE")) is not None:
+                numbered.setdefault(case, []).append((_integer(row, "EVENTNUM") or 0, code))
+        return {case: [code for _, code in sorted(rows, key=itemgetter(0))] for case, rows in numbered.items()}
+
     def _table(self, name: str) -> _SortedTable | None:
         if name not in self._tables:
             table = self._release.table(name)
@@ -242,6 +256,7 @@ _LISTED: Final = (
     "FUNC_SYS",
     "ROAD_FNC",
     "VE_FORMS",
+    "HARM_EV",
     "MAN_COLL",
     "TYP_INT",
     "RELJCT2",

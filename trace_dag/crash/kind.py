@@ -1,63 +1,77 @@
-"""Whether a crash is of the kind that is modelled so far: two motor vehicles that touched, by an event of the record.
+"""The kind of a crash: a class that every crash has, and which of them the program can judge.
 
-Two vehicles in one crash need not have met: in 2.2 % of the fatal crashes of two vehicles of 2016 they did not, most of
-them having struck the same pedestrian. What happened instead is named.
+A crash is of the kind of its first harmful event, if that was with a person, a parked vehicle or an animal; else of its
+vehicles, if there were several in transport and they may have touched; else again of its first harmful event.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from typing import Final
 
-from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
-from trace_dag.crash.record import CrashRecord, EventRecord
-from trace_dag.crash.summary import event_in_words
-
-_MOST_TOLD: Final = 4
-"""Events that a sentence names."""
+from trace_dag.crash.codes import events as codes
 
 
-def another_kind(record: CrashRecord) -> str | None:
-    """What happened instead of a contact of two vehicles, as a sentence; None if two met, or may have met."""
-    if record.colliding_pair is not None or untold_meeting(record) is not None:
-        return None
-    numbers = [str(vehicle.number) for vehicle in record.vehicles]
-    if len(numbers) > 1:
-        never = f"vehicles {', '.join(numbers[:-1])} and {numbers[-1]} never touch in the report"
-    else:
-        never = "no two vehicles touch in the report"
-    return f"{never}: {_what_happened(record)}; only collisions of two vehicles are modelled"
+class CrashKind(StrEnum):
+    """What kind of crash it was. Codes are those of the first harmful event (``HARM_EV``)."""
+
+    TWO_VEHICLES = "two_vehicles"
+    MULTI_VEHICLE = "multi_vehicle"
+    PEDESTRIAN = "pedestrian"  # 8, and 15 on a personal conveyance
+    CYCLIST = "cyclist"  # 9
+    PARKED = "parked"  # 14, 45
+    FIXED_OBJECT = "fixed_object"  # 17-59 but those named here, 93
+    OVERTURN = "overturn"  # 1
+    ANIMAL = "animal"  # 11, 49
+    OTHER = "other"
 
 
-def untold_meeting(record: CrashRecord) -> str | None:
-    """Why it cannot be told which two vehicles met first, or whether any did; None if it can."""
-    if record.colliding_pair is not None:
-        return None
-    unnamed = next((event for event in record.events if event.code in VEHICLE_CONTACTS and not event.is_contact), None)
-    if unnamed is not None:
-        return f"nothing tells which two vehicles met first: {_told(unnamed)}"
-    first = record.first_harmful_event_code
-    if _harmful(record) or (first is not None and first not in VEHICLE_CONTACTS):
-        return None
-    return (
-        f"nothing tells whether two vehicles met: HARM_EV {'not known' if first is None else first}, and the report "
-        f"lists no {'harmful event that is known' if record.events else 'events'}"
-    )
+COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
+"""Kinds whose vehicles touched."""
+OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
+JUDGED_KINDS: Final = COLLISIONS
+"""Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map."""
+
+_BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
+    **dict.fromkeys((codes.PEDESTRIAN, codes.PERSON_ON_CONVEYANCE), CrashKind.PEDESTRIAN),
+    codes.CYCLIST: CrashKind.CYCLIST,
+    **dict.fromkeys(codes.STRUCK_STANDING, CrashKind.PARKED),
+    **dict.fromkeys(codes.ANIMALS, CrashKind.ANIMAL),
+    **dict.fromkeys(codes.TRAINS, CrashKind.OTHER),
+}
+_OF_ONE_VEHICLE: Final[Mapping[int, CrashKind]] = {
+    codes.OVERTURN: CrashKind.OVERTURN,
+    **dict.fromkeys(codes.FIXED_OBJECTS, CrashKind.FIXED_OBJECT),
+}
+_OF_VEHICLES: Final = frozenset({codes.MOTOR_VEHICLE_IN_TRANSPORT, codes.VEHICLE_OUTSIDE_TRAFFICWAY})
 
 
-def _what_happened(record: CrashRecord) -> str:
-    harmful = _harmful(record)
-    told = [_told(event) for event in harmful[:_MOST_TOLD]]
-    if len(harmful) > _MOST_TOLD:
-        told.append(f"and {len(harmful) - _MOST_TOLD} more")
-    first = record.first_harmful_event_code
-    if first is not None and first not in {event.code for event in harmful}:
-        told.append(f"the first harmful event is that a vehicle {HARM_EV.meaning(first)} (HARM_EV {first})")
-    return ", ".join(told)
+def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | None) -> CrashKind | None:
+    """The kind of a crash, None if neither the first harmful event nor the number of vehicles is known.
+
+    Args:
+        first_harmful: code of the first harmful event, None if it is not known.
+        vehicles: motor vehicles in transport, None if not known.
+        touched: whether the events say that two vehicles touched; None where nothing is told of them.
+    """
+    if first_harmful is not None and first_harmful in _BEFORE_ALL:
+        return _BEFORE_ALL[first_harmful]
+    if vehicles is not None and vehicles > 1 and (touched is not False or first_harmful in _OF_VEHICLES):
+        return CrashKind.TWO_VEHICLES if vehicles == 2 else CrashKind.MULTI_VEHICLE
+    if first_harmful is None:
+        return None if vehicles is None else CrashKind.OTHER
+    return _OF_ONE_VEHICLE.get(first_harmful, CrashKind.OTHER)
 
 
-def _harmful(record: CrashRecord) -> list[EventRecord]:
-    return [event for event in record.events if HARM_EV.meaning(event.code)]
+def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[int]) -> CrashKind | None:
+    """The kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
-
-def _told(event: EventRecord) -> str:
-    return f"event {event.number} {event_in_words(event)} (SOE {event.code})"
+    Where ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
+    """
+    harmful = [code for code in events if codes.HARM_EV.meaning(code)]
+    first = codes.HARM_EV.known(harm_ev)
+    if first is None and harmful:
+        first = harmful[0]
+    touched = not codes.VEHICLE_CONTACTS.isdisjoint(harmful) if harmful else None
+    return crash_kind(first, vehicles, touched)

@@ -10,6 +10,7 @@ from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import vehicle_trajectory
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.keys import state_of
+from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.parse import case_of, crash_element
 from trace_dag.crash.xml_input import parse_untrusted
 
@@ -34,6 +35,7 @@ class CrashListing:
     route_code: int | None = None  # ROUTE
     function_class_code: int | None = None  # FUNC_SYS
     vehicles: int | None = None  # VE_FORMS
+    kind: CrashKind | None = None  # HARM_EV, VE_FORMS, SOE
     manner_of_collision_code: int | None = None  # MAN_COLL
     intersection_type_code: int | None = None  # TYP_INT
     junction_relation_code: int | None = None  # RELJCT2
@@ -80,6 +82,7 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
         route_code=fields.integer("ROUTE"),
         function_class_code=fields.integer("FUNC_SYS") or FUNC_SYS_OF_ROAD_FNC.get(fields.integer("ROAD_FNC") or 0),
         vehicles=fields.integer("VE_FORMS"),
+        kind=_kind(fields),
         manner_of_collision_code=fields.integer("MAN_COLL"),
         intersection_type_code=fields.integer("TYP_INT"),
         junction_relation_code=fields.integer("RELJCT2"),
@@ -87,6 +90,18 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
             vehicle.integer("ACC_TYPE") for vehicle in vehicles if not collided or vehicle.integer("VEH_NO") in collided
         ),
     )
+
+
+def _kind(crash: Fields) -> CrashKind | None:
+    """The kind of crash, as the record of the report would have it."""
+    vehicles = [Fields(element, crash.where) for element in crash.members("Vehicles")]
+    own = [*vehicles, *(Fields(element, crash.where) for element in crash.members("ParkWorks"))]
+    rows = [Fields(element, crash.where) for element in crash.members("CEvents")]
+    for name in ("VEvents", "Vsoes"):
+        rows = rows or [Fields(element, crash.where) for each in own for element in each.members(name)]
+    rows.sort(key=lambda row: row.integer("EVENTNUM") or 0)
+    codes = [code for row in rows if (code := row.integer("SOE")) is not None]
+    return kind_of_codes(crash.integer("HARM_EV"), crash.integer("VE_FORMS") or len(vehicles), codes)
 
 
 def _colliding_numbers(crash: Fields) -> set[int | None]:

@@ -13,14 +13,12 @@ from functools import cache
 from itertools import combinations
 from typing import Final, TypeAlias
 
-from trace_dag.crash.codes.events import PARKED_MOTOR_VEHICLE, VEHICLE_EVENTS, WORKING_MOTOR_VEHICLE
+from trace_dag.crash.codes.events import STRUCK_STANDING, VEHICLE_EVENTS
 from trace_dag.crash.derive import agrees_with_manner, in_one_configuration
 from trace_dag.crash.record import EventRecord, ImpactArea, VehicleRecord
 
 MOST_CONTACTS: Final = 10
 """Contacts in all sequences together above which no pairing is looked for: those of ten can be paired in 945 ways."""
-STRUCK_STANDING: Final = frozenset({PARKED_MOTOR_VEHICLE, WORKING_MOTOR_VEHICLE})
-"""Contacts of a vehicle in transport with one that is not; such a vehicle has no other events (all 1,410 of 2016)."""
 
 _Contact: TypeAlias = tuple[int, int]
 """A vehicle's number, and which of its contacts, from 0."""
@@ -35,6 +33,7 @@ class VehicleEvent:
     vehicle: int
     code: int
     area: ImpactArea | None
+    mended: bool = False  # the code was blank and follows from other fields
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,8 @@ def merged(
     met = dict.fromkeys(rows, 0)  # contacts that are in ``events`` by now
 
     def add(event: VehicleEvent, second: int | None, area: ImpactArea | None) -> None:
-        events.append(EventRecord(len(events) + 1, event.code, event.vehicle, event.area, second, area))
+        implied = (*(("code",) if event.mended else ()), *(("party_2",) if second is not None else ()))
+        events.append(EventRecord(len(events) + 1, event.code, event.vehicle, event.area, second, area, implied))
 
     while any(rows.values()):
         for number, pending in rows.items():

@@ -31,6 +31,7 @@ from trace_dag.crash.keys import crash_key, state_of
 from trace_dag.crash.persons import read_non_motorists
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.crash.sequence import read_sequence, struck_standing_only, told_of_by_events_alone
+from trace_dag.crash.struck import with_struck
 from trace_dag.crash.summary import summarise
 from trace_dag.crash.vehicles import read_parked_vehicle, read_vehicle
 from trace_dag.crash.xml_input import parse_untrusted
@@ -103,8 +104,9 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
 
     vehicles = _vehicles(fields)
     sequence = read_sequence(fields, vehicles)
-    events = sequence.events
-    non_motorists, of_persons = read_non_motorists(fields, vehicles)
+    persons = read_non_motorists(fields, vehicles)
+    struck = with_struck(sequence.events, persons.non_motorists, order_known=sequence.order_known)
+    events = struck.events
     man_coll = fields.code(crash_codes.MAN_COLL)
     vehicles = with_impacts(with_crash_types(vehicles, events), events, man_coll)
     vehicles = tuple(_with_movement(vehicle) for vehicle in vehicles)
@@ -148,15 +150,18 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
         weather_code=_weather(fields),
         fatalities=fields.integer("FATALS", low=0),
         vehicles_in_transport=fields.integer("VE_FORMS", low=0),
-        non_motorists=non_motorists,
+        non_motorists=persons.non_motorists,
+        ambiguities=(*struck.ambiguities, *persons.ambiguities),
         implied=(
             *sequence.implied,
+            *struck.implied,
             *(("road_topology",) if topology_implied else ()),
             *(("function_class_code",) if class_implied else ()),
         ),
     )
     record = replace(record, vehicle_trajectory=vehicle_trajectory(_crash_types(record)))
-    return replace(record, contradictions=(*sequence.contradictions, *of_persons, *contradictions_of(record)))
+    in_tables = (*sequence.contradictions, *persons.contradictions, *struck.contradictions)
+    return replace(record, contradictions=(*in_tables, *contradictions_of(record)))
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
@@ -270,7 +275,7 @@ def _weather(fields: Fields) -> int | None:
 
 
 def _crash_types(record: CrashRecord) -> list[int | None]:
-    vehicles = record.colliding_pair or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
+    vehicles = record.colliding_vehicles or tuple(vehicle for vehicle in record.vehicles if vehicle.in_transport)
     return [vehicle.crash_type_code for vehicle in vehicles]
 
 

@@ -6,46 +6,117 @@ of it in the others, so that any of them makes a person.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
 
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as codes
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.fields import Fields
+from trace_dag.crash.parties import HIGHEST_NUMBER
 from trace_dag.crash.record import NonMotorist, VehicleRecord
 
 _UNKNOWN_KIND: Final = 19
 _CYCLISTS: Final = frozenset({6, 7})
 _LISTS: Final = ("NPersons", "PbTypes", "NmPriors", "NmCrashes", "SafetyEQs")
 _NO_VEHICLE: Final = (None, 0)
+_PLACES: Final = {"NPersons": (codes.LOCATION,), "PbTypes": (codes.PEDPOS, codes.BIKEPOS)}
+
+_Rows: TypeAlias = dict[int, dict[str, list[Fields]]]
+"""Rows by ``PER_NO`` and list."""
 
 
-def read_non_motorists(
-    crash: Fields, vehicles: Sequence[VehicleRecord]
-) -> tuple[tuple[NonMotorist, ...], tuple[str, ...]]:
-    """The persons in order of their numbers, and what is said of vehicles that are not there, in words.
+@dataclass(frozen=True)
+class ReadPersons:
+    """The persons in order of their numbers; what disagrees about them, and what stays open, in words."""
+
+    non_motorists: tuple[NonMotorist, ...]
+    contradictions: tuple[str, ...] = ()
+    ambiguities: tuple[str, ...] = ()
+
+
+def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadPersons:
+    """The persons of a ``CrashResultSet``, whatever table tells of them.
 
     Raises :class:`UnknownCodeError` for a code that its element does not have.
     """
-    rows: dict[int, dict[str, list[Fields]]] = {}
+    rows: _Rows = {}
+    misplaced: dict[str, None] = {}
     for name in _LISTS:
         for element in crash.members(name):
             row = Fields(element, f"{crash.where}: {name}", crash.year)
-            number, kind = row.integer("PER_NO"), row.code(crash_codes.PER_TYP)
-            if number is None or row.integer("VEH_NO") not in _NO_VEHICLE or kind in crash_codes.VEHICLE_OCCUPANTS:
+            number, kind = row.integer("PER_NO", low=0, high=HIGHEST_NUMBER), row.code(crash_codes.PER_TYP)
+            vehicle = row.integer("VEH_NO")
+            if kind in crash_codes.VEHICLE_OCCUPANTS:
+                continue
+            if number is None or vehicle not in _NO_VEHICLE:
+                whose = f"person {number} of vehicle {vehicle}" if number is not None else "nobody (PER_NO is missing)"
+                misplaced.setdefault(f"{name} has a row of {whose}, which is no person outside the vehicles")
                 continue
             row.where = f"{row.where}, person {number}"
             rows.setdefault(number, {each: [] for each in _LISTS})[name].append(row)
     persons = tuple(_person(number, rows[number]) for number in sorted(rows))
-    listed = {vehicle.number for vehicle in vehicles}
-    strays = tuple(
-        f"person {person.number}: STR_VEH says that vehicle {person.striking_vehicle} struck it, which the report does "
-        "not list"
-        for person in persons
-        if person.striking_vehicle is not None and person.striking_vehicle not in listed
+    return ReadPersons(
+        persons,
+        (*misplaced, *_unlisted(rows), *_in_two_places(rows), *_ages_apart(rows), *_strays(persons, vehicles)),
+        tuple(f"person {number}: {said}" for number in sorted(rows) if (said := _unknown_age(rows[number]))),
     )
-    return persons, strays
+
+
+def _strays(persons: Sequence[NonMotorist], vehicles: Sequence[VehicleRecord]) -> Iterator[str]:
+    listed = {vehicle.number for vehicle in vehicles}
+    for person in persons:
+        if person.striking_vehicle is not None and person.striking_vehicle not in listed:
+            yield (
+                f"person {person.number}: STR_VEH says that vehicle {person.striking_vehicle} struck it, which the "
+                "report does not list"
+            )
+
+
+def _unlisted(rows: _Rows) -> Iterator[str]:
+    """Rows of persons that ``NPersons`` does not list, if it lists any."""
+    if not any(of_person["NPersons"] for of_person in rows.values()):
+        return
+    for number, of_person in sorted(rows.items()):
+        if not of_person["NPersons"]:
+            tables = ", ".join(name for name in _LISTS if of_person[name])
+            yield f"person {number}: {tables} tell of it, but NPersons does not list it"
+
+
+def _in_two_places(rows: _Rows) -> Iterator[str]:
+    """Persons with several rows in a table of one row each that say different things of where they were."""
+    for number, of_person in sorted(rows.items()):
+        for name, tables in _PLACES.items():
+            for table in tables:
+                said = list(
+                    dict.fromkeys(code for row in of_person[name] if (code := row.known_code(table)) is not None)
+                )
+                if len(said) > 1:
+                    places = " and ".join(f"{table.meaning(code)} ({code})" for code in said)
+                    yield f"person {number}: {table.element} says {places}; the first is taken"
+
+
+def _ages_apart(rows: _Rows) -> Iterator[str]:
+    for number, of_person in sorted(rows.items()):
+        ages = {age for row in _aged(of_person) if (age := _age([row])) is not None}
+        if len(ages) > 1:
+            yield f"person {number}: its age is given as {' and '.join(map(str, sorted(ages)))}"
+        for row in _aged(of_person):
+            stated = row.integer("AGE", "PBAGE")
+            if stated is not None and stated not in codes.AGE_UNKNOWN and not 0 <= stated <= codes.HIGHEST_AGE:
+                yield f"person {number}: {stated} is no age in years; expected 0 to {codes.HIGHEST_AGE}, 998 or 999"
+
+
+def _unknown_age(of_person: dict[str, list[Fields]]) -> str:
+    """What to say of a person whose age is stated to be unknown."""
+    stated = [row.integer("AGE", "PBAGE") for row in _aged(of_person)]
+    unknown = next((age for age in stated if age in codes.AGE_UNKNOWN), None)
+    return f"its age is not known ({unknown})" if unknown is not None and _age(_aged(of_person)) is None else ""
+
+
+def _aged(of_person: dict[str, list[Fields]]) -> list[Fields]:
+    return [*of_person["NPersons"], *of_person["PbTypes"]]
 
 
 def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
@@ -106,8 +177,8 @@ def _either(one: int | None, other: int | None) -> int | None:
 
 
 def _age(rows: Sequence[Fields]) -> int | None:
-    ages = (row.integer("AGE", "PBAGE", low=0) for row in rows)
-    return next((age for age in ages if age is not None and age <= codes.HIGHEST_AGE), None)
+    ages = (row.integer("AGE", "PBAGE") for row in rows)
+    return next((age for age in ages if age is not None and 0 <= age <= codes.HIGHEST_AGE), None)
 
 
 def _scenario(row: Fields) -> str:

@@ -6,12 +6,22 @@ docstrings are FARS elements (FARS Analytical User's Manual).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
-from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, VEHICLE_CONTACTS
+from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
+from trace_dag.crash.kind import CrashKind, kind_of_codes
+from trace_dag.crash.parties import (
+    EventKind,
+    PartyKind,
+    event_kind,
+    person_kind,
+    person_party,
+    thing_party,
+    thing_struck,
+)
 
 
 class PreCrashMovement(IntEnum):
@@ -110,23 +120,47 @@ class VehicleRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """One event of the crash's sequence (``CEvent``): who hit what where.
+    """One event of the crash's sequence (``CEvent``): what happened between which parties, on which areas of them.
 
-    A contact whose second party the report does not name has ``vehicle_2`` None, as events without one have.
+    Parties are numbered as :mod:`trace_dag.crash.parties` says. ``party_2`` is None of events without a second party,
+    and where nothing tells which it was.
     """
 
     number: int  # EVENTNUM
     code: int  # SOE
-    vehicle_1: int | None  # VNUMBER1
+    party_1: int | None  # VNUMBER1
     area_1: ImpactArea | None  # AOI1
-    vehicle_2: int | None  # VNUMBER2, None unless a motor vehicle
+    party_2: int | None  # VNUMBER2
     area_2: ImpactArea | None  # AOI2
+    implied: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> EventKind:
+        """What the code means."""
+        return event_kind(self.code)
+
+    @property
+    def is_harmful(self) -> bool:
+        """Whether it is one of the events that ``HARM_EV`` can be."""
+        return bool(HARM_EV.meaning(self.code))
+
+    @property
+    def is_vehicle_contact(self) -> bool:
+        """Whether two motor vehicles that are both named touched each other."""
+        return self.kind is EventKind.VEHICLE_CONTACT and self._names_two
 
     @property
     def is_contact(self) -> bool:
-        """Whether two motor vehicles that are both named touched each other."""
-        parties = {self.vehicle_1, self.vehicle_2}
-        return self.code in VEHICLE_CONTACTS and len(parties) == 2 and None not in parties
+        """Whether two vehicles, or a vehicle and a person, that are both named touched each other."""
+        return self.kind in _CONTACTS and self._names_two
+
+    @property
+    def _names_two(self) -> bool:
+        parties = {self.party_1, self.party_2}
+        return len(parties) == 2 and None not in parties
+
+
+_CONTACTS = frozenset({EventKind.VEHICLE_CONTACT, EventKind.PERSON_STRUCK})
 
 
 @dataclass(frozen=True)
@@ -169,6 +203,22 @@ class NonMotorist:
     lights_code: int | None = None  # NMLIGHT
     other_prevention_code: int | None = None  # NMOTHPRE
 
+    @property
+    def party(self) -> int:
+        """The party number."""
+        return person_party(self.number)
+
+    @property
+    def kind(self) -> PartyKind:
+        """What the person is as a party."""
+        return person_kind(self.person_type_code)
+
+    @property
+    def place_code(self) -> int | None:
+        """Whichever of ``PEDPOS``, ``BIKEPOS`` and ``LOCATION`` says where the person was; None if none does."""
+        of_typing = (self.pedestrian_position_code, self.cyclist_position_code)
+        return next((code for code in (*of_typing, self.location_code) if code is not None), None)
+
 
 @dataclass(frozen=True)
 class CrashRecord:
@@ -210,26 +260,63 @@ class CrashRecord:
     non_motorists: tuple[NonMotorist, ...] = ()
     implied: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
+    ambiguities: tuple[str, ...] = ()  # what the events and persons leave open, as sentences
     repaired: bool = False
     summary: str = ""
 
     @property
-    def colliding_pair(self) -> tuple[VehicleRecord, VehicleRecord] | None:
-        """The two motor vehicles of the first contact that an event says, or None (see :func:`first_contact`)."""
-        contact = first_contact(self.events)
+    def moving_vehicles(self) -> int:
+        """How many motor vehicles in transport the crash involved, as stated (``VE_FORMS``), else as listed."""
+        listed = sum(vehicle.in_transport for vehicle in self.vehicles)
+        return listed if self.vehicles_in_transport is None else self.vehicles_in_transport
+
+    @property
+    def kind(self) -> CrashKind:
+        """What kind of crash it was."""
+        codes = [event.code for event in self.events]
+        return kind_of_codes(self.first_harmful_event_code, self.moving_vehicles, codes) or CrashKind.OTHER
+
+    @property
+    def parties(self) -> Mapping[int, PartyKind]:
+        """Every party by its number: vehicles, persons, then what was struck."""
+        vehicles = {
+            vehicle.number: PartyKind.MOTOR_VEHICLE if vehicle.in_transport else PartyKind.PARKED_VEHICLE
+            for vehicle in self.vehicles
+        }
+        persons = {person.party: person.kind for person in self.non_motorists}
+        things = {thing_party(event.number): kind for event in self.events if (kind := thing_struck(event.code))}
+        return vehicles | persons | things
+
+    def party_kind(self, number: int) -> PartyKind:
+        """What the party of that number is. Raises ``KeyError`` if the record has none."""
+        return self.parties[number]
+
+    @property
+    def first_contact(self) -> EventRecord | None:
+        """The first event in which two vehicles, or a vehicle and a person, touched.
+
+        None too where an earlier one does not name both of its parties: then the first contact is not known.
+        """
+        first = next((event for event in self.events if event.kind in _CONTACTS), None)
+        return first if first is not None and first.is_contact else None
+
+    @property
+    def colliding_vehicles(self) -> tuple[VehicleRecord, VehicleRecord] | None:
+        """The two vehicles of the first contact of vehicles, or None (see :func:`first_vehicle_contact`)."""
+        contact = first_vehicle_contact(self.events)
         by_number = {vehicle.number: vehicle for vehicle in self.vehicles}
-        if contact is None or contact.vehicle_1 not in by_number or contact.vehicle_2 not in by_number:
+        if contact is None or contact.party_1 not in by_number or contact.party_2 not in by_number:
             return None
-        return by_number[contact.vehicle_1], by_number[contact.vehicle_2]
+        return by_number[contact.party_1], by_number[contact.party_2]
 
 
-def first_contact(events: Sequence[EventRecord]) -> EventRecord | None:
+def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
     """The first event in which two named vehicles touch.
 
     None too where an earlier contact in transport does not name its parties: then the first one is not known.
     """
     for event in events:
-        if event.is_contact:
+        if event.is_vehicle_contact:
             return event
         if event.code == MOTOR_VEHICLE_IN_TRANSPORT:
             return None

@@ -22,7 +22,7 @@ from trace_dag.crash.codes import events as codes
 from trace_dag.crash.codes.crash import MAN_COLL
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields
-from trace_dag.crash.meetings import STRUCK_STANDING, FirstEvent, VehicleEvent, merged
+from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merged
 from trace_dag.crash.record import EventRecord, VehicleRecord
 
 _RIGHT_DEPARTURES: Final = range(1, 6)
@@ -32,11 +32,16 @@ _LEFT_DEPARTURES: Final = range(6, 11)
 
 @dataclass(frozen=True)
 class ReadSequence:
-    """The events in order; names of what was ``implied`` and not read; ``contradictions`` among the rows, in words."""
+    """The events in order, parties named where they are vehicles.
+
+    ``implied``: names of what was not read; ``contradictions`` among the rows, in words; ``order_known``: False where
+    the sequence was put together from those of the vehicles.
+    """
 
     events: tuple[EventRecord, ...]
     implied: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
+    order_known: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,8 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
         first = FirstEvent(harm_ev in codes.VEHICLE_CONTACTS, crash.known_code(MAN_COLL))
         mended = _mended(rows, vehicles, harm_ev)
         events, chosen = merged(mended, vehicles, first)
-        return ReadSequence(events, ("events", "order_of_contacts") if chosen else ("events",), strays)
+        implied = ("events", "order_of_contacts") if chosen else ("events",)
+        return ReadSequence(events, implied, strays, order_known=False)
     events = _first_harmful(crash, vehicles, harm_ev)
     return ReadSequence(events, ("events",) if events else (), strays)
 
@@ -84,7 +90,7 @@ def told_of_by_events_alone(vehicle: Fields) -> bool:
 def struck_standing_only(vehicle: Fields) -> bool:
     """Whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
     found = {row.code for row in _rows_of(vehicle)}
-    return bool(found) and found <= STRUCK_STANDING
+    return bool(found) and found <= codes.STRUCK_STANDING
 
 
 def _event_rows(
@@ -111,9 +117,9 @@ def _event_rows(
             EventRecord(
                 number=number,
                 code=code,
-                vehicle_1=listed(fields, number, "VNUMBER1"),
+                party_1=listed(fields, number, "VNUMBER1"),
                 area_1=impact_area(fields.code(codes.AOI, "AOI1")),
-                vehicle_2=listed(fields, number, "VNUMBER2"),
+                party_2=listed(fields, number, "VNUMBER2"),
                 area_2=impact_area(fields.code(codes.AOI, "AOI2")),
             ),
         )
@@ -151,7 +157,7 @@ def _differences(events: Sequence[EventRecord], rows: Mapping[int, Sequence[_Row
         of_crash = {
             event.code
             for event in events
-            if event.code in codes.VEHICLE_CONTACTS and number in (event.vehicle_1, event.vehicle_2)
+            if event.code in codes.VEHICLE_CONTACTS and number in (event.party_1, event.party_2)
         }
         for here, there, missing in (("VSOE", "CEvent", of_own - of_crash), ("CEvent", "VSOE", of_crash - of_own)):
             sentences += [
@@ -177,8 +183,8 @@ def _mended(
                 code = harm_ev
             elif code is None and row is departure:
                 code = _departure(crash_types.get(number))
-            code = codes.UNKNOWN_EVENT if code is None else code
-            mended[number].append(VehicleEvent(number, code, impact_area(row.area_code)))
+            known = codes.UNKNOWN_EVENT if code is None else code
+            mended[number].append(VehicleEvent(number, known, impact_area(row.area_code), mended=code != row.code))
     return mended
 
 
@@ -204,8 +210,10 @@ def _first_harmful(crash: Fields, vehicles: Sequence[VehicleRecord], harm_ev: in
         return ()
     moving = [vehicle.number for vehicle in vehicles if vehicle.in_transport]
     standing = [vehicle.number for vehicle in vehicles if not vehicle.in_transport]
-    parties = moving if harm_ev not in STRUCK_STANDING else moving + standing
+    parties = moving if harm_ev not in codes.STRUCK_STANDING else moving + standing
     stated = crash.integer("VE_FORMS")
     certain = len(parties) == 2 and bool(moving) and stated in (None, len(moving))
-    event = EventRecord(1, harm_ev, None, None, None, None)
-    return (replace(event, vehicle_1=parties[0], vehicle_2=parties[1]) if certain else event,)
+    event = EventRecord(1, harm_ev, None, None, None, None, ("code",))
+    if certain:
+        event = replace(event, party_1=parties[0], party_2=parties[1], implied=("code", "party_1", "party_2"))
+    return (event,)

@@ -13,6 +13,7 @@ from trace_dag.crash.codes import persons as person_codes
 from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP
 from trace_dag.crash.codes.events import IMPACT1, SET_IN_MOTION_BY_VEHICLE, SOE, VEHICLE_CONTACTS, VEHICLE_EVENTS
+from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
     CrashRecord,
     EventRecord,
@@ -45,8 +46,6 @@ def summarise(record: CrashRecord) -> str:
 
 
 def _scene(record: CrashRecord) -> str:
-    listed = sum(vehicle.in_transport for vehicle in record.vehicles)
-    in_transport = listed if record.vehicles_in_transport is None else record.vehicles_in_transport
     when = _when(record)
     where = _where(record)
     conditions = ", ".join(part for part in (crash_codes.LGT_COND.meaning(record.light_code), _weather(record)) if part)
@@ -54,7 +53,7 @@ def _scene(record: CrashRecord) -> str:
     relation = crash_codes.RELJCT2.meaning(record.junction_relation_code)
     manner = crash_codes.MAN_COLL.meaning(record.manner_of_collision_code)
     sentences = [
-        f"Crash {record.key}: {_count(in_transport, 'motor vehicle')} in transport{when}{where}"
+        f"Crash {record.key}: {_count(record.moving_vehicles, 'motor vehicle')} in transport{when}{where}"
         + (f", {conditions}." if conditions else "."),
     ]
     if junction or relation:
@@ -181,18 +180,20 @@ def _sequence(record: CrashRecord) -> str:
 
 def event_in_words(event: EventRecord) -> str:
     """An event as a clause: who did what to whom, and at which parts of the bodies."""
-    subject = f"vehicle {event.vehicle_1}" if event.vehicle_1 is not None else "a vehicle"
+    subject = f"vehicle {event.party_1}" if event.party_1 is not None else "a vehicle"
     at_1 = f" (at {_area(event.area_1)})" if event.area_1 else ""
-    if event.code in VEHICLE_EVENTS and event.vehicle_2 is not None:
+    if event.code in VEHICLE_EVENTS and event.party_2 is not None:
         at_2 = f" (at {_area(event.area_2)})" if event.area_2 else ""
         verb = (
             "was involved, by objects set in motion, with"
             if event.code == SET_IN_MOTION_BY_VEHICLE
             else SOE.meaning(event.code).split(" a ")[0]
         )
-        return f"{subject}{at_1} {verb} vehicle {event.vehicle_2}{at_2}"
-    unnamed = " that is not named" if event.code in VEHICLE_CONTACTS else ""
-    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{unnamed}{at_1}"
+        return f"{subject}{at_1} {verb} vehicle {event.party_2}{at_2}"
+    whom = " that is not named" if event.code in VEHICLE_CONTACTS else ""
+    if event.kind is EventKind.PERSON_STRUCK and event.party_2 is not None:
+        whom = f", {party_in_words(event.party_2)}"
+    return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{whom}{at_1}"
 
 
 def _non_motorists(record: CrashRecord) -> str:
@@ -220,7 +221,10 @@ def _remarks(record: CrashRecord) -> str:
     ]
     if record.implied:
         implied.insert(0, f"crash: {', '.join(record.implied)}")
+    implied += [f"event {event.number}: {', '.join(event.implied)}" for event in record.events if event.implied]
     remarks = [f"Implied by other fields: {'; '.join(implied)}."] if implied else []
+    if record.ambiguities:
+        remarks.append("The report leaves open: " + "; ".join(record.ambiguities) + ".")
     if record.contradictions:
         remarks.append("The report contradicts itself: " + "; ".join(record.contradictions) + ".")
     return " ".join(remarks)

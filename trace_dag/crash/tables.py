@@ -70,10 +70,14 @@ VEHICLE_COLUMNS: Final = (
 EVENT_COLUMNS: Final = (
     Column("number", _INTEGER, "Number in the crash's sequence", source="EVENTNUM", required=True),
     Column("code", _INTEGER, "What happened", source="SOE", required=True),
-    Column("vehicle_1", _INTEGER, "First party", source="VNUMBER1"),
+    Column("party_1", _INTEGER, "First party", source="VNUMBER1"),
     _area("area_1", "Area struck on the first party", "AOI1"),
-    Column("vehicle_2", _INTEGER, "Second party, if a motor vehicle that is named", source="VNUMBER2"),
+    Column(
+        "party_2", _INTEGER, "Second party: a vehicle, 1000 + a person, 2000 + an event", source="VNUMBER2, STR_VEH"
+    ),
     _area("area_2", "Area struck on the second party", "AOI2"),
+    Column("implied", _TEXT, "Fields derived from others", repeated=True),
+    Column("kind", _TEXT, "Kind of event", source="SOE", required=True),
 )
 
 NON_MOTORIST_COLUMNS: Final = (
@@ -108,6 +112,8 @@ NON_MOTORIST_COLUMNS: Final = (
     Column("reflective_clothing_code", _INTEGER, "Reflective clothing used", source="NMREFCLO"),
     Column("lights_code", _INTEGER, "Lights used", source="NMLIGHT"),
     Column("other_prevention_code", _INTEGER, "Other preventive equipment used", source="NMOTHPRE"),
+    Column("party", _INTEGER, "Number as a party, 1000 + its number", source="PER_NO", required=True),
+    Column("kind", _TEXT, "Kind of party", source="PER_TYP, PBPTYPE", required=True),
 )
 
 CRASH_RECORD: Final = TableSchema(
@@ -150,8 +156,10 @@ CRASH_RECORD: Final = TableSchema(
         Column("non_motorists", None, "Persons outside motor vehicles", repeated=True, fields=NON_MOTORIST_COLUMNS),
         Column("implied", _TEXT, "Fields of the crash derived from others", repeated=True),
         Column("contradictions", _TEXT, "Fields that disagree, as sentences", repeated=True),
+        Column("ambiguities", _TEXT, "What events and persons leave open, as sentences", repeated=True),
         Column("repaired", _BOOLEAN, "The report was not well-formed and was repaired", required=True),
         Column("summary", _TEXT, "The crash in words"),
+        Column("kind", _TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE", required=True),
     ),
 )
 
@@ -166,7 +174,7 @@ def records_to_parquet(records: list[CrashRecord]) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows: list[dict[str, Any]] = [_adapter().dump_python(record, mode="json") for record in records]
+    rows = [_row(record) for record in records]
     buffer = io.BytesIO()
     # Statistics and dictionaries of single rows are ballast that every reader of thousands of files pays for.
     pq.write_table(
@@ -177,6 +185,17 @@ def records_to_parquet(records: list[CrashRecord]) -> bytes:
         use_dictionary=False,
     )
     return buffer.getvalue()
+
+
+def _row(record: CrashRecord) -> dict[str, Any]:
+    """The fields of a record, and what is derived from them for those who read the table and not the record."""
+    row: dict[str, Any] = _adapter().dump_python(record, mode="json")
+    events = [{**stored, "kind": event.kind.value} for stored, event in zip(row["events"], record.events, strict=True)]
+    persons = [
+        {**stored, "party": person.party, "kind": person.kind.value}
+        for stored, person in zip(row["non_motorists"], record.non_motorists, strict=True)
+    ]
+    return {**row, "kind": record.kind.value, "events": events, "non_motorists": persons}
 
 
 def record_from_parquet(data: bytes) -> CrashRecord:

@@ -15,6 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from trace_dag import __version__
+from trace_dag.crash.parties import is_vehicle, party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport
@@ -112,6 +113,7 @@ def _facts(crash: Row) -> list[tuple[str, str]]:
         "Date": date + hour,
         "Reported position (WGS84)": position,
         "Roads": " and ".join(name for column in ("trafficway_1", "trafficway_2") if (name := crash.get(column))),
+        "Kind of crash": _words(crash.get("kind")),
         "Collision type": _words(crash.get("collision_type")),
         "Road topology": _words(crash.get("road_topology")),
         "Vehicle trajectory": _words(crash.get("vehicle_trajectory")),
@@ -136,6 +138,13 @@ def _words(value: object) -> str:
     return str(value).replace("_", " ") if value else ""
 
 
+def _party(number: int | None) -> str:
+    """``V2``, ``person 1``: a party as tables name it."""
+    if number is None:
+        return "–"
+    return f"V{number}" if is_vehicle(number) else party_in_words(number)
+
+
 def _fixed(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
 
@@ -150,6 +159,7 @@ _FINAL_STATES = ("verified", "rejected", "failed", "pending")
 _FILTERS = {
     "final_state": "Outcome",
     "grade": "Grade",
+    "kind": "Kind of crash",
     "collision_type": "Collision type",
     "road_topology": "Road topology",
     "vehicle_trajectory": "Vehicle trajectory",
@@ -164,6 +174,7 @@ _TABLE_COLUMNS = (
     {"name": "grade", "label": "Grade", "class": "", "sorted": False},
     {"name": "reason", "label": "Reason", "class": "", "sorted": False},
     {"name": "place", "label": "Place", "class": "wide", "sorted": False},
+    {"name": "kind", "label": "Kind", "class": "", "sorted": False},
     {"name": "collision_type", "label": "Collision", "class": "", "sorted": False},
     {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
     {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
@@ -221,6 +232,7 @@ def _templates() -> Environment:
     )
     environment.filters["words"] = lambda value: _words(value) or "–"
     environment.filters["holds"] = _holds
+    environment.filters["party"] = _party
     environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
     environment.filters["fixed"] = _fixed
     environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit

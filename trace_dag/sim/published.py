@@ -94,7 +94,7 @@ def _vehicle(content: dict[str, Any]) -> PublishedVehicle:
 
 def published_estimate(scenario: PublishedScenario, record: CrashRecord) -> StateEstimate:
     """The scenario as an estimate with one hypothesis, both bodies the car it was made with."""
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     if pair is None:
         raise UserError(f"{record.key}: no two vehicles touch in the report; a published scenario is of two that do")
     vehicles = sorted(pair, key=lambda vehicle: vehicle.number)

@@ -42,7 +42,7 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
 
 def parties(record: CrashRecord) -> tuple[Party, Party]:
     """The two vehicles that collided; rejects a record that does not have two."""
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     if pair is None:
         raise Rejection(
             Reason.NO_FEASIBLE_STATE,

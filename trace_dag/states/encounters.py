@@ -104,8 +104,8 @@ def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
     """Everything the record says about one vehicle's part."""
     own_events: list[EventRecord] = []
     for event in record.events:
-        if vehicle.number in (event.vehicle_1, event.vehicle_2):
-            if event.is_contact:
+        if vehicle.number in (event.party_1, event.party_2):
+            if event.is_vehicle_contact:
                 break
             own_events.append(event)
     return Party(

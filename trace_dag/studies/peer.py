@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.crash.kind import another_kind, untold_meeting
+from trace_dag.crash.modelled import another_kind, untold_meeting
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles

@@ -427,7 +427,7 @@ def has_same_map(before: CrashRecord, now: CrashRecord) -> bool:
 
 def _for_maps(record: CrashRecord) -> tuple[CrashRecord, tuple[int, ...]]:
     """A record without what the vehicles were and did, and the numbers of the pair whose road it is."""
-    pair = record.colliding_pair or ()
+    pair = record.colliding_vehicles or ()
     vehicles = tuple(
         replace(
             vehicle,

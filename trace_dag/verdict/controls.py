@@ -114,7 +114,7 @@ def _disjoint(one: frozenset[float], two: frozenset[float]) -> bool:
 
 def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     """The other record with its colliding pair numbered as the own one's, so that it can be judged against."""
-    theirs, ours = other.colliding_pair, own.colliding_pair
+    theirs, ours = other.colliding_vehicles, own.colliding_vehicles
     if theirs is None or ours is None:
         return None
     theirs_in_order = sorted(theirs, key=lambda vehicle: vehicle.number)
@@ -122,9 +122,9 @@ def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     renamed = {vehicle.number: number for vehicle, number in zip(theirs_in_order, numbers, strict=True)}
 
     def rename(event: EventRecord) -> EventRecord:
-        one = renamed.get(event.vehicle_1) if event.vehicle_1 is not None else None
-        two = renamed.get(event.vehicle_2) if event.vehicle_2 is not None else None
-        return replace(event, vehicle_1=one, vehicle_2=two)
+        one = renamed.get(event.party_1) if event.party_1 is not None else None
+        two = renamed.get(event.party_2) if event.party_2 is not None else None
+        return replace(event, party_1=one, party_2=two)
 
     vehicles = tuple(replace(vehicle, number=renamed[vehicle.number]) for vehicle in theirs_in_order)
     return replace(other, vehicles=vehicles, events=tuple(rename(event) for event in other.events))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.crash.classes import RoadTopology
-from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_contact
+from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_vehicle_contact
 from trace_dag.geometry import Pose, contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.plan import tracking_errors
@@ -130,7 +130,7 @@ def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
     """Set a contact beside a report, whose location is the origin of the local frame."""
     contact, (one, two) = observation.contact, observation.vehicles
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
-    pair = record.colliding_pair
+    pair = record.colliding_vehicles
     first, second = reported.get(one.number), reported.get(two.number)
     relation = abs(math.degrees(wrap_angle(one.approach_rad - two.approach_rad)))
     return CrashMeasures(
@@ -269,7 +269,7 @@ def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> flo
 def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> tuple[LaterEvent, ...]:
     """Events after the first collision of two vehicles. Another collision of vehicles is looked for among the
     contacts; what happened beside the road, or to a vehicle's balance, is not simulated."""
-    first = first_contact(record.events)
+    first = first_vehicle_contact(record.events)
     if first is None:
         return ()
     contacts = list(later_contacts)
@@ -278,8 +278,8 @@ def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> t
         if event.number <= first.number:
             continue
         occurred = None
-        if event.is_contact:
-            pair = {event.vehicle_1, event.vehicle_2}
+        if event.is_vehicle_contact:
+            pair = {event.party_1, event.party_2}
             found = next((c for c in contacts if {c.number_1, c.number_2} == pair), None)
             occurred = found is not None
             if found is not None:

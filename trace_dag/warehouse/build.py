@@ -32,7 +32,7 @@ from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
-from trace_dag.warehouse.reports import state_names, unread_reports
+from trace_dag.warehouse.reports import person_groups, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ log = logging.getLogger(__name__)
 
 TABLES = (
     "coverage_classes",
+    "person_groups",
     "crashes",
     "vehicles",
     "events",
@@ -63,10 +64,13 @@ TABLES = (
     "failures",
     "funnel",
     "cohort_funnel",
+    "funnel_by_kind",
     "failure_reasons",
     "usable_information",
     "coverage",
     "coverage_cross",
+    "coverage_by_kind",
+    "person_crash_groups",
     "cohort_gaps",
     "run_summary",
     "negative_controls",
@@ -162,7 +166,8 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
         tables = _read(storage, cohort_of, connection, folder, complain)
-        tables |= {"listing": unread_reports(storage, cohorts, tables["standing"]), "state": state_names()}
+        tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
+        tables |= {"state": state_names(), "person_group": person_groups()}
         for name, table in tables.items():
             connection.register(name, table)
         comparisons = list(storage.list(FOLDER))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from trace_dag.cohorts.listings import listings_of
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.crash.codes.crash import STATES
+from trace_dag.crash.codes.persons import BIKECGP, PEDCGP
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
 from trace_dag.errors import Rejection
@@ -31,7 +32,7 @@ def unread_reports(storage: Storage, cohorts: Iterable[Cohort], standings: pa.Ta
         if row["stage_reached"] in (None, Stage.RAW_REPORT.value)
     ]
     listings = listings_of(storage, {key: reports[key] for key in unread})
-    texts = ("key", "collision_type", "road_topology", "vehicle_trajectory")
+    texts = ("key", "kind", "collision_type", "road_topology", "vehicle_trajectory")
     schema = pa.schema(
         [(name, pa.string()) for name in texts]
         + [(name, pa.float64()) for name in _POSITION]
@@ -47,6 +48,21 @@ def state_names() -> pa.Table:
     return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
 
 
+def person_groups() -> pa.Table:
+    """The groups of crashes with pedestrians (``PEDCGP``) and cyclists (``BIKECGP``), in words."""
+    import pyarrow as pa
+
+    groups = [
+        {"element": table.element, "code": code, "meaning": meaning}
+        for table in (PEDCGP, BIKECGP)
+        for code, meaning in table.meanings.items()
+        if table.known(code) is not None
+    ]
+    return pa.Table.from_pylist(
+        groups, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
+    )
+
+
 def _row(listing: CrashListing) -> dict[str, Any]:
     try:
         position = dict(zip(_POSITION, reported_position(listing.latitude_deg, listing.longitude_deg), strict=True))
@@ -54,6 +70,7 @@ def _row(listing: CrashListing) -> dict[str, Any]:
         position = {}
     return {
         "key": listing.key,
+        "kind": listing.kind.value if listing.kind else None,
         "collision_type": listing.collision_type.value,
         "road_topology": listing.road_topology.value,
         "vehicle_trajectory": listing.vehicle_trajectory.value,

@@ -61,7 +61,7 @@ def _incomplete(reports: dict[int, Report]) -> list[Rejected]:
         _of(unlocated, 63, "Position not reported", "incomplete_location"),
         _of(no_topology, 64, "Neither intersection type nor junction known", "incomplete_topology"),
         _of(unwitnessed, 65, "Nothing known of how the vehicles moved", "incomplete_trajectory"),
-        _of(alone, 66, "A single vehicle against a mailbox", "outside_cohort"),
+        _of(alone, 66, "A single vehicle against a mailbox", "not_modelled"),
     ]
 
 

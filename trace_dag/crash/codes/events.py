@@ -6,8 +6,12 @@ from typing import Final
 
 from trace_dag.crash.codes.table import table
 
+OVERTURN: Final = 1
+PEDESTRIAN: Final = 8
+CYCLIST: Final = 9
 MOTOR_VEHICLE_IN_TRANSPORT: Final = 12
 PARKED_MOTOR_VEHICLE: Final = 14
+PERSON_ON_CONVEYANCE: Final = 15
 WORKING_MOTOR_VEHICLE: Final = 45
 SET_IN_MOTION_BY_VEHICLE: Final = 54
 VEHICLE_OUTSIDE_TRAFFICWAY: Final = 55
@@ -17,6 +21,18 @@ VEHICLE_CONTACTS: Final = frozenset(
 """Events in which two motor vehicles touch."""
 VEHICLE_EVENTS: Final = VEHICLE_CONTACTS | {SET_IN_MOTION_BY_VEHICLE}
 """Events in which another motor vehicle takes part: by touching, or by what it set in motion."""
+STRUCK_STANDING: Final = frozenset({PARKED_MOTOR_VEHICLE, WORKING_MOTOR_VEHICLE})
+"""Contacts of a vehicle in transport with one that is not; such a vehicle has no other events (all 1,410 of 2016)."""
+PERSON_EVENTS: Final = frozenset({PEDESTRIAN, CYCLIST, PERSON_ON_CONVEYANCE})
+"""Events in which a vehicle strikes a person."""
+ANIMALS: Final = frozenset({11, 49})
+"""A live animal; one that is ridden, or the conveyance it draws."""
+TRAINS: Final = frozenset({10, 74})
+FIXED_OBJECTS: Final = frozenset(
+    {17, 19, 20, 21, 23, 24, 25, 26, *range(30, 36), *range(38, 45), 46, 48, 50, 52, 53, 57, 58, 59, 93}
+)
+LOOSE_OBJECTS: Final = frozenset({16, 18, 73, 91})
+"""Objects that were thrown, fell, or lay on the road."""
 
 RAN_OFF_RIGHT: Final = 63
 RAN_OFF_LEFT: Final = 64

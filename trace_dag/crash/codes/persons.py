@@ -13,7 +13,9 @@ from trace_dag.crash.codes.table import CodeTable, table
 
 SEX = table("SEX", "Sex", {1: "male", 2: "female"}, unknown=(3, 8, 9))
 HIGHEST_AGE: Final = 120
-"""``AGE``, ``PBAGE``: years; 998 and 999 say that it is not known."""
+"""``AGE``, ``PBAGE``: years."""
+AGE_UNKNOWN: Final = frozenset({998, 999})
+"""Not reported, and unknown."""
 
 LOCATION = table(
     "LOCATION",

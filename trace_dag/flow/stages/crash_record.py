@@ -25,6 +25,7 @@ def crash_record(key: str, report_xml: bytes, settings: CrashSettings) -> StageP
         rejection = shortcoming
     figures: dict[str, Figure] = {
         "summary": record.summary,
+        "kind": record.kind.value,
         "vehicles": len(record.vehicles),
         "collision_type": record.collision_type.value,
         "road_topology": record.road_topology.value,

@@ -65,7 +65,7 @@ def control_of(vehicle: VehicleRecord) -> Control | None:
 
 def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
     """The two vehicles that collided, else all."""
-    return record.colliding_pair or record.vehicles
+    return record.colliding_vehicles or record.vehicles
 
 
 def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:

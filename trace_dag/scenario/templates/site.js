@@ -39,6 +39,7 @@
     cell(row, words(crash.grade));
     cell(row, words(crash.reason));
     cell(row, crash.place || crash.state_name || "–", "wide");
+    cell(row, words(crash.kind));
     cell(row, words(crash.collision_type));
     cell(row, words(crash.road_topology), "wide");
     cell(row, words(crash.vehicle_trajectory), "wide");

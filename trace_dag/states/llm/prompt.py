@@ -101,7 +101,7 @@ def _data(record: CrashRecord, choices: Choices) -> dict[str, object]:
             "place_of_crash_x_y_m": [round(x_m, 1), round(y_m, 1)],
             "vehicles": [_vehicle(vehicle) for vehicle in record.vehicles],
             "events": [
-                {"number": event.number, "code": event.code, "vehicle_1": event.vehicle_1, "vehicle_2": event.vehicle_2}
+                {"number": event.number, "code": event.code, "party_1": event.party_1, "party_2": event.party_2}
                 for event in record.events
             ],
         },

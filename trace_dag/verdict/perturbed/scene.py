@@ -35,7 +35,7 @@ class PerturbedScene:
     @property
     def pair(self) -> tuple[int, int]:
         """Numbers of the two vehicles that collided, in order. Raises ``ValueError`` if the record has none."""
-        pair = self.record.colliding_pair
+        pair = self.record.colliding_vehicles
         if pair is None:
             raise ValueError(f"{self.record.key}: no two vehicles collided")
         one, two = sorted(vehicle.number for vehicle in pair)

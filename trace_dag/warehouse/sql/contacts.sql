@@ -7,8 +7,8 @@ SELECT
     contact.duration_s,
     contact.x_m,
     contact.y_m,
-    contact.number_1 AS vehicle_1,
-    contact.number_2 AS vehicle_2,
+    contact.number_1 AS party_1,
+    contact.number_2 AS party_2,
     contact.closing_speed_mps,
     contact.impulse_ns,
     sqrt(contact.delta_v_1_mps[1] ** 2 + contact.delta_v_1_mps[2] ** 2) AS delta_v_1_mps,
@@ -23,9 +23,9 @@ COMMENT ON COLUMN contacts.time_s IS 'Time of first touching, s from the start';
 COMMENT ON COLUMN contacts.duration_s IS 'How long the bodies touched, s';
 COMMENT ON COLUMN contacts.x_m IS 'Place of first touching, east of the reported point, m';
 COMMENT ON COLUMN contacts.y_m IS 'Place of first touching, north of the reported point, m';
-COMMENT ON COLUMN contacts.vehicle_1 IS 'One vehicle';
-COMMENT ON COLUMN contacts.vehicle_2 IS 'The other';
+COMMENT ON COLUMN contacts.party_1 IS 'One party';
+COMMENT ON COLUMN contacts.party_2 IS 'The other party';
 COMMENT ON COLUMN contacts.closing_speed_mps IS 'Speed at which they closed, m/s';
 COMMENT ON COLUMN contacts.impulse_ns IS 'Impulse over the contact, N s';
-COMMENT ON COLUMN contacts.delta_v_1_mps IS 'Change of velocity of the one vehicle, m/s';
+COMMENT ON COLUMN contacts.delta_v_1_mps IS 'Change of velocity of the one party, m/s';
 COMMENT ON COLUMN contacts.delta_v_2_mps IS 'Change of velocity of the other, m/s';

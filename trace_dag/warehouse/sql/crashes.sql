@@ -14,6 +14,7 @@ SELECT
     coalesce(record.collision_type, listing.collision_type) AS collision_type,
     coalesce(record.road_topology, listing.road_topology) AS road_topology,
     coalesce(record.vehicle_trajectory, listing.vehicle_trajectory) AS vehicle_trajectory,
+    coalesce(record.kind, listing.kind) AS kind,
     standing.detail,
     standing.outdated,
     standing.outdated_because,
@@ -30,6 +31,7 @@ SELECT
     record.fatalities,
     record.repaired,
     len(record.contradictions) AS contradictions,
+    len(record.ambiguities) AS ambiguities,
     record.summary
 FROM standing
 LEFT JOIN crash_record AS record USING (key)
@@ -50,6 +52,7 @@ COMMENT ON COLUMN crashes.reason IS 'Reason code of a rejection';
 COMMENT ON COLUMN crashes.collision_type IS 'Coverage class of the manner of collision (MAN_COLL)';
 COMMENT ON COLUMN crashes.road_topology IS 'Coverage class of the intersection (TYP_INT)';
 COMMENT ON COLUMN crashes.vehicle_trajectory IS 'Coverage class of the crash type of the vehicle pair (ACC_TYPE)';
+COMMENT ON COLUMN crashes.kind IS 'Kind of crash, by first harmful event and vehicles (HARM_EV, VE_FORMS, SOE)';
 COMMENT ON COLUMN crashes.detail IS 'The sentence behind a rejection or failure, with what was measured';
 COMMENT ON COLUMN crashes.outdated IS 'Stage that was to run again and failed: the crash stands where it stood; null if there is none';
 COMMENT ON COLUMN crashes.outdated_because IS 'What happened in that attempt';
@@ -66,4 +69,5 @@ COMMENT ON COLUMN crashes.vehicles IS 'Motor vehicles in the report';
 COMMENT ON COLUMN crashes.fatalities IS 'Persons killed (FATALS)';
 COMMENT ON COLUMN crashes.repaired IS 'The report was not well-formed and was repaired to be read';
 COMMENT ON COLUMN crashes.contradictions IS 'Number of contradictions found in the report';
+COMMENT ON COLUMN crashes.ambiguities IS 'Number of things that events and persons leave open';
 COMMENT ON COLUMN crashes.summary IS 'The crash in words';

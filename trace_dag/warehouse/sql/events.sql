@@ -4,10 +4,12 @@ SELECT
     record.key,
     event.number AS event_number,
     event.code AS event_code,
-    event.vehicle_1,
+    event.kind,
+    event.party_1,
     event.area_1.clock_h AS clock_1_h,
-    event.vehicle_2,
-    event.area_2.clock_h AS clock_2_h
+    event.party_2,
+    event.area_2.clock_h AS clock_2_h,
+    event.implied
 FROM (SELECT key, unnest(events) AS event FROM crash_record) AS record
 ORDER BY key, event_number;
 
@@ -15,7 +17,9 @@ COMMENT ON TABLE events IS 'The sequence of events of every crash whose report w
 COMMENT ON COLUMN events.key IS 'Key of the crash';
 COMMENT ON COLUMN events.event_number IS 'Number in the sequence (EVENTNUM)';
 COMMENT ON COLUMN events.event_code IS 'What happened (SOE)';
-COMMENT ON COLUMN events.vehicle_1 IS 'First party (VNUMBER1)';
+COMMENT ON COLUMN events.kind IS 'Kind of event, from its code';
+COMMENT ON COLUMN events.party_1 IS 'First party (VNUMBER1)';
 COMMENT ON COLUMN events.clock_1_h IS 'Clock position struck on the first party, hours (AOI1)';
-COMMENT ON COLUMN events.vehicle_2 IS 'Second party, if a motor vehicle (VNUMBER2)';
+COMMENT ON COLUMN events.party_2 IS 'Second party: a vehicle (VNUMBER2), 1000 + number of a person, 2000 + number of the event that struck a thing';
 COMMENT ON COLUMN events.clock_2_h IS 'Clock position struck on the second party, hours (AOI2)';
+COMMENT ON COLUMN events.implied IS 'Fields of the event derived from others';

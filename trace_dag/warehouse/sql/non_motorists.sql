@@ -3,6 +3,8 @@ CREATE TABLE non_motorists AS
 SELECT
     record.key,
     person.number AS person_number,
+    person.party,
+    person.kind,
     person.person_type_code,
     person.striking_vehicle,
     person.age_years,
@@ -39,6 +41,8 @@ ORDER BY key, person_number;
 COMMENT ON TABLE non_motorists IS 'The persons outside motor vehicles of every crash whose report was read';
 COMMENT ON COLUMN non_motorists.key IS 'Key of the crash';
 COMMENT ON COLUMN non_motorists.person_number IS 'Number of the person (PER_NO)';
+COMMENT ON COLUMN non_motorists.party IS 'Number as a party of events, 1000 + number of the person';
+COMMENT ON COLUMN non_motorists.kind IS 'pedestrian, cyclist, conveyance or other_person';
 COMMENT ON COLUMN non_motorists.person_type_code IS 'Kind of person (PER_TYP, PBPTYPE)';
 COMMENT ON COLUMN non_motorists.striking_vehicle IS 'Number of the vehicle that struck the person (STR_VEH)';
 COMMENT ON COLUMN non_motorists.age_years IS 'Age (AGE, PBAGE)';

@@ -1,4 +1,5 @@
--- What the reports of each cohort tell, by number of vehicles in transport: how much of it can be reconstructed at all.
+-- What the reports of each cohort tell, by kind of crash and number of vehicles in transport: how much of it can be
+-- reconstructed at all.
 CREATE VIEW usable_information AS
 WITH told AS (
     SELECT
@@ -12,6 +13,7 @@ WITH told AS (
 )
 SELECT
     crashes.cohort,
+    crashes.kind,
     told.moving AS vehicles,
     count(*) AS crashes,
     count(*) FILTER (crashes.reason IS DISTINCT FROM 'incomplete_topology') AS topology,
@@ -22,12 +24,13 @@ FROM crashes
 JOIN told USING (key)
 WHERE coalesce(crashes.reason NOT IN ('outside_cohort', 'not_modelled', 'incomplete_sequence'), TRUE)
 GROUP BY ALL
-ORDER BY crashes.cohort, told.moving;
+ORDER BY crashes.cohort, crashes.kind, told.moving;
 
-COMMENT ON VIEW usable_information IS 'What the reports tell of the collisions of two vehicles within their cohort''s filters';
+COMMENT ON VIEW usable_information IS 'What the reports tell of crashes that can be judged, within their cohort''s filters';
 COMMENT ON COLUMN usable_information.cohort IS 'Cohort';
+COMMENT ON COLUMN usable_information.kind IS 'Kind of crash';
 COMMENT ON COLUMN usable_information.vehicles IS 'Motor vehicles in transport that the report lists';
-COMMENT ON COLUMN usable_information.crashes IS 'Crashes whose report was read, filters passed, two vehicles known to have met';
+COMMENT ON COLUMN usable_information.crashes IS 'Crashes whose report was read, filters passed, kind can be judged, who met is known';
 COMMENT ON COLUMN usable_information.topology IS 'Of those, not rejected as incomplete_topology';
 COMMENT ON COLUMN usable_information.trajectory IS 'Of those, not rejected as incomplete_trajectory';
 COMMENT ON COLUMN usable_information.impact IS 'Of those, with an area of impact of every vehicle';

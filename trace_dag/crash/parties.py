@@ -1,0 +1,111 @@
+"""Who takes part in a crash: kinds of parties and of events, and the numbers that tell parties apart.
+
+Vehicles keep their numbers (``VEH_NO``, 1 to 999), persons outside them have 1000 + ``PER_NO``; objects, animals and
+trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not belong
+here: which party an event was with (:mod:`trace_dag.crash.struck`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.codes import events as codes
+
+HIGHEST_NUMBER: Final = 999
+"""Of a vehicle, and of a person before :data:`_PERSONS` is added."""
+_PERSONS: Final = 1000
+_THINGS: Final = 2000
+
+
+class PartyKind(StrEnum):
+    """What a party is."""
+
+    MOTOR_VEHICLE = "motor_vehicle"
+    PARKED_VEHICLE = "parked_vehicle"
+    PEDESTRIAN = "pedestrian"
+    CYCLIST = "cyclist"
+    CONVEYANCE = "conveyance"
+    OTHER_PERSON = "other_person"
+    ANIMAL = "animal"
+    TRAIN = "train"
+    OBJECT = "object"
+
+
+class EventKind(StrEnum):
+    """What an event is, from its code (``SOE``)."""
+
+    VEHICLE_CONTACT = "vehicle_contact"
+    PERSON_STRUCK = "person_struck"
+    OBJECT_STRUCK = "object_struck"
+    ANIMAL_STRUCK = "animal_struck"
+    TRAIN_STRUCK = "train_struck"
+    OVERTURN = "overturn"
+    DEPARTURE = "departure"
+    OTHER_HARM = "other_harm"
+    NO_HARM = "no_harm"
+    UNKNOWN = "unknown"
+
+
+_KIND_OF_CODES: Final = (
+    (codes.VEHICLE_CONTACTS, EventKind.VEHICLE_CONTACT),
+    (codes.PERSON_EVENTS, EventKind.PERSON_STRUCK),
+    (codes.FIXED_OBJECTS | codes.LOOSE_OBJECTS, EventKind.OBJECT_STRUCK),
+    (codes.ANIMALS, EventKind.ANIMAL_STRUCK),
+    (codes.TRAINS, EventKind.TRAIN_STRUCK),
+    ({codes.OVERTURN}, EventKind.OVERTURN),
+    (codes.DEPARTURES, EventKind.DEPARTURE),
+)
+_KIND_OF_CODE: Final[Mapping[int, EventKind]] = {code: kind for group, kind in _KIND_OF_CODES for code in group}
+_THING_STRUCK: Final[Mapping[EventKind, PartyKind]] = {
+    EventKind.OBJECT_STRUCK: PartyKind.OBJECT,
+    EventKind.ANIMAL_STRUCK: PartyKind.ANIMAL,
+    EventKind.TRAIN_STRUCK: PartyKind.TRAIN,
+}
+_PERSON_TYPES: Final[Mapping[int, PartyKind]] = {
+    5: PartyKind.PEDESTRIAN,
+    **dict.fromkeys((6, 7), PartyKind.CYCLIST),
+    **dict.fromkeys((8, 11, 12, 13), PartyKind.CONVEYANCE),
+}
+
+
+def event_kind(code: int) -> EventKind:
+    """What a code of ``SOE`` means."""
+    if code in _KIND_OF_CODE:
+        return _KIND_OF_CODE[code]
+    if codes.HARM_EV.meaning(code):
+        return EventKind.OTHER_HARM
+    return EventKind.NO_HARM if codes.SOE.meaning(code) else EventKind.UNKNOWN
+
+
+def person_kind(person_type_code: int) -> PartyKind:
+    """What a person of that ``PER_TYP`` is; who was in a building, on an animal-drawn vehicle and the like is other."""
+    return _PERSON_TYPES.get(person_type_code, PartyKind.OTHER_PERSON)
+
+
+def thing_struck(code: int) -> PartyKind | None:
+    """The kind of thing an event with that code strikes; None if it strikes none."""
+    return _THING_STRUCK.get(event_kind(code))
+
+
+def person_party(number: int) -> int:
+    """The party number of the person with that ``PER_NO``."""
+    return _PERSONS + number
+
+
+def thing_party(event_number: int) -> int:
+    """The party number of the object, animal or train struck in the event of that number."""
+    return _THINGS + event_number
+
+
+def is_vehicle(party: int | None) -> bool:
+    """Whether a party number is that of a motor vehicle."""
+    return party is not None and party <= HIGHEST_NUMBER
+
+
+def party_in_words(party: int) -> str:
+    """``vehicle 2``, ``person 1``; what has no number of its own is named by its event."""
+    if party < _PERSONS:
+        return f"vehicle {party}"
+    return f"person {party - _PERSONS}" if party < _THINGS else f"what event {party - _THINGS} struck"

@@ -1,0 +1,27 @@
+-- The typing of crashes with pedestrians and cyclists: how many persons and crashes are of each group, empty ones too.
+CREATE VIEW person_crash_groups AS
+WITH typed AS (
+    UNPIVOT (SELECT key, pedestrian_group_code AS PEDCGP, cyclist_group_code AS BIKECGP FROM non_motorists)
+    ON PEDCGP, BIKECGP
+    INTO NAME element VALUE code
+)
+SELECT
+    person_groups.element,
+    person_groups.code,
+    person_groups.meaning,
+    count(typed.key) AS persons,
+    count(DISTINCT typed.key) AS registered,
+    count(DISTINCT typed.key) FILTER (crashes.final_state = 'verified') AS verified
+FROM person_groups
+LEFT JOIN typed USING (element, code)
+LEFT JOIN crashes USING (key)
+GROUP BY person_groups.element, person_groups.code, person_groups.meaning
+ORDER BY person_groups.element DESC, person_groups.code;
+
+COMMENT ON VIEW person_crash_groups IS 'Crashes with pedestrians and cyclists by the group their typing puts them into';
+COMMENT ON COLUMN person_crash_groups.element IS 'PEDCGP of pedestrians, BIKECGP of cyclists';
+COMMENT ON COLUMN person_crash_groups.code IS 'Code of the group';
+COMMENT ON COLUMN person_crash_groups.meaning IS 'The group in words';
+COMMENT ON COLUMN person_crash_groups.persons IS 'Persons typed so, in reports that were read';
+COMMENT ON COLUMN person_crash_groups.registered IS 'Crashes with such a person';
+COMMENT ON COLUMN person_crash_groups.verified IS 'Verified crashes with such a person';
