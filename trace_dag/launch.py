@@ -20,12 +20,10 @@ from dagster import (
     JsonMetadataValue,
     RunsFilter,
 )
-from dagster._core.events import RunFailureReason
-from dagster._core.instance.ref import InstanceRef
-from dagster_shared.error import SerializableErrorInfo
 from sqlalchemy.exc import SQLAlchemyError
 from yaml import YAMLError  # type: ignore[import-untyped]
 
+from trace_dag.assets import dagster_internals
 from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
 from trace_dag.assets.partitions import CRASHES, add_partitions
@@ -43,26 +41,19 @@ from trace_dag.storage import Storage
 _REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
-_INSTANCE_SETTINGS = """\
+_INSTANCE_SETTINGS = f"""\
 # Dagster's records of this storage root. Nothing is sent anywhere, and no dialog asks for it.
 telemetry:
   enabled: false
 nux:
   enabled: false
-event_log_storage:
-  module: trace_dag.assets.event_log
-  class: EventLog
-  config: {}
-# A run uses all cores by itself.
+{dagster_internals.EVENT_LOG_SETTINGS}# A run uses all cores by itself.
 concurrency:
   runs:
     max_concurrent_runs: 2
 """
 _EVENTS_AT_ONCE = "500"  # of those that Dagster hands over as one batch: the plan of a run
-# What a command's own runs print goes to its terminal, not by way of files and processes that copy them there.
-_ON_THE_TERMINAL = {
-    "compute_logs": {"module": "dagster._core.storage.noop_compute_log_manager", "class": "NoOpComputeLogManager"}
-}
+_INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a run that was broken off
 
 
 @dataclass(frozen=True)
@@ -78,8 +69,9 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
     folder = workspace.dagster_home
     folder.mkdir(parents=True, exist_ok=True)
     settings = folder / "dagster.yaml"
-    if not settings.exists():
-        settings.write_text(_INSTANCE_SETTINGS)
+    text = settings.read_text() if settings.exists() else _INSTANCE_SETTINGS
+    if not settings.exists() or dagster_internals.fitting(text) != text:
+        settings.write_text(dagster_internals.fitting(text))
     os.environ["DAGSTER_HOME"] = str(folder)
     os.environ[ROOT_VARIABLE] = Storage(workspace.root).root
     os.environ.setdefault("DAGSTER_EVENT_BATCH_SIZE", _EVENTS_AT_ONCE)
@@ -90,7 +82,7 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
     """Dagster's records of this root. Runs whose process is gone are closed as failed."""
     folder = str(prepare_dagster_home(workspace))
     try:
-        instance = DagsterInstance.from_ref(InstanceRef.from_dir(folder, overrides=_ON_THE_TERMINAL))
+        instance = dagster_internals.open_instance(folder)
         _close_orphans(instance)
     except (DagsterError, SQLAlchemyError, YAMLError, UnicodeDecodeError) as error:
         found = f"Dagster cannot read its records ({type(error).__name__})"
@@ -196,14 +188,18 @@ def _errors(result: ExecuteInProcessResult) -> list[str]:
             data = event.step_failure_data
             stated = data.user_failure_data.description if data.user_failure_data else None
             messages.append(stated or _innermost(data.error) or event.message or "a step failed")
-        elif event.is_run_failure and event.job_failure_data.failure_reason is RunFailureReason.UNEXPECTED_TERMINATION:
+        elif event.is_run_failure and _reason(event.job_failure_data) == _INTERRUPTED:
             raise KeyboardInterrupt
         elif event.is_run_failure and not messages:
             messages.append(_innermost(event.job_failure_data.error) or event.message or "the run failed")
     return messages
 
 
-def _innermost(error: SerializableErrorInfo | None) -> str:
+def _reason(failure: Any) -> str | None:
+    return failure.failure_reason.value if failure.failure_reason is not None else None
+
+
+def _innermost(error: Any) -> str:
     # What a worker process raised is caused by its traceback as text, which is no message.
     while error is not None and error.cause is not None and error.cause.cls_name != "_RemoteTraceback":
         error = error.cause

@@ -117,6 +117,15 @@ def test_only_assets_and_what_starts_them_import_dagster():
     assert guilty == set()
 
 
+def test_one_module_uses_private_parts_of_dagster():
+    private = {
+        name
+        for name, path in MODULES.items()
+        if any(each.startswith(("dagster._", "dagster_")) for each in imports(path))
+    }
+    assert private == {"trace_dag.assets.dagster_internals"}
+
+
 def test_the_whole_flow_runs_without_dagster_being_loaded():
     code = (
         "import sys, trace_dag.flow.batch, trace_dag.flow.stages, trace_dag.benchmark.build\n"

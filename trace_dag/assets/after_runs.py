@@ -16,8 +16,6 @@ from dagster import (
     SkipReason,
     run_status_sensor,
 )
-from dagster._core.execution.backfill import BulkActionStatus
-from dagster._core.storage.tags import BACKFILL_ID_TAG
 
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG
@@ -31,12 +29,8 @@ _UNFINISHED = [
     DagsterRunStatus.STARTING,
     DagsterRunStatus.STARTED,
 ]
-_BROKEN_OFF = (
-    BulkActionStatus.CANCELING,
-    BulkActionStatus.CANCELED,
-    BulkActionStatus.FAILING,
-    BulkActionStatus.FAILED,
-)
+_BACKFILL_TAG = "dagster/backfill"  # on each run of a backfill; Dagster's constant for it is private, its text is shown
+_BROKEN_OFF = ("CANCELING", "CANCELED", "FAILING", "FAILED")  # status of a backfill
 _ENTER_TABLES = frozenset({*(stage.value for stage in Stage), *STUDIES})
 _STAGE_JOBS = frozenset(job.name for job in STAGE_JOBS)
 _INTERVAL_S = 10
@@ -68,13 +62,13 @@ def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:
 
 
 def _built_by_its_backfill(instance: DagsterInstance, run: DagsterRun) -> bool:
-    backfill = instance.get_backfill(run.tags[BACKFILL_ID_TAG]) if BACKFILL_ID_TAG in run.tags else None
-    if backfill is None or backfill.status in _BROKEN_OFF:
+    backfill = instance.get_backfill(run.tags[_BACKFILL_TAG]) if _BACKFILL_TAG in run.tags else None
+    if backfill is None or backfill.status.value in _BROKEN_OFF:
         return False
     if not {warehouse.key, benchmark.key} <= set(backfill.asset_selection or ()):
         return False
     unsuccessful = RunsFilter(
-        tags={BACKFILL_ID_TAG: backfill.backfill_id}, statuses=[DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
+        tags={_BACKFILL_TAG: backfill.backfill_id}, statuses=[DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
     )
     return not any(_changes_tables(other) for other in instance.get_runs(unsuccessful))
 

@@ -19,10 +19,10 @@ from dagster import (
     AssetExecutionContext,
     AssetKey,
     DagsterEventType,
+    PreviewWarning,
 )
-from dagster._core.definitions.asset_checks.asset_check_evaluation import AssetCheckEvaluationTargetMaterializationData
-from dagster._utils.warnings import PreviewWarning
 
+from trace_dag.assets.dagster_internals import looked_at
 from trace_dag.assets.partitions import CRASHES
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
@@ -92,9 +92,7 @@ class CrashChecks:
                     severity=AssetCheckSeverity.WARN,
                     description=record.detail or None,
                     metadata=_metadata(record),
-                    target_materialization_data=AssetCheckEvaluationTargetMaterializationData(
-                        storage_id=latest[key], run_id=self._context.run.run_id, timestamp=time.time()
-                    ),
+                    target_materialization_data=looked_at(latest[key], self._context.run.run_id, time.time()),
                 )
             )
         records.clear()

@@ -20,12 +20,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from dagster import EventLogEntry, Field, StringSource
-from dagster._core.events import DagsterEventType
-from dagster._core.storage.event_log import SqliteEventLogStorage
-from dagster._core.storage.event_log.schema import AssetKeyTable, DynamicPartitionsTable, SqlEventLogStorageTable
-from dagster._serdes import ConfigurableClassData
+from dagster import DagsterEventType, EventLogEntry, Field, StringSource
 from sqlalchemy import Connection, Engine, create_engine, event
+
+from trace_dag.assets.dagster_internals import (
+    AssetKeyTable,
+    ConfigurableClassData,
+    DynamicPartitionsTable,
+    SqlEventLogStorageTable,
+    SqliteEventLogStorage,
+)
 
 _FOLDER = "history/runs"  # where Dagster's own class keeps them, below DAGSTER_HOME
 _WAIT_FOR_OTHERS_S = 60.0

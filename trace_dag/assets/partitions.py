@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
-from trace_dag.assets.event_log import EventLog
+from trace_dag.assets import dagster_internals
 from trace_dag.cohorts.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
@@ -30,12 +30,17 @@ def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
 def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
     """Take away the partitions of crashes that are registered no more; how many there were."""
     gone = sorted(set(instance.get_dynamic_partitions("crashes")) & set(keys))
-    storage = instance.event_log_storage
     for start in range(0, len(gone), _KEYS_PER_STATEMENT):
-        some = gone[start : start + _KEYS_PER_STATEMENT]
-        if isinstance(storage, EventLog):
-            storage.delete_dynamic_partitions("crashes", some)
-        else:
-            for key in some:
-                instance.delete_dynamic_partition("crashes", key)
+        _delete(instance, gone[start : start + _KEYS_PER_STATEMENT])
     return len(gone)
+
+
+def _delete(instance: DagsterInstance, keys: Sequence[str]) -> None:
+    if dagster_internals.KNOWN:
+        from trace_dag.assets.event_log import EventLog
+
+        if isinstance(instance.event_log_storage, EventLog):
+            instance.event_log_storage.delete_dynamic_partitions("crashes", keys)
+            return
+    for key in keys:
+        instance.delete_dynamic_partition("crashes", key)

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from trace_dag.osm.road_classes import ROAD_CLASSES
+
 # The OSM wiki's road classes and links, as osmnx's "drive" network has them. Not in it: ways for feet and wheels
 # (footway, cycleway, path, pedestrian, ...), busways, and what is not there (construction, proposed, razed).
-PUBLIC_HIGHWAYS: Final = frozenset(
-    {
-        *("motorway", "trunk", "primary", "secondary", "tertiary"),
-        *("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link"),
-        *("unclassified", "residential", "living_street", "road"),
-    }
-)
+PUBLIC_HIGHWAYS: Final = frozenset(highway for highway, row in ROAD_CLASSES.items() if row.public)
 SERVICE_HIGHWAYS: Final = frozenset({"service"})
 # Unpaved. Those with a name or a number are public roads all the same, as county roads often go on; the others serve
 # fields and woods.

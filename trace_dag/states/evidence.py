@@ -17,6 +17,7 @@ from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
 from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
@@ -192,12 +193,8 @@ def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
 
 
 def _rank(road: Road | None) -> int:
-    """The class of a road, the most important first."""
-    highway = road.highway.removesuffix("_link") if road is not None else "service"
-    return _CLASSES.index(highway) if highway in _CLASSES else len(_CLASSES) - 1
-
-
-_CLASSES = ("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "service")
+    """The class of a road, the most important first; what has no road came out of a driveway."""
+    return road_class(road.highway if road is not None else "service").rank
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 from trace_dag.crash.crash_types import CrashType, Turn
 from trace_dag.crash.record import PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.geometry import FloatArray
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import Road
 from trace_dag.states.types import SpeedSource
 from trace_dag.units import GRAVITY_MPS2, mph_to_mps
@@ -38,18 +39,6 @@ _BACKING_SPEED_MPS = mph_to_mps(5)
 _PARKING_SPEED_MPS = mph_to_mps(7)
 _FROM_STOP_SIGN_MPS = mph_to_mps(15)
 _SPEEDING_MPS = mph_to_mps(10)
-_CLASS_SPEED_MPS = {
-    "motorway": mph_to_mps(65),
-    "trunk": mph_to_mps(55),
-    "primary": mph_to_mps(45),
-    "secondary": mph_to_mps(45),
-    "tertiary": mph_to_mps(35),
-    "motorway_link": mph_to_mps(40),
-    "residential": mph_to_mps(25),
-    "living_street": mph_to_mps(15),
-    "service": mph_to_mps(10),
-}
-_ANY_ROAD_MPS = mph_to_mps(35)
 STOP_CONTROLS = frozenset({20})  # VTRAFCON: a stop sign
 
 _STOPPED = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
@@ -91,7 +80,7 @@ def travel_speed(
 
 def class_speed_mps(road: Road | None) -> float:
     """What is driven on a road of its class, where neither map nor report say a limit."""
-    return _CLASS_SPEED_MPS.get(road.highway, _ANY_ROAD_MPS) if road is not None else _ANY_ROAD_MPS
+    return road_class(road.highway if road is not None else "").speed_mps
 
 
 def brakes(vehicle: VehicleRecord) -> bool:

@@ -8,6 +8,7 @@ the local frame.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from trace_dag.crash.crash_types import Turn
 from trace_dag.geometry import FloatArray, Pose, arc_lengths
 from trace_dag.roads.map.model import LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.paths import follow
 from trace_dag.states.paths import STEP_M, extended, through_points
 from trace_dag.states.rings import ring_through
 from trace_dag.states.streams import Stream
@@ -251,27 +253,48 @@ class StreamFinder:
         centre = self._centre(seed)
         s = arc_lengths(centre)
         here = float(s[int(np.argmin(np.hypot(centre[:, 0] - self.x_m, centre[:, 1] - self.y_m)))])
-        lanes = [seed]
-        merged: tuple[LaneRef, LaneRef] | None = None
-        for ahead, wanted in ((False, upstream_m - here), (True, downstream_m - (float(s[-1]) - here))):
-            ref = seed
-            while wanted > 0:
-                options = self.network.successors(ref) if ahead else self.network.predecessors(ref)
-                options = tuple(option for option in options if option not in lanes)
-                if not options and not ahead and merged is None and (beside := self._lane_before(ref)) is not None:
-                    merged = ref, beside
-                    options = self.network.predecessors(beside)
-                if not options:
-                    break
-                name = self._road(seed).name
-                ref = min(options, key=lambda option: self._detour(option, name, keep))
-                if ahead:
-                    lanes.append(ref)
-                else:
-                    lanes.insert(0, ref)
-                wanted -= float(arc_lengths(self._centre(ref))[-1])
-        chain = self._joined(tuple(lanes))
+        behind, merged = self._behind(seed, upstream_m - here, keep)
+        beyond = self._beyond(seed, downstream_m - (float(s[-1]) - here), behind, keep)
+        chain = self._joined((*reversed(behind), *beyond[1:]))
         return self._merging(chain, *merged) if merged is not None else chain
+
+    def _beyond(
+        self, seed: LaneRef, wanted_m: float, taken: Collection[LaneRef], keep: tuple[LaneRef, ...]
+    ) -> tuple[LaneRef, ...]:
+        """The seed and the lanes that follow it, none of those ``taken``."""
+
+        def onward(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
+            options = [option for option in following if option not in lanes and option not in taken]
+            return self._straightest(seed, options, keep) if self._covered_m(lanes) < wanted_m else ()
+
+        return follow(self.network, seed, onward)[0]
+
+    def _behind(
+        self, seed: LaneRef, wanted_m: float, keep: tuple[LaneRef, ...]
+    ) -> tuple[tuple[LaneRef, ...], tuple[LaneRef, LaneRef] | None]:
+        """The seed and the lanes before it, backwards; and, where a lane of these begins beside another from which
+        traffic comes over into it, the two."""
+        merged: tuple[LaneRef, LaneRef] | None = None
+
+        def onward(lanes: tuple[LaneRef, ...], preceding: Sequence[LaneRef]) -> Sequence[LaneRef]:
+            nonlocal merged
+            if self._covered_m(lanes) >= wanted_m:
+                return ()
+            options: Sequence[LaneRef] = [option for option in preceding if option not in lanes]
+            if not options and merged is None and (beside := self._lane_before(lanes[-1])) is not None:
+                merged = lanes[-1], beside
+                options = self.network.predecessors(beside)
+            return self._straightest(seed, options, keep)
+
+        return follow(self.network, seed, onward, ahead=False)[0], merged
+
+    def _covered_m(self, lanes: tuple[LaneRef, ...]) -> float:
+        """Length of a way's lanes after its first."""
+        return sum(float(arc_lengths(self._centre(ref))[-1]) for ref in lanes[1:])
+
+    def _straightest(self, seed: LaneRef, options: Sequence[LaneRef], keep: tuple[LaneRef, ...]) -> Sequence[LaneRef]:
+        name = self._road(seed).name
+        return [min(options, key=lambda option: self._detour(option, name, keep))] if options else ()
 
     def _lane_before(self, ref: LaneRef) -> LaneRef | None:
         """The lane beside one that begins here, from which traffic comes over into it; None where none leads on.

@@ -7,6 +7,7 @@ its lane, straight on through every junction. So a bend is no turn, and a turn o
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from trace_dag.crash.record import PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.paths import follow
 from trace_dag.sim.types import VehicleLog
 from trace_dag.states.types import Trajectory
 from trace_dag.units import wrap_angle
@@ -145,20 +147,16 @@ def _heading_beyond(trajectory: Trajectory, contact_s: float) -> float:
     return float(heading[after][min(int(np.searchsorted(travelled, _ROUTE_AFTER_CONTACT_M)), len(travelled) - 1)])
 
 
-def approach_heading_rad(network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float) -> float:
-    """Heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction.
+def _approach(
+    network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float
+) -> tuple[float, frozenset[float]]:
+    """Heading at the contact of a vehicle that keeps to the lane it came on, straight on at every junction; and the
+    turns (degrees to the left) the junctions on the way offer.
 
     That lane is the first one it drove in, with or against its traffic; if that lies in a junction, the one before the
     junction. A vehicle that drove in none (it came from beside the road) keeps the heading it started with. One that
     backs up is headed against its motion.
     """
-    return _approach(network, driven, contact, contact_s)[0]
-
-
-def _approach(
-    network: RoadNetwork, driven: VehicleLog, contact: Pose, contact_s: float
-) -> tuple[float, frozenset[float]]:
-    """:func:`approach_heading_rad`, and the turns (degrees to the left) the junctions on the way offer."""
     start = Pose(float(driven.x_m[0]), float(driven.y_m[0]), float(driven.heading_rad[0]), float(driven.z_m[0]))
     before = int(np.searchsorted(driven.time_s, contact_s))
     backing = bool(driven.speed_mps[max(before - 1, 0)] < -_STANDSTILL_MPS)
@@ -199,15 +197,14 @@ def _lane_at(network: RoadNetwork, at: Pose, course_rad: float) -> tuple[LaneRef
 
 def _before_junction(network: RoadNetwork, lane: LaneRef, along: bool) -> tuple[LaneRef, bool]:
     """The lane itself, or the one from which a vehicle in the middle of a junction entered it."""
-    for _ in range(_MAX_LANES):
-        if network.road_by_id[lane.road_id].junction_id is None:
-            break
-        heading = float(_driven(network, lane, along)[0, 3])
-        behind = network.predecessors(lane) if along else network.successors(lane)
-        if not behind:
-            break
-        lane = min(behind, key=lambda ref: abs(wrap_angle(float(_driven(network, ref, along)[-1, 3]) - heading)))
-    return lane, along
+
+    def entered_from(lanes: tuple[LaneRef, ...], behind: Sequence[LaneRef]) -> Sequence[LaneRef]:
+        if network.road_by_id[lanes[-1].road_id].junction_id is None or not behind or len(lanes) > _MAX_LANES:
+            return ()
+        heading = float(_driven(network, lanes[-1], along)[0, 3])
+        return [min(behind, key=lambda ref: abs(wrap_angle(float(_driven(network, ref, along)[-1, 3]) - heading)))]
+
+    return follow(network, lane, entered_from, ahead=not along)[0][-1], along
 
 
 def _route(
@@ -223,22 +220,26 @@ def _route(
     ahead_m = _length(line[int(np.hypot(line[:, 0] - path[0, 0], line[:, 1] - path[0, 1]).argmin()) :])
     pieces = [line]
     offered: set[float] = set()
-    for _ in range(_MAX_LANES):
+
+    def straight_on(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
+        nonlocal ahead_m
+        if not following or ahead_m >= length_m or len(lanes) > _MAX_LANES:
+            return ()
         heading = float(pieces[-1][-1, 3])
-        onward = network.successors(lane) if along else network.predecessors(lane)
-        options = [(ref, _driven(network, ref, along)) for ref in onward]
-        if not options or ahead_m >= length_m:
-            break
-        offered |= {math.degrees(wrap_angle(float(option[-1, 3]) - heading)) for _, option in options}
-        lane, line = _straight_on(options, heading, path)
-        if network.road_by_id[lane.road_id].junction_id is not None:
+        options = [(ref, _driven(network, ref, along)) for ref in following]
+        offered.update(math.degrees(wrap_angle(float(option[-1, 3]) - heading)) for _, option in options)
+        onward, line = _straight_on(options, heading, path)
+        if network.road_by_id[onward.road_id].junction_id is not None:
             pieces[-1] = _without_mouth(pieces[-1])
             if abs(wrap_angle(float(line[-1, 3]) - heading)) > _STRAIGHT_ON_RAD:
-                break  # the road ends at this junction
+                return ()  # the road ends at this junction
             line = line.copy()
             line[:, 3] = pieces[-1][-1, 3]
         pieces.append(line)
         ahead_m += _length(line)
+        return [onward]
+
+    follow(network, lane, straight_on, ahead=along)
     return np.concatenate(pieces), frozenset(offered)
 
 

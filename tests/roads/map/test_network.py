@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from trace_dag.roads.map.model import (
     RoadLink,
 )
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.map.paths import trace_backward, trace_forward
+from trace_dag.roads.map.paths import follow, trace_forward
 from trace_dag.units import wrap_angle
 
 WEST_IN = LaneRef("west", 0, -1)  # road from x=-100 to the junction's west side, eastbound lane
@@ -180,25 +181,38 @@ def test_a_link_to_a_road_that_is_missing_leads_nowhere() -> None:
     assert RoadNetwork(FRAME, (road,)).successors(LaneRef("1", 0, -1)) == ()
 
 
-def test_tracing_back_gives_every_way_of_arriving() -> None:
-    """40 m beyond the crossing, 100 m back: one path from each of the three other arms, all ending at that place."""
+def test_tracing_gives_every_way_on() -> None:
+    """40 m before the crossing, 100 m on: one path into each of the three other arms, all beginning at that place."""
     network = crossroads()
-    out_east = LaneRef("east", 0, 1)
-    s_m = network.lane_span(out_east)[1] - 40.0
-    here = network.pose(out_east, s_m)
-    paths = trace_backward(network, out_east, s_m, 100.0)
-    assert {path.lanes[0].road_id for path in paths} == {"west", "north", "south"}
-    assert paths[0].lanes[0] == WEST_IN  # straight on comes first
+    s_m = network.lane_span(WEST_IN)[1] - 40.0
+    here = network.pose(WEST_IN, s_m)
+    paths = trace_forward(network, WEST_IN, s_m, 100.0)
+    assert {path.lanes[-1].road_id for path in paths} == {"east", "north", "south"}
+    assert paths[0].lanes[-1] == LaneRef("east", 0, 1)  # straight on comes first
     for path in paths:
         assert path.complete
         assert path.length_m == pytest.approx(100.0)
-        assert path.points[-1, :2] == pytest.approx((here.x_m, here.y_m), abs=1e-6)
-        assert wrap_angle(path.points[-1, 3] - here.heading_rad) == pytest.approx(0, abs=1e-6)
+        assert path.points[0, :2] == pytest.approx((here.x_m, here.y_m), abs=1e-6)
+        assert wrap_angle(path.points[0, 3] - here.heading_rad) == pytest.approx(0, abs=1e-6)
         steps = np.hypot(*np.diff(path.points[:, :2], axis=0).T)
         assert steps.max() < 1.01
         assert np.abs(np.diff(path.points[:, 3])).max() < 0.3
-    straight = paths[0]
-    assert straight.at(60.0)[:2] == pytest.approx(straight.points[-1, :2] - (40.0, 0.0), abs=0.05)
+    assert paths[0].points[-1, :2] == pytest.approx((here.x_m + 100.0, here.y_m), abs=0.05)
+
+
+def test_following_goes_where_it_is_told_and_stops_where_it_is_told() -> None:
+    network = crossroads()
+
+    def to_the_north(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
+        return [ref for ref in following if any(then.road_id == "north" for then in network.successors(ref))]
+
+    assert [len(way) for way in follow(network, WEST_IN, lambda lanes, following: ())] == [1]
+    assert len(follow(network, WEST_IN, lambda lanes, following: following)) == 3
+    assert len(follow(network, WEST_IN, lambda lanes, following: following, most=2)) == 2
+    (way,) = follow(network, WEST_IN, to_the_north)
+    assert len(way) == 2
+    (back,) = follow(network, way[-1], lambda lanes, before: before, ahead=False)
+    assert back == (way[-1], WEST_IN)
 
 
 def test_tracing_beyond_the_map_says_so() -> None:

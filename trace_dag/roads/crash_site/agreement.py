@@ -16,9 +16,10 @@ from typing import Final
 
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import Carriageway, carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
-from trace_dag.roads.crash_site.placement import is_at_intersection, is_named, rank_of
+from trace_dag.roads.crash_site.placement import is_at_intersection, is_named
 from trace_dag.roads.crash_site.reported_road import (
     MOST_LANES,
     Control,
@@ -115,7 +116,7 @@ def _street_of(vehicle: VehicleRecord, own: StreetAtCrash, cross: StreetAtCrash 
 
 def _is_minor(street: StreetAtCrash, other: StreetAtCrash) -> bool:
     """Whether a street is the one that ends here, or is of a lower class."""
-    ranks = [min((rank_of(road.highway) for road in s.roads), default=math.inf) for s in (street, other)]
+    ranks = [min((road_class(road.highway).rank for road in s.roads), default=math.inf) for s in (street, other)]
     return len(street.roads) < len(other.roads) if ranks[0] == ranks[1] else ranks[0] > ranks[1]
 
 

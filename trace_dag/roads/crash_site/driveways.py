@@ -22,6 +22,7 @@ from trace_dag.crash.crash_types import Relation, Side, Turn, crash_type_of, cri
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray, arc_lengths
 from trace_dag.osm.drivable import is_drivable
+from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmExtract, OsmNode, OsmWay
 from trace_dag.roads.crash_site.crossings import is_one_way
 from trace_dag.roads.crash_site.placement import is_at_intersection
@@ -33,7 +34,6 @@ from trace_dag.roads.report import CrashPlacement
 from trace_dag.units import wrap_angle
 
 DRIVEWAY_RELATIONS: Final = frozenset({4, 8})  # RELJCT2: in a driveway access, related to one
-NO_DRIVEWAYS: Final = frozenset({"motorway", "motorway_link", "trunk_link"})
 _DRIVEWAY_TRAFFICWAY: Final = 0  # VTRAFWAY: a driveway access or other non-trafficway
 _WIDTH_M: Final = 6.1
 """20 ft: the most that York County's code (VA, 20.5-98) lets a residential driveway be wide (9 to 20 ft), the least
@@ -106,7 +106,7 @@ def add_driveways(
     """The extract with the driveways the report asks for; as it is where the map has a road there, or no room."""
     access = reported_access(record)
     road = network.road_by_id[placement.road_id]
-    if access is None or road.highway in NO_DRIVEWAYS or road.bridge or road.tunnel:
+    if access is None or not road_class(road.highway).driveways or road.bridge or road.tunnel:
         return extract
     if is_at_intersection(record) and _at_its_crossing(network, placement):
         return extract

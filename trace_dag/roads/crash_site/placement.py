@@ -19,6 +19,7 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.drivable import SERVICE_HIGHWAYS
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
 from trace_dag.roads.crash_site.reported_road import (
@@ -45,21 +46,6 @@ _SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
 
 # FUNC_SYS: interstate, other freeway, principal arterial, minor arterial, major and minor collector, local.
 _RANK_OF_FUNCTION: Final = {1: 0.0, 2: 0.7, 3: 2.0, 4: 2.8, 5: 3.7, 6: 4.4, 7: 5.6}
-_RANK_OF_HIGHWAY: Final = {
-    highway: float(rank)
-    for rank, highways in enumerate(
-        (
-            ("motorway",),
-            ("trunk",),
-            ("primary",),
-            ("secondary",),
-            ("tertiary",),
-            ("unclassified",),
-            ("residential", "living_street", "road"),
-        )
-    )
-    for highway in highways
-}
 _AT_DRIVEWAY: Final = (4, 8)  # RELJCT2
 _AT_INTERSECTION: Final = (2, 3)  # RELJCT2
 _ON_RAMP: Final = (20,)  # RELJCT2
@@ -90,19 +76,14 @@ def is_named(crossing: Crossing, record: CrashRecord) -> bool:
     return _are_same_streets(_name_similarities(crossing, record))
 
 
-def rank_of(highway: str) -> float:
-    """Rank of a road class, 0 for motorways to 6 for residential streets, 7 for the rest; a link ranks as its class."""
-    return _RANK_OF_HIGHWAY.get(highway.removesuffix("_link"), float(len(_RANK_OF_HIGHWAY)))
-
-
 def class_steps(record: CrashRecord, road: Road) -> float | None:
     """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
 
     None where either says nothing: a driveway or a track has no functional class.
     """
     expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
-    mapped = _RANK_OF_HIGHWAY.get(road.highway.removesuffix("_link"))
-    return None if expected is None or mapped is None else abs(mapped - expected)
+    mapped = road_class(road.highway)
+    return abs(mapped.rank - expected) if expected is not None and mapped.public else None
 
 
 @dataclass(frozen=True)
@@ -200,8 +181,7 @@ class _Placer:
     def _class_weight(self, road: Road) -> float:
         record = self._record
         weight = 0.0
-        highway = road.highway.removesuffix("_link")
-        if highway in SERVICE_HIGHWAYS:
+        if road.highway in SERVICE_HIGHWAYS:
             return -1.0 if record.junction_relation_code in _AT_DRIVEWAY else -2.5
         steps = class_steps(record, road)
         if steps is not None:

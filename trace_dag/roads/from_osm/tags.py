@@ -1,8 +1,8 @@
 """What the tags of one OSM way say about the road: directions, lanes, widths, turns, speed, layer, names.
 
 Reads values as they occur (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``): what cannot be
-read counts as untagged. Defaults are those of US roads: AASHTO's Green Book widths of 3.35 to 3.65 m (11 to 12 ft)
-and two lanes per carriageway of divided roads. Nothing here knows geometry.
+read counts as untagged, and what is usual for the road's class stands in for it (:mod:`trace_dag.osm.road_classes`).
+Nothing here knows geometry.
 """
 
 from __future__ import annotations
@@ -13,26 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.osm.road_classes import road_class
 from trace_dag.osm.types import OsmWay
 from trace_dag.roads.map.model import LaneType
 from trace_dag.units import METRES_PER_FOOT, kmh_to_mps, mph_to_mps
 
-# Class: lane width in metres, lanes of a one-way carriageway where untagged.
-_CLASS_DEFAULTS: Final[dict[str, tuple[float, int]]] = {
-    "motorway": (3.65, 2),
-    "motorway_link": (3.65, 1),
-    "trunk": (3.65, 2),
-    "trunk_link": (3.65, 1),
-    "primary": (3.5, 2),
-    "primary_link": (3.5, 1),
-    "secondary": (3.5, 2),
-    "secondary_link": (3.5, 1),
-    "tertiary": (3.35, 1),
-    "tertiary_link": (3.35, 1),
-    "service": (2.75, 1),
-}
-_OTHER_CLASS: Final = (3.35, 1)
-_CLASS_RANK: Final = ("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential")
 _SINGLE_TRACK_WIDTH_M: Final = 2.25  # each half of a two-way way with lanes=1
 _CENTRE_TURN_WIDTH_M: Final = 3.65
 _MEDIAN_WIDTH_M: Final = 1.2
@@ -128,8 +113,7 @@ class WayProfile:
     @property
     def rank(self) -> int:
         """0 for motorways up to 7 for service roads; a link ranks with its class."""
-        base = self.highway.removesuffix("_link")
-        return _CLASS_RANK.index(base) if base in _CLASS_RANK else len(_CLASS_RANK)
+        return road_class(self.highway).rank
 
     @property
     def is_link(self) -> bool:
@@ -262,7 +246,7 @@ def _names(tags: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _lane_width_m(tags: Mapping[str, str], highway: str, lanes: int) -> float:
-    default, _ = _CLASS_DEFAULTS.get(highway, _OTHER_CLASS)
+    default = road_class(highway).lane_width_m
     total = parse_length_m(tags.get("width"))
     if total is None or not lanes:
         return default
@@ -272,7 +256,7 @@ def _lane_width_m(tags: Mapping[str, str], highway: str, lanes: int) -> float:
 def _one_way_section(tags: Mapping[str, str], highway: str, hint: int | None) -> tuple[CrossSection, bool]:
     turns = parse_turns(tags.get("turn:lanes") or tags.get("turn:lanes:forward") or tags.get("turn:lanes:backward"))
     tagged = _count(tags.get("lanes")) or _count(tags.get("lanes:forward")) or (len(turns) or None)
-    lanes = tagged or hint or _CLASS_DEFAULTS.get(highway, _OTHER_CLASS)[1]
+    lanes = tagged or hint or road_class(highway).lanes_one_way
     forward = _lanes(lanes, turns, _lane_width_m(tags, highway, lanes))
     right = _roadside(tags, "right", oneway=True)
     width = sum(lane.width_m for lane in forward)

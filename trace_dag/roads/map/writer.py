@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable
 from typing import Final, Literal
 
+from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import (
     Controller,
     Cubic,
@@ -28,15 +29,6 @@ from trace_dag.roads.map.model import (
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.units import mps_to_mph
 
-_ROAD_TYPES: Final = {
-    "motorway": "motorway",
-    "motorway_link": "motorway",
-    "trunk": "rural",
-    "trunk_link": "rural",
-    "residential": "lowSpeed",
-    "living_street": "lowSpeed",
-    "service": "lowSpeed",
-}
 _MARK_WIDTH_M: Final = "0.12"
 _SPECIAL: Final = re.compile("[&<>\"'\t\n\r]|[^\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ENTITIES: Final = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}
@@ -103,7 +95,7 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
         f'<road name="{_text(road.name)}" length="{_number(road.length_m)}" id="{road.id}" junction="{junction}" '
         f'rule="RHT">\n<link>\n{_road_link("predecessor", road.predecessor)}'
         f"{_road_link('successor', road.successor)}</link>\n"
-        f'<type s="0" type="{_ROAD_TYPES.get(road.highway, "town")}" country="US">\n'
+        f'<type s="0" type="{road_class(road.highway).opendrive_type}" country="US">\n'
     )
     if road.speed_mps is not None:
         out.append(f'<speed max="{_mph(road.speed_mps)}" unit="mph"/>\n')
