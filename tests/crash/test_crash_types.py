@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from trace_dag.crash.classes import VehicleTrajectory
 from trace_dag.crash.crash_types import (
     CRASH_TYPES,
     EncounterRole,
@@ -12,7 +13,10 @@ from trace_dag.crash.crash_types import (
     Turn,
     critical_event,
     opposite_side,
+    trajectories_disagree,
+    vehicle_trajectory,
 )
+from trace_dag.crash.record import PreCrashMovement
 
 FARS_CODES = {*range(17), *range(20, 94), 98, 99}
 
@@ -97,3 +101,48 @@ def test_critical_events_say_whose_doing_it_was():
 def test_sides():
     assert opposite_side(Side.LEFT) is Side.RIGHT
     assert opposite_side(opposite_side(Side.LEFT)) is Side.LEFT
+
+
+def test_counterparts_are_each_others_in_every_configuration_of_two():
+    for first, second in {20: 21, 50: 51, 64: 65, 68: 69, 76: 77, 86: 87, 88: 89, 92: 93}.items():
+        assert (CRASH_TYPES[first].counterpart, CRASH_TYPES[second].counterpart) == (second, first)
+    # Struck from behind while going straight, turning left or right: all three by 20, 24 or 28.
+    assert [CRASH_TYPES[code].counterpart for code in (21, 22, 23, 25, 31)] == [20, 20, 20, 24, 28]
+    # Of those who were out of control or avoided something (E, H) the manual does not say whom they met.
+    assert {CRASH_TYPES[code].counterpart for code in (34, 41, 54, 61)} == {None}
+
+
+def test_categories_are_the_manuals():
+    """FARS/CRSS Coding and Validation Manual, ACC_TYPE: I 1-16, II 20-49, III 50-67, IV 68-85, V 86-91, VI the rest."""
+    for code, row in CRASH_TYPES.items():
+        expected = VehicleTrajectory.OTHERS
+        for first, last, trajectory in (
+            (20, 49, VehicleTrajectory.SAME_DIRECTION),
+            (50, 67, VehicleTrajectory.OPPOSITE_DIRECTION),
+            (68, 85, VehicleTrajectory.TURNING),
+            (86, 91, VehicleTrajectory.INTERSECTING),
+        ):
+            if first <= code <= last:
+                expected = trajectory
+        assert row.trajectory is expected
+        assert row.single_driver is (1 <= code <= 16)
+        assert row.of_two is (20 <= code <= 93)
+        assert row.needs_junction is (68 <= code <= 91)
+    assert vehicle_trajectory([99, 69]) is VehicleTrajectory.TURNING
+    assert trajectories_disagree([68, 51])
+
+
+def test_what_a_diagram_shows_of_movement_and_impact():
+    assert CRASH_TYPES[22].movement is PreCrashMovement.STOPPED  # it was going to turn left
+    assert CRASH_TYPES[26].movement is PreCrashMovement.TURNING_LEFT
+    assert CRASH_TYPES[29].movement is PreCrashMovement.DECELERATING
+    assert CRASH_TYPES[46].movement is PreCrashMovement.CHANGING_LANES
+    assert CRASH_TYPES[92].movement is PreCrashMovement.BACKING
+    # IMPACT1 by the clock: 12 front, 6 rear, 3 right, 9 left.
+    found = {code: CRASH_TYPES[code].impact_code for code in (20, 21, 50, 51, 86, 87, 89, 92, 68)}
+    assert found == {20: 12, 21: 6, 50: 12, 51: 12, 86: 12, 87: 3, 89: 9, 92: 6, 68: None}
+    assert {code: CRASH_TYPES[code].departure for code in (1, 5, 6, 10, 11)} == {
+        **dict.fromkeys((1, 5), Side.RIGHT),
+        **dict.fromkeys((6, 10), Side.LEFT),
+        11: None,
+    }

@@ -20,14 +20,13 @@ from lxml import etree
 
 from trace_dag.crash.codes import events as codes
 from trace_dag.crash.codes.crash import MAN_COLL
+from trace_dag.crash.crash_types import Side, crash_type
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields
 from trace_dag.crash.meetings import FirstEvent, VehicleEvent, merged
 from trace_dag.crash.record import EventRecord, VehicleRecord
 
-_RIGHT_DEPARTURES: Final = range(1, 6)
-_LEFT_DEPARTURES: Final = range(6, 11)
-"""``ACC_TYPE`` of single vehicles that left the road."""
+_DEPARTURES: Final = {Side.RIGHT: codes.RAN_OFF_RIGHT, Side.LEFT: codes.RAN_OFF_LEFT, None: codes.RAN_OFF}
 
 
 @dataclass(frozen=True)
@@ -182,16 +181,10 @@ def _mended(
             if code is None and any(row is each for each in blank):
                 code = harm_ev
             elif code is None and row is departure:
-                code = _departure(crash_types.get(number))
+                code = _DEPARTURES[crash_type(crash_types.get(number)).departure]
             known = codes.UNKNOWN_EVENT if code is None else code
             mended[number].append(VehicleEvent(number, known, impact_area(row.area_code), mended=code != row.code))
     return mended
-
-
-def _departure(crash_type: int | None) -> int:
-    if crash_type in _RIGHT_DEPARTURES:
-        return codes.RAN_OFF_RIGHT
-    return codes.RAN_OFF_LEFT if crash_type in _LEFT_DEPARTURES else codes.RAN_OFF
 
 
 def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None) -> list[_Row]:
