@@ -192,7 +192,8 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
     ("files", "says"),
     [
         ({}, "no accident.csv found"),
-        ({"accident.csv": "ST_CASE,YEAR\n510001,2023\n"}, "vehicle.csv is not beside it"),
+        ({"vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"}, "no accident.csv found"),
+        ({"vsoe.csv": "ST_CASE,VEH_NO,SOE\n510001,1,12\n"}, "expected the files of one year"),
         ({"accident.csv": "A,B\n1,2\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no ST_CASE"),
         ({"accident.csv": "ST_CASE,YEAR\n1,2,3\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no readable CSV"),
         (
@@ -220,6 +221,36 @@ def test_what_is_no_release_says_why(files: dict[str, str], says: str, tmp_path:
     with pytest.raises(UserError, match=says) as caught:
         FarsCsvSource.open(tmp_path).listings()
     assert str(tmp_path) in str(caught.value)
+
+
+def test_accidents_alone_are_counted_and_what_they_lack_is_said(
+    settings: CrashSettings, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "accident.csv").write_text(
+        "ST_CASE,YEAR,VE_FORMS,HARM_EV,LATITUDE,LONGITUD\n510001,2015,1,8,37,-77\n510002,2015,2,12,37,-77\n"
+    )
+    source = FarsCsvSource.open(tmp_path)
+    assert [(listing.kind, listing.vehicles) for listing in source.listings()] == [
+        ("pedestrian", 1),
+        ("two_vehicles", 2),
+    ]
+    assert "no vehicle.csv beside it; its crashes can be counted, not reconstructed" in caplog.text
+    for listing, (key, data) in zip(source.listings(), source.reports(), strict=True):
+        record = read_report(data, name=key, settings=settings)
+        assert (record.kind, record.vehicles) == (listing.kind, ())
+
+
+def test_events_alone_are_counted_without_parked_vehicles(tmp_path: Path) -> None:
+    """Two vehicles of three were in transport; the year is that of the folder."""
+    folder = tmp_path / "FARS2016"
+    folder.mkdir()
+    (folder / "vsoe.csv").write_text(
+        "ST_CASE,VEH_NO,VEVENTNUM,SOE,AOI\n510001,1,1,12,12\n510001,2,1,12,6\n510001,1,2,14,12\n510001,3,1,14,6\n"
+    )
+    (folder / "parkwork.csv").write_text("ST_CASE,VEH_NO,PTYPE\n510001,3,2\n")
+    (listing,) = FarsCsvSource.open(tmp_path).listings()
+    assert (listing.key, listing.vehicles, listing.kind) == ("2016-510001", 2, "two_vehicles")
+    assert (listing.latitude_deg, listing.state_code) == (None, 51)
 
 
 def test_a_missing_path(tmp_path: Path) -> None:

@@ -68,21 +68,27 @@ def list_cohorts(root: str, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
 @click.pass_obj
 def show(root: str, name: str, as_json: bool) -> None:
-    """Show where a cohort's crashes come from and which they are."""
+    """Show of which kinds a cohort's crashes are, where they come from and which they are."""
+    from trace_dag.cohorts.listings import kinds_of
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage import Storage
 
-    found = Registry(Storage.open(root)).cohort(name)
+    storage = Storage.open(root)
+    found = Registry(storage).cohort(name)
+    kinds = kinds_of(storage, found.reports)
     if as_json:
         write_json(
             {
                 **_summary(found),
+                "kinds": dict(kinds),
                 "reports": {key: asdict(report) for key, report in found.reports.items()},
                 "maps": [asdict(file) for file in found.maps],
             }
         )
         return
     click.echo(f"Cohort {found.name}: {len(found.reports)} crashes, made {found.created_at}")
+    for kind, crashes in kinds.items():
+        click.echo(f"  {crashes} {kind} ({crashes / len(found.reports):.1%})")
     for origin in found.origins:
         click.echo(f"  chosen from {origin}")
     for folder in found.watched:

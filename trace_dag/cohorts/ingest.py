@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.cohorts.choice import Choice
+from trace_dag.cohorts.listings import remember
 from trace_dag.cohorts.registry import RegisteredMap, Registration, Registry, ReportSource, map_file
 from trace_dag.cohorts.sources import CrashApiSource, FolderSource, Source, TableSource
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
@@ -112,6 +113,7 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
     chosen: dict[str, ReportSource] = {}
     for source in sources:
         chosen.update(source.take(storage, by_source.get(id(source), set())))
+    remember(storage, chosen, {key: offers[key][0] for key in chosen if offers[key][0].kind is not None})
     return len(offers), chosen
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,9 +50,30 @@ def listings_of(storage: Storage, reports: Mapping[str, ReportSource]) -> dict[s
             seen[key] = known
         elif (data := _content(storage, report)) is not None:
             seen[key] = _Seen(hashlib.sha256(data).hexdigest(), _listing(data, key))
-    if seen != before:
-        storage.write(_FILE, sealed(_CACHE.dump_json(seen)))
+    _keep(storage, before, seen)
     return {key: each.listing for key, each in seen.items() if each.listing is not None}
+
+
+def remember(storage: Storage, reports: Mapping[str, ReportSource], listings: Mapping[str, CrashListing]) -> None:
+    """Keep what a source listed of the reports it gave, by key, so that none has to be looked at for it."""
+    known = {key: _Seen(reports[key].sha256, listing) for key, listing in listings.items() if reports[key].sha256}
+    _keep(storage, _cached(storage), known)
+
+
+def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[str]:
+    """How many of some crashes (by key) are of each kind, the most frequent first; ``not_known`` of those whose report
+    is not at hand or does not say."""
+    listings = listings_of(storage, reports)
+    kinds = Counter(
+        str(listing.kind) if (listing := listings.get(key)) and listing.kind else "not_known" for key in reports
+    )
+    return Counter(dict(kinds.most_common()))
+
+
+def _keep(storage: Storage, before: Mapping[str, _Seen], seen: Mapping[str, _Seen]) -> None:
+    after = {**before, **seen}
+    if after != before:
+        storage.write(_FILE, sealed(_CACHE.dump_json(after)))
 
 
 def _cached(storage: Storage) -> dict[str, _Seen]:

@@ -42,6 +42,8 @@ _VEHICLE_LISTS: Final = {
     "vsoe": ("Vsoes", "VSOEs"),
 }
 _SEQUENCE_LISTS: Final = {name: _VEHICLE_LISTS[name] for name in ("vevent", "vsoe")}
+_SEQUENCES: Final = ("cevent", "vevent", "vsoe")
+_OF_VEHICLES: Final = ("vevent", "vsoe")
 _TELLING_TABLES: Final = ("vsoe", "vevent", "maneuver", "damage")
 """Tables that tell of vehicles by ``VEH_NO`` above 0: the events of all, the others of those in transport."""
 _CRASH_LISTS: Final = {
@@ -146,8 +148,13 @@ class _ReleaseTables:
 
     @cached_property
     def state_cases(self) -> list[int]:
-        """``ST_CASE`` of every crash, in order."""
-        cases = self._needed("accident").cases
+        """``ST_CASE`` of every crash, in order: of ``accident.csv``, else of the tables of events."""
+        accidents = self._table("accident")
+        if accidents is None:
+            events = [table.cases for name in _SEQUENCES if (table := self._table(name)) is not None]
+            cases = np.unique(np.concatenate(events))
+        else:
+            cases = accidents.cases
         twice = cases[1:][cases[1:] == cases[:-1]]
         if twice.size:
             raise UserError(f"{self._release.label}: ST_CASE {twice[0]} has several rows; expected one per crash")
@@ -162,14 +169,16 @@ class _ReleaseTables:
         """One line per crash."""
         if not self.state_cases:
             return
-        first, last = self.state_cases[0], self.state_cases[-1]
-        collided = self._colliding_numbers(first, last)
-        events = self._event_codes(first, last)
+        collided = self._colliding_numbers()
+        events = self._event_codes()
         crash_types: dict[int, list[tuple[int, int | None]]] = {}
-        for case, row in self._needed("vehicle").rows(first, last, ("VEH_NO", "ACC_TYPE")):
+        for case, row in self._all_rows("vehicle", ("VEH_NO", "ACC_TYPE")):
             crash_types.setdefault(case, []).append((_integer(row, "VEH_NO") or 0, _integer(row, "ACC_TYPE")))
-        for case, row in self._needed("accident").rows(first, last, _LISTED):
-            pair = collided.get(case)
+        moving = self._moving_vehicles() if self._table("accident") is None else {}
+        rows = dict(self._all_rows("accident", _LISTED))
+        for case in self.state_cases:
+            pair, row = collided.get(case), rows.get(case, {})
+            vehicles = _integer(row, "VE_FORMS") or len(moving.get(case, ())) or None
             yield CrashListing(
                 key=crash_key(self.year, case),
                 case_year=self.year,
@@ -183,8 +192,8 @@ class _ReleaseTables:
                 route_code=_integer(row, "ROUTE"),
                 function_class_code=_integer(row, "FUNC_SYS")
                 or FUNC_SYS_OF_ROAD_FNC.get(_integer(row, "ROAD_FNC") or 0),
-                vehicles=_integer(row, "VE_FORMS"),
-                kind=kind_of_codes(_integer(row, "HARM_EV"), _integer(row, "VE_FORMS"), events.get(case, ())),
+                vehicles=vehicles,
+                kind=kind_of_codes(_integer(row, "HARM_EV"), vehicles, events.get(case, ())),
                 manner_of_collision_code=_integer(row, "MAN_COLL"),
                 intersection_type_code=_integer(row, "TYP_INT"),
                 junction_relation_code=_integer(row, "RELJCT2"),
@@ -211,24 +220,38 @@ class _ReleaseTables:
                     rows.setdefault(case, []).append(row)
         return rows
 
-    def _colliding_numbers(self, first: int, last: int) -> dict[int, set[int]]:
+    def _all_rows(self, name: str, columns: Sequence[str]) -> Iterator[tuple[int, Row]]:
+        """Every row of a table; none if the release has no such table."""
+        table = self._table(name)
+        if table is not None and self.state_cases:
+            yield from table.rows(self.state_cases[0], self.state_cases[-1], columns)
+
+    def _moving_vehicles(self) -> dict[int, set[int]]:
+        """The vehicles that have events and were neither parked nor at work, of each crash."""
+        standing = {(case, _integer(row, "VEH_NO")) for case, row in self._all_rows("parkwork", ("VEH_NO",))}
+        found: dict[int, set[int]] = {}
+        for name in _OF_VEHICLES:
+            for case, row in self._all_rows(name, ("VEH_NO",)):
+                if (number := _integer(row, "VEH_NO")) and (case, number) not in standing:
+                    found.setdefault(case, set()).add(number)
+        return found
+
+    def _colliding_numbers(self) -> dict[int, set[int]]:
         """The vehicles of each crash's first collision between vehicles in transport."""
-        events = self._table("cevent")
         columns = ("EVENTNUM", "SOE", "VNUMBER1", "VNUMBER2")
         found: dict[int, tuple[int, set[int]]] = {}
-        for case, row in events.rows(first, last, columns) if events else ():
+        for case, row in self._all_rows("cevent", columns):
             if _integer(row, "SOE") == MOTOR_VEHICLE_IN_TRANSPORT:
                 number = _integer(row, "EVENTNUM") or 0
                 if case not in found or number < found[case][0]:
                     found[case] = (number, {_integer(row, "VNUMBER1") or 0, _integer(row, "VNUMBER2") or 0})
         return {case: pair for case, (_, pair) in found.items()}
 
-    def _event_codes(self, first: int, last: int) -> dict[int, list[int]]:
+    def _event_codes(self) -> dict[int, list[int]]:
         """``SOE`` of each crash's events, in order where the release has them as the crash's."""
-        tables = (self._table(name) for name in ("cevent", "vevent", "vsoe"))
-        table = next((each for each in tables if each is not None), None)
+        name = next((name for name in _SEQUENCES if name in self._release.files), _SEQUENCES[0])
         numbered: dict[int, list[tuple[int, int]]] = {}
-        for case, row in table.rows(first, last, ("EVENTNUM", "SOE")) if table is not None else ():
+        for case, row in self._all_rows(name, ("EVENTNUM", "SOE")):
             if (code := _integer(row, "SOE")) is not None:
                 numbered.setdefault(case, []).append((_integer(row, "EVENTNUM") or 0, code))
         return {case: [code for _, code in sorted(rows, key=itemgetter(0))] for case, rows in numbered.items()}
@@ -238,11 +261,6 @@ class _ReleaseTables:
             table = self._release.table(name)
             self._tables[name] = None if table is None else _SortedTable(table, self._release.files[name].label)
         return self._tables[name]
-
-    def _needed(self, name: str) -> _SortedTable:
-        table = self._table(name)
-        assert table is not None, "a release without accident and vehicle tables is not opened"
-        return table
 
 
 _LISTED: Final = (
@@ -272,7 +290,7 @@ def _report(year: int, case: int, tables: dict[str, Rows]) -> bytes:
     details = etree.SubElement(etree.SubElement(etree.SubElement(root, "Results"), "ArrayOfCaseDetail"), "CaseDetail")
     crash = etree.SubElement(details, "CrashResultSet")
     _child(crash, "CaseYear", str(year))
-    for row in tables["accident"].get(case, []):
+    for row in tables.get("accident", {}).get(case, [{"STATE": str(state_of(case)), "ST_CASE": str(case)}]):
         _scalars(crash, row)
     vehicles = etree.SubElement(crash, "Vehicles")
     for row in _vehicle_rows(case, tables):
@@ -307,7 +325,7 @@ def _vehicle_rows(case: int, tables: dict[str, Rows]) -> list[Row]:
 
     Whether such a vehicle was in transport, or parked, is decided where reports are read.
     """
-    rows = tables["vehicle"].get(case, [])
+    rows = tables.get("vehicle", {}).get(case, [])
     known = {_integer(row, "VEH_NO") for row in (*rows, *tables.get("parkwork", {}).get(case, []))}
     told_of = {_integer(row, "VEH_NO") for name in _TELLING_TABLES for row in tables.get(name, {}).get(case, [])}
     bare = [{"VEH_NO": str(number)} for number in told_of - known if number]

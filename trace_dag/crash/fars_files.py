@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 import re
 import zipfile
 from collections.abc import Iterator
@@ -20,6 +21,8 @@ from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+log = logging.getLogger(__name__)
 
 TABLES: Final = frozenset(
     {
@@ -42,7 +45,10 @@ TABLES: Final = frozenset(
 )
 """The files that are read, by stem; further ones (drugs, race, ...) say nothing a reconstruction uses."""
 
-REQUIRED: Final = ("accident", "vehicle")
+LEADING: Final = ("accident", "cevent", "vevent", "vsoe")
+"""Tables that tell of every crash of a release: each of them makes one."""
+NEEDED: Final = ("accident", "vehicle")
+"""Tables without which crashes can be counted, but not reconstructed."""
 MAX_TABLE_BYTES: Final = 2 * 1024**3
 """The largest national file, person.csv with labels, has about 0.1 GB."""
 
@@ -90,12 +96,16 @@ class FarsRelease:
     @property
     def label(self) -> str:
         """What to call it in messages."""
-        return self.files["accident"].label
+        return self._leading.label
+
+    @property
+    def _leading(self) -> CsvFile:
+        return next(self.files[name] for name in LEADING if name in self.files)
 
     @property
     def year_in_path(self) -> int | None:
         """The year in the names of file, folder or zip, last one first."""
-        file = self.files["accident"]
+        file = self._leading
         years = _YEAR_IN_NAME.findall(str(PurePosixPath(file.path.as_posix()) / (file.member or "")))
         return int(years[-1]) if years else None
 
@@ -108,7 +118,8 @@ class FarsRelease:
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     """Every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
 
-    Raises UserError if there is none, or if one lacks a table nothing works without.
+    A release may lack tables: its crashes can then be counted and listed, not reconstructed, which is logged. Raises
+    UserError if there is no table that tells of every crash.
     """
     if not path.exists():
         raise UserError(f"{path} does not exist; expected a folder or zip of FARS CSV files")
@@ -117,13 +128,19 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
         stem = PurePosixPath(file.member or file.path.as_posix()).stem.lower()
         if stem in TABLES:
             folders.setdefault(file.folder, {}).setdefault(stem, file)
-    releases = tuple(FarsRelease(files) for _, files in sorted(folders.items()) if "accident" in files)
+    releases = tuple(
+        FarsRelease(files) for _, files in sorted(folders.items()) if any(name in files for name in LEADING)
+    )
     if not releases:
         raise UserError(f"{path}: no accident.csv found; expected the files of a FARS national release")
     for release in releases:
-        missing = [name for name in REQUIRED if name not in release.files]
+        missing = [f"{name}.csv" for name in NEEDED if name not in release.files]
         if missing:
-            raise UserError(f"{release.label}: {missing[0]}.csv is not beside it; both tables are needed")
+            log.warning(
+                "%s: no %s beside it; its crashes can be counted, not reconstructed",
+                release.label,
+                " and no ".join(missing),
+            )
     return releases
 
 

@@ -34,7 +34,7 @@ class CrashListing:
     city_name: str = ""
     route_code: int | None = None  # ROUTE
     function_class_code: int | None = None  # FUNC_SYS
-    vehicles: int | None = None  # VE_FORMS
+    vehicles: int | None = None  # VE_FORMS, else as many as the report lists
     kind: CrashKind | None = None  # HARM_EV, VE_FORMS, SOE
     manner_of_collision_code: int | None = None  # MAN_COLL
     intersection_type_code: int | None = None  # TYP_INT
@@ -81,7 +81,7 @@ def list_report(data: bytes, *, name: str) -> CrashListing:
         city_name=fields.text("CITYNAME"),
         route_code=fields.integer("ROUTE"),
         function_class_code=fields.integer("FUNC_SYS") or FUNC_SYS_OF_ROAD_FNC.get(fields.integer("ROAD_FNC") or 0),
-        vehicles=fields.integer("VE_FORMS"),
+        vehicles=fields.integer("VE_FORMS") or len(vehicles) or None,
         kind=_kind(fields),
         manner_of_collision_code=fields.integer("MAN_COLL"),
         intersection_type_code=fields.integer("TYP_INT"),
