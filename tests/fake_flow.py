@@ -18,6 +18,7 @@ from pathlib import Path
 from trace_dag.cohorts.registry import RegisteredMap, ReportSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import Reason, Rejection, TransientFailure
+from trace_dag.flow import stages as real
 from trace_dag.flow.artefacts import Artefact
 from trace_dag.flow.contract import CrashFiles, Flow, StageDefinition
 from trace_dag.flow.products import StageProduct
@@ -158,6 +159,9 @@ FLOW = Flow(
     ARTEFACTS,
     picture="fake_flow:picture",
 )
+
+ASKING = Flow((real.FLOW.definition(Stage.RAW_REPORT),), picture="fake_flow:picture")
+"""The real first stage, which asks the service that has the reports; and no other."""
 
 
 def write_reports(folder: Path, behaviours: Mapping[str, str]) -> dict[str, ReportSource]:

@@ -9,6 +9,7 @@ import logging
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,13 @@ from dagster import DagsterInstance, DagsterRun, RunsFilter
 from dagster._core.definitions.partitions.context import partition_loading_context
 from dagster._core.remote_origin import InProcessCodeLocationOrigin
 from dagster._core.storage.tags import BACKFILL_ID_TAG
+from dagster._core.test_utils import freeze_time
 from dagster._core.types.loadable_target_origin import LoadableTargetOrigin
 from dagster._core.workspace.context import WorkspaceProcessContext
 from dagster._core.workspace.load_target import InProcessWorkspaceLoadTarget
 from dagster._daemon.backfill import execute_backfill_iteration
+from dagster._daemon.sensor import execute_sensor_iteration
+from dagster._scheduler.scheduler import launch_scheduled_runs
 from dagster_graphql.test.utils import execute_dagster_graphql
 
 _IN_THIS_PROCESS = {
@@ -31,7 +35,7 @@ _IN_THIS_PROCESS = {
     "run_coordinator": {"module": "dagster._core.run_coordinator", "class": "DefaultRunCoordinator"},
 }
 _LOCATION = """\
-from fake_flow import FLOW
+from {module} import {flow} as FLOW
 
 from trace_dag.definitions import build_definitions
 from trace_dag.flow.workspace import Workspace
@@ -39,6 +43,17 @@ from trace_dag.flow.workspace import Workspace
 defs = build_definitions(Workspace.open({root!r}, FLOW))
 """
 _ITERATIONS = 20
+_REPOSITORY = {"repositoryName": "__repository__", "repositoryLocationName": "<<in_process>>"}
+_START_SENSOR = """
+mutation($of: SensorSelector!) {
+  startSensor(sensorSelector: $of) { __typename ... on PythonError { message stack } }
+}
+"""
+_START_SCHEDULE = """
+mutation($of: ScheduleSelector!) {
+  startSchedule(scheduleSelector: $of) { __typename ... on PythonError { message stack } }
+}
+"""
 _LAUNCH = """
 mutation($params: LaunchBackfillParams!) {
   launchPartitionBackfill(backfillParams: $params) {
@@ -74,15 +89,31 @@ class DagsterUi:
         """Start a backfill of what an earlier one did not materialize; its id."""
         return self._launched(_AGAIN, {"parentRunId": backfill, "strategy": "FROM_FAILURE"})
 
+    def start_sensor(self, name: str) -> None:
+        """Switch a sensor on."""
+        assert self._ask(_START_SENSOR, {"of": {**_REPOSITORY, "sensorName": name}})["__typename"] == "Sensor"
+
+    def start_schedule(self, name: str) -> None:
+        """Switch a schedule on."""
+        said = self._ask(_START_SCHEDULE, {"of": {**_REPOSITORY, "scheduleName": name}})
+        assert said["__typename"] == "ScheduleStateResult", said
+
+    def let_daemon_look(self, at_s: float) -> None:
+        """One iteration of the daemon's, over sensors and schedules, at a moment (epoch seconds)."""
+        with freeze_time(at_s):
+            logger = logging.getLogger("daemon")
+            found = [
+                *launch_scheduled_runs(self._workspace, logger, datetime.fromtimestamp(at_s, UTC), {}),
+                *execute_sensor_iteration(self._workspace, logger, None, None),
+            ]
+        assert not any(found), found
+
     def runs_of(self, backfill: str) -> list[DagsterRun]:
         """The runs of a backfill, the first one first."""
         return self._instance.get_runs(RunsFilter(tags={BACKFILL_ID_TAG: backfill}), ascending=True)
 
     def _launched(self, mutation: str, params: Mapping[str, Any]) -> str:
-        request = self._workspace.create_request_context()
-        with partition_loading_context(dynamic_partitions_store=self._instance):
-            answer = execute_dagster_graphql(request, mutation, {"params": params}).data
-        (said,) = answer.values()
+        said = self._ask(mutation, {"params": params})
         assert said["__typename"] == "LaunchBackfillSuccess", said
         for _ in range(_ITERATIONS):
             errors = list(execute_backfill_iteration(self._workspace, logging.getLogger("backfill")))
@@ -91,6 +122,14 @@ class DagsterUi:
             if backfill.status.value not in ("REQUESTED", "COMPLETING"):
                 return str(said["backfillId"])
         raise AssertionError(f"the backfill has not ended: {backfill}")
+
+    def _ask(self, question: str, variables: Mapping[str, Any]) -> Any:
+        """The one field of an answer of GraphQL's."""
+        request = self._workspace.create_request_context()
+        with partition_loading_context(dynamic_partitions_store=self._instance):
+            answer = execute_dagster_graphql(request, question, variables)
+        (said,) = answer.data.values()
+        return said
 
 
 def _ranges(keys: Sequence[str]) -> dict[str, Any]:
@@ -106,10 +145,11 @@ def launch_in_this_process(dagster_home: Path) -> None:
 
 
 @contextmanager
-def dagster_ui(instance: DagsterInstance, root: str, folder: Path) -> Iterator[DagsterUi]:
-    """The UI over a root of fake crashes."""
+def dagster_ui(instance: DagsterInstance, root: str, folder: Path, flow: str = "fake_flow:FLOW") -> Iterator[DagsterUi]:
+    """The UI over a root whose crashes run through a flow, ``module:name``."""
+    module, _, name = flow.partition(":")
     location = folder / "code_location.py"
-    location.write_text(_LOCATION.format(root=root))
+    location.write_text(_LOCATION.format(root=root, module=module, flow=name))
     origin = LoadableTargetOrigin(
         executable_path=sys.executable, python_file=str(location), working_directory=str(folder)
     )

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 from dagster import AssetKey, RunRequest, SkipReason, build_schedule_context
+from fake_flow import ASKING
 from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
 from trace_dag.assets.partitions import add_partitions
@@ -16,17 +17,13 @@ from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.definitions import build_definitions
-from trace_dag.flow.contract import Flow
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import PlannedBatch
-from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
 from trace_dag.launch import open_instance
 from trace_dag.stage import Stage
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))
-# The real first stage, which asks the service; the rest does not matter here.
-ASKING = Flow((FLOW.definition(Stage.RAW_REPORT),), picture="fake_flow:picture")
 
 
 class Following:

@@ -64,6 +64,19 @@ def executor_options(command: F) -> F:
     )(command)
 
 
+def estimator_option(command: F) -> F:
+    """What estimates states, over the settings of the root."""
+    return click.option(
+        "--estimator", type=click.Choice(["analytic", "llm"]), help="How states are estimated, for this run."
+    )(command)
+
+
+def run_overrides(executor: str | None, workers: int | None, estimator: str | None) -> dict[str, Any]:
+    """The options of a run as settings."""
+    states = {"states": {"estimator": estimator}} if estimator else {}
+    return {"execution": execution_overrides(executor, workers), **states}
+
+
 def execution_overrides(executor: str | None, workers: int | None) -> dict[str, Any]:
     """The executor options as settings."""
     return {name: value for name, value in (("executor", executor), ("workers", workers)) if value is not None}

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options, stage_option
+from trace_dag.cli.carry_out import carry_out
+from trace_dag.cli.options import (
+    ManyValuesCommand,
+    estimator_option,
+    examples,
+    executor_options,
+    run_overrides,
+    stage_option,
+)
 from trace_dag.errors import Reason, UserError
 from trace_dag.stage import Stage
-
-if TYPE_CHECKING:
-    pass
-from trace_dag.cli.carry_out import carry_out
 
 
 @click.command(
@@ -28,6 +31,7 @@ from trace_dag.cli.carry_out import carry_out
 @stage_option("--from", "first", help="Every crash that got there, from this stage on.")
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@estimator_option
 @executor_options
 @click.pass_obj
 def rerun(
@@ -37,13 +41,14 @@ def rerun(
     first: Stage | None,
     cohort: str | None,
     only: tuple[str, ...],
+    estimator: str | None,
     executor: str | None,
     workers: int | None,
 ) -> None:
     """Run again exactly the crashes and stages asked for, unchanged or not."""
     if failed + (rejected is not None) + (first is not None) != 1:
         raise UserError("rerun: say what to run again with one of --failed, --rejected REASON, --from STAGE")
-    settings = {"execution": execution_overrides(executor, workers)}
+    settings = run_overrides(executor, workers, estimator)
     from trace_dag.flow.selection import select_again
 
     reason = Reason(rejected) if rejected else None
