@@ -223,7 +223,7 @@ def test_estimates_that_are_not_the_models_are_told_apart_everywhere(root, serve
     assert f"{MODEL} gave no usable answer in 1 attempt;" in why
     assert by_key[CRASHES[1]] == ("llm", "llm", None)
     page = (root / "benchmark" / "crashes" / f"{vague}.html").read_text()
-    assert "Estimated by the analytic estimator, in place of the llm estimator" in page
+    assert "made by the analytic estimator, in place of the llm estimator: openai/gpt-4o gave no usable answer" in page
     assert (
         f"Estimated by the llm estimator ({MODEL})"
         in (root / "benchmark" / "crashes" / f"{CRASHES[1]}.html").read_text()
