@@ -38,9 +38,8 @@ def test_bodies_that_overlap_touch_now():
 
 def log(number: int, x_m: np.ndarray, y_m: np.ndarray, heading_rad: float, time_s: np.ndarray) -> VehicleLog:
     zero = np.zeros_like(time_s)
-    return VehicleLog(
-        number, time_s, x_m, y_m, zero, zero + heading_rad, zero, zero, zero, zero, zero, zero, zero, zero
-    )
+    rest = (zero,) * 11
+    return VehicleLog(number, time_s, x_m, y_m, zero, zero + heading_rad, *rest, landmarks_m=np.zeros((len(zero), 0)))
 
 
 def test_post_encroachment_time_is_the_gap_in_time_at_the_shared_place():

@@ -57,6 +57,33 @@ def participant(number: int, trajectory: Trajectory, body: Body = CAR) -> Partic
     return Participant(number, body, start, float(t.speed_mps[0]), trajectory)
 
 
+def crossing(
+    vehicle: Body,
+    person: Body,
+    speed_mps: float,
+    *,
+    walks_mps: float = 1.4,
+    walks_rad: float = math.pi / 2,
+    offset_m: float = 0.0,
+    brakes_mps2: float = 7.0,
+    lead_s: float = 1.0,
+) -> tuple[Participant, Participant]:
+    """Vehicle 1, eastbound on the x axis, and person 1001: ``offset_m`` left of its path at the time its front comes to
+    x = 0 undisturbed, walking as told. It brakes from just before then."""
+    front_m = vehicle.length_m / 2 + 0.3
+    brake_s = lead_s - 0.02
+    drives = driven(
+        -speed_mps * lead_s - front_m,
+        0.0,
+        0.0,
+        lambda t: max(speed_mps - brakes_mps2 * max(t - brake_s, 0.0), 0.0),
+        lambda _: 0.0,
+    )
+    c, s = math.cos(walks_rad), math.sin(walks_rad)
+    walks = straight(-walks_mps * lead_s * c, offset_m - walks_mps * lead_s * s, walks_rad, walks_mps)
+    return participant(1, drives, vehicle), participant(1001, walks, person)
+
+
 def meeting(angle_rad: float, speed_1_mps: float, speed_2_mps: float, offset_m: float = 0.0) -> tuple[Participant, ...]:
     """Two cars whose centres would coincide after 2 s but for ``offset_m``, the second at an angle to the first."""
     lead_s = 2.0

@@ -206,7 +206,7 @@ def _trajectories(crash: PackageInput) -> bytes:
             "vehicles": {
                 str(vehicle.number): {
                     "body": _plain(crash.log.bodies[vehicle.number]),
-                    **{name: [_short(value) for value in getattr(vehicle, name).tolist()] for name in names},
+                    **{name: _plain(getattr(vehicle, name).tolist()) for name in names},
                 }
                 for vehicle in crash.log.vehicles
             },
@@ -217,10 +217,10 @@ def _trajectories(crash: PackageInput) -> bytes:
 
 
 def _plain(value: object) -> object:
-    """A dataclass of ours as JSON can hold it, numbers shortened."""
+    """A dataclass of ours or numbers as JSON can hold them, shortened."""
     if hasattr(value, "__dataclass_fields__"):
         return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list)):
         return [_plain(each) for each in value]
     return _short(value) if isinstance(value, float) else value
 

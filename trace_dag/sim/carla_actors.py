@@ -295,4 +295,8 @@ class CarlaActor:
             steer_rad=steer,
             throttle=throttle,
             brake=brake,
+            above_road_m=np.full(len(x), self.body.height_m / 2),
+            pitch_rad=np.zeros(len(x)),
+            roll_rad=np.zeros(len(x)),
+            landmarks_m=np.zeros((len(x), 0)),
         )

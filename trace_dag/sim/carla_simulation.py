@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from trace_dag.errors import TransientFailure
+from trace_dag.errors import TransientFailure, UserError
 from trace_dag.settings import SimSettings
 from trace_dag.sim.carla_actors import CarlaActor
 from trace_dag.sim.carla_contacts import CarlaContact
 from trace_dag.sim.carla_frame import location_to_carla
 from trace_dag.sim.driving import Driver, Pedals
 from trace_dag.sim.plan import check_participants
-from trace_dag.sim.types import Participant, SimulationLog, Termination
+from trace_dag.sim.types import Participant, SimulationLog, Termination, party_name
 
 BACKEND_NAME = "carla"
 _MAX_STEP_S = 0.05
@@ -69,10 +69,11 @@ class CarlaSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`Failure` for a plan nobody can drive or a vehicle that cannot be spawned,
-        :class:`TransientFailure` if the server goes away.
+        Raises :class:`UserError` where people take part, :class:`Failure` for a plan nobody can drive or a vehicle
+        that cannot be spawned, :class:`TransientFailure` if the server goes away.
         """
         check_participants(participants)
+        _check_no_people(participants)
         began = time.perf_counter()
         with server_errors("reading its settings"):
             original = self._world.get_settings()
@@ -246,6 +247,16 @@ class CarlaSimulation:
             except RuntimeError as error:  # the server may be gone; the rest is tried all the same
                 problem = error
         return problem
+
+
+def _check_no_people(participants: tuple[Participant, ...]) -> None:
+    """CARLA's walkers are moved by their controller: a vehicle stops at them or passes through, nobody is thrown."""
+    people = [party_name(p.body, p.number) for p in participants if p.body.is_person]
+    if people:
+        raise UserError(
+            f"the CARLA back-end cannot simulate a crash with {', '.join(people)}: CARLA's walkers do not collide "
+            "physically, so that nobody would be thrown and no speed change; use sim.backend = 'embedded'"
+        )
 
 
 def _release_touching(actors: list[CarlaActor]) -> None:

@@ -13,6 +13,8 @@ centre of gravity.
 * Free (after the impact, or beyond the plan's end): nobody drives. A share of each axle's load stands on
   locked wheels, which slide against their velocity with the full friction; the rest on free-rolling ones, which only
   resist sideways. Wheels point ahead.
+
+A driver who strikes a person is not in a crash: see :mod:`trace_dag.sim.after_strike`.
 """
 
 from __future__ import annotations
@@ -21,11 +23,12 @@ import math
 import sys
 
 from trace_dag.crash.record import VehicleClass
+from trace_dag.sim.after_strike import DriverAfterStrike
 from trace_dag.sim.driving import BodyState
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.surface import Ground
-from trace_dag.sim.types import Participant
+from trace_dag.sim.types import AfterStriking, Participant
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.units import GRAVITY_MPS2
 
@@ -47,6 +50,7 @@ class Vehicle:
     """One vehicle while it is simulated: state at its centre of gravity, controls, and who drives."""
 
     __slots__ = (
+        "_after_strike",
         "_along_n",
         "_axles",
         "_drag_n",
@@ -106,6 +110,7 @@ class Vehicle:
         self.crashed = False
         self.ground = Ground(math.inf, math.inf, pose.z_m, 0.0, 0.0)  # not looked at yet
         self._rows = plan.rows
+        self._after_strike: DriverAfterStrike | None = None
         self._planned_steps = len(plan.rows) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
         self._friction = friction
         self._locked_wheels = locked_wheels
@@ -178,9 +183,26 @@ class Vehicle:
         self.y += vy * step_s
         self.heading += yaw_rate * step_s
 
+    def log_row(self) -> tuple[float, ...]:
+        """The state as the recorder keeps it, at the centre of gravity."""
+        return (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, self.steer, *self.pedals)
+
+    def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
+        """From now on the driver has struck a person; of several the first is what the driver answers."""
+        if self._after_strike is None:
+            self._after_strike = DriverAfterStrike(self._rows, step, response, step_s)
+
+    @property
+    def stops(self) -> bool:
+        """Whether its driver brakes to a stop, whatever was planned."""
+        return self._after_strike is not None and self._after_strike.stops
+
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
         if self.crashed:
             return self._free(self._locked_wheels)
+        if self._after_strike is not None:
+            ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)
+            return self._driven(self._after_strike.row(step, self.x, self.y, ahead_v))
         if step < self._planned_steps:
             return self._driven(self._rows[step] if step < len(self._rows) else self._rows[-1])
         return self._free(1.0)

@@ -20,11 +20,11 @@ from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, Vehic
 
 SIMULATION_STEPS = TableSchema(
     "simulation_steps",
-    "States of every vehicle, per logged step and hypothesis; local frame of the crash",
+    "States of every participant, per logged step and hypothesis; local frame of the crash",
     (
         Column("hypothesis", ColumnType.INTEGER, "Index of the hypothesis in the state estimate", required=True),
         Column(
-            "vehicle_number", ColumnType.INTEGER, "Number of the vehicle in the report", source="VEH_NO", required=True
+            "vehicle_number", ColumnType.INTEGER, "Number of the party in the report", source="VEH_NO", required=True
         ),
         Column("time_s", ColumnType.REAL, "Time since the start of the reconstruction", unit="s", required=True),
         Column("x_m", ColumnType.REAL, "East of the reported point, of the body's centre", unit="m", required=True),
@@ -41,9 +41,21 @@ SIMULATION_STEPS = TableSchema(
         ),
         Column("throttle", ColumnType.REAL, "Throttle, 0 to 1", required=True),
         Column("brake", ColumnType.REAL, "Brake, 0 to 1", required=True),
+        Column("above_road_m", ColumnType.REAL, "Height of the body's centre above the road", unit="m", required=True),
+        Column("pitch_rad", ColumnType.REAL, "Pitch of the body, positive front down", unit="rad", required=True),
+        Column("roll_rad", ColumnType.REAL, "Roll of the body, positive to the right", unit="rad", required=True),
+        Column(
+            "landmarks_m",
+            ColumnType.REAL,
+            "Points of a person's body east, north and up of its place: head, neck, pelvis, hands, knees and feet "
+            "(left, right), then front, rear and top of what it rides; empty for vehicles",
+            unit="m",
+            required=True,
+            repeated=True,
+        ),
     ),
 )
-_STATE_NAMES = [field.name for field in fields(VehicleLog) if field.name != "number"]
+_SCALAR_NAMES = [field.name for field in fields(VehicleLog) if field.name not in ("number", "landmarks_m")]
 
 
 @dataclass(frozen=True)
@@ -74,12 +86,19 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
 
     parts: list[tuple[int, VehicleLog]] = [(i, vehicle) for i, log in enumerate(logs) for vehicle in log.vehicles]
     counts = [len(vehicle.time_s) for _, vehicle in parts]
-    columns: dict[str, np.ndarray[Any, Any]] = {
+    columns: dict[str, Any] = {
         "hypothesis": np.repeat(np.array([i for i, _ in parts], np.int32), counts),
         "vehicle_number": np.repeat(np.array([vehicle.number for _, vehicle in parts], np.int32), counts),
     }
-    for name in _STATE_NAMES:
+    for name in _SCALAR_NAMES:
         columns[name] = np.concatenate([getattr(vehicle, name) for _, vehicle in parts]) if parts else np.zeros(0)
+    points = [vehicle.landmarks_m for _, vehicle in parts]
+    widths = np.repeat([rows.shape[1] for rows in points], counts)
+    starts = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
+    values = np.concatenate([rows.ravel() for rows in points]) if points else np.zeros(0)
+    columns["landmarks_m"] = pa.ListArray.from_arrays(
+        starts, values, type=SIMULATION_STEPS.arrow().field("landmarks_m").type
+    )
     table = pa.table(columns, schema=SIMULATION_STEPS.arrow())
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd", use_dictionary=["hypothesis", "vehicle_number"])
@@ -113,7 +132,9 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
     missing = {column.name for column in SIMULATION_STEPS.columns} - set(table.column_names)
     if missing:
         raise Failure(f"simulation log: columns {sorted(missing)} missing in its Parquet file; simulate again")
-    columns = {name: table.column(name).to_numpy() for name in table.column_names}
+    columns = {name: table.column(name).to_numpy() for name in table.column_names if name != "landmarks_m"}
+    landmarks = table.column("landmarks_m").combine_chunks()
+    starts, values = landmarks.offsets.to_numpy(), landmarks.values.to_numpy()
     logs = []
     for run in summaries:
         vehicles = []
@@ -122,7 +143,10 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
             if not rows.any():
                 where = f"vehicle {number} in hypothesis {run.hypothesis}"
                 raise Failure(f"simulation log: no steps of {where}; simulate again")
-            vehicles.append(VehicleLog(number=number, **{name: columns[name][rows] for name in _STATE_NAMES}))
+            first, last = np.flatnonzero(rows)[[0, -1]]  # rows of one participant are written together
+            points = values[starts[first] : starts[last + 1]].reshape(last + 1 - first, -1)
+            states = {name: columns[name][rows] for name in _SCALAR_NAMES}
+            vehicles.append(VehicleLog(number=number, **states, landmarks_m=points))
         logs.append(
             SimulationLog(
                 backend=run.backend,

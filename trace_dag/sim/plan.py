@@ -10,10 +10,11 @@ import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.geometry import FloatArray
-from trace_dag.sim.types import Participant, VehicleLog
+from trace_dag.sim.types import Participant, VehicleLog, party_name
 from trace_dag.states.types import Trajectory
 
 _STANDSTILL_MPS = 0.05
+_STATURES_M, _MASSES_KG = (0.5, 2.4), (3.0, 300.0)  # a figure can be made of
 _AT_A_TIME = 32  # points whose distance from a path is measured together
 
 
@@ -40,7 +41,7 @@ def check_participants(participants: Sequence[Participant]) -> None:
 
 def _check_plan(participant: Participant) -> None:
     """Raise :class:`Failure` for a plan nobody can drive, with the vehicle and what is wrong with it."""
-    who = f"vehicle {participant.number}"
+    who = party_name(participant.body, participant.number)
     t = participant.trajectory
     arrays = {
         "time_s": t.time_s,
@@ -64,12 +65,18 @@ def _check_plan(participant: Participant) -> None:
     measures = (body.length_m, body.width_m, body.height_m, body.mass_kg)
     if not all(value > 0 and np.isfinite(value) for value in measures):
         raise Failure(f"{who}: length, width, height and mass must be positive and finite, found {body}")
+    if body.is_person and not (_STATURES_M[0] <= body.height_m <= _STATURES_M[1]):
+        raise Failure(
+            f"{who}: its height is the person's stature, {_STATURES_M[0]} to {_STATURES_M[1]} m, found {body}"
+        )
+    if body.is_person and not (_MASSES_KG[0] <= body.mass_kg <= _MASSES_KG[1]):
+        raise Failure(f"{who}: its mass is the person's, {_MASSES_KG[0]} to {_MASSES_KG[1]} kg, found {body}")
     if len(t.time_s) == 0:
         raise Failure(f"{who}: its trajectory is empty; it needs two points, or one to stand on")
     if len(t.time_s) == 1 and abs(participant.initial_speed_mps) > _STANDSTILL_MPS:
         raise Failure(
             f"{who}: its trajectory has one point but it starts at {participant.initial_speed_mps:.1f} m/s; "
-            "a moving vehicle needs two points or more"
+            "who moves needs two points or more"
         )
     if len(t.time_s) > 1 and not (np.diff(t.time_s) > 0).all():
         raise Failure(f"{who}: its trajectory's times do not increase")

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from trace_dag.geometry import Pose
+from trace_dag.geometry import FloatArray, Pose
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
+from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.types import DEEPEST_EVERY_S, PULSE_S, Contact, VehicleLog
 
 _SAME_TIME_S = 1e-6
+_STATE = 10  # numbers of a row that everybody has; a person's goes on with height, pitch, roll and landmarks
 _LONGEST_GAP_S = 0.05  # bodies that touch again sooner are still in the same contact
+_LONGEST_PERSON_GAP_S = 1.0  # and a person: legs, hip and head meet a front one after the other
 
 
 class _Moment(NamedTuple):
-    """A state of all vehicles in which two of them overlap."""
+    """A state of everybody in which two vehicles overlap."""
 
     overlap_m: float
     time_s: float
@@ -26,15 +30,15 @@ class _Moment(NamedTuple):
 
 
 class StateRecorder:
-    """Collects one row per vehicle and logged moment and turns them into logs at the end."""
+    """Collects one row per participant and logged moment and turns them into logs at the end."""
 
-    def __init__(self, vehicles: list[Vehicle]) -> None:
-        self._vehicles = vehicles
-        self._states: dict[float, list[tuple[float, ...]]] = {}  # by time, a row per vehicle
+    def __init__(self, movers: Sequence[Vehicle | Person]) -> None:
+        self._movers = movers
+        self._states: dict[float, list[tuple[float, ...]]] = {}  # by time, a row per participant
         self._deepest: dict[tuple[tuple[int, int], int], _Moment] = {}  # by pair of bodies and tenth of a second
 
     def record(self, time_s: float) -> None:
-        """Keep the state of every vehicle now; a time already kept is not kept twice."""
+        """Keep everybody's state now; a time already kept is not kept twice."""
         self._states.setdefault(time_s, self._now())
 
     def record_overlap(self, pair: tuple[int, int], overlap_m: float, time_s: float) -> None:
@@ -45,7 +49,7 @@ class StateRecorder:
             self._deepest[window] = _Moment(overlap_m, time_s, self._now())
 
     def _now(self) -> list[tuple[float, ...]]:
-        return [(v.x, v.y, v.z, v.heading, v.vx, v.vy, v.yaw_rate, v.steer, *v.pedals) for v in self._vehicles]
+        return [mover.log_row() for mover in self._movers]
 
     def logs(self) -> tuple[VehicleLog, ...]:
         """The logs, of the bodies' centres; acceleration is the mean over the time since the row before."""
@@ -55,11 +59,11 @@ class StateRecorder:
                 states[moment.time_s] = moment.rows
         time = np.array(sorted(states))
         logs = []
-        for k, vehicle in enumerate(self._vehicles):
-            rows = [states[time_s][k] for time_s in time.tolist()]
-            x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = np.array(rows).T
+        for k, mover in enumerate(self._movers):
+            rows = np.array([states[time_s][k] for time_s in time.tolist()])
+            x, y, z, heading, vx, vy, yaw_rate, steer, throttle, brake = rows[:, :_STATE].T
             c, s = np.cos(heading), np.sin(heading)
-            ahead = vehicle.model.cg_ahead_m
+            ahead = mover.model.cg_ahead_m
             x, y = x - ahead * c, y - ahead * s
             centre_vx, centre_vy = vx + ahead * yaw_rate * s, vy - ahead * yaw_rate * c
             acceleration = np.zeros_like(time)
@@ -69,7 +73,7 @@ class StateRecorder:
                 acceleration[0] = acceleration[1]
             logs.append(
                 VehicleLog(
-                    number=vehicle.number,
+                    number=mover.number,
                     time_s=time,
                     x_m=x,
                     y_m=y,
@@ -83,9 +87,28 @@ class StateRecorder:
                     steer_rad=steer,
                     throttle=throttle,
                     brake=brake,
+                    **self._posture(mover, rows[:, _STATE:]),
                 )
             )
         return tuple(logs)
+
+    @staticmethod
+    def _posture(mover: Vehicle | Person, rows: FloatArray) -> dict[str, FloatArray]:
+        """What a log has of how a body is turned: vehicles stand on the road."""
+        if isinstance(mover, Person):
+            return {
+                "above_road_m": rows[:, 0],
+                "pitch_rad": rows[:, 1],
+                "roll_rad": rows[:, 2],
+                "landmarks_m": rows[:, 3:],
+            }
+        level = np.zeros(len(rows))
+        return {
+            "above_road_m": level + mover.model.body.height_m / 2,
+            "pitch_rad": level,
+            "roll_rad": level,
+            "landmarks_m": rows,
+        }
 
 
 @dataclass
@@ -93,7 +116,7 @@ class ContactEpisode:
     """A contact of two bodies under way: as it began, and what it has done so far."""
 
     one: Vehicle
-    two: Vehicle
+    two: Vehicle | Person
     start_s: float
     point: tuple[float, float]
     normal: tuple[float, float]
@@ -101,13 +124,14 @@ class ContactEpisode:
     velocities: tuple[tuple[float, float], tuple[float, float]]
     closing_speed_mps: float
     last_s: float
+    longest_gap_s: float = _LONGEST_GAP_S
     impulse_x_ns: float = 0.0
     impulse_y_ns: float = 0.0
 
     @property
     def over_s(self) -> float:
         """When it counts as over unless the bodies touch again."""
-        return self.last_s + _LONGEST_GAP_S
+        return self.last_s + self.longest_gap_s
 
     @property
     def pulse_end_s(self) -> float:
@@ -196,6 +220,40 @@ def begin_contact(
         ),
         closing_speed_mps=(vx_1 - vx_2) * nx + (vy_1 - vy_2) * ny,
         last_s=before_s + step_s,
+    )
+
+
+def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: float, step_s: float) -> ContactEpisode:
+    """The contact of a vehicle and a person who touch at ``now_s`` but did not a step before, from their first touch:
+    as long ago as it takes to come as deep as they are."""
+    px, py, _ = touch.point
+    nx, ny = touch.normal[0], touch.normal[1]
+    level = math.hypot(nx, ny)
+    turning_x, turning_y = -vehicle.yaw_rate * (py - vehicle.y), vehicle.yaw_rate * (px - vehicle.x)
+    past_x, past_y = vehicle.vx + turning_x - person.vx, vehicle.vy + turning_y - person.vy
+    deepening = past_x * nx + past_y * ny
+    ago_s = min(step_s, max(touch.depth_m, 0.0) / deepening) if deepening > 0 else 0.0
+    if level > 1e-6:
+        nx, ny = nx / level, ny / level
+    else:
+        nx, ny = math.cos(person.heading), math.sin(person.heading)
+    there = vehicle.outline_at(
+        vehicle.x - vehicle.vx * ago_s, vehicle.y - vehicle.vy * ago_s, vehicle.heading - vehicle.yaw_rate * ago_s
+    )
+    place = Pose(
+        person.x - person.vx * ago_s, person.y - person.vy * ago_s, math.remainder(person.heading, math.tau), person.z
+    )
+    return ContactEpisode(
+        one=vehicle,
+        two=person,
+        start_s=now_s - ago_s,
+        point=(px - vehicle.vx * ago_s, py - vehicle.vy * ago_s),
+        normal=(nx, ny),
+        poses=(_pose(there, vehicle.z), place),
+        velocities=((vehicle.vx, vehicle.vy), (person.vx, person.vy)),
+        closing_speed_mps=past_x * nx + past_y * ny,
+        last_s=now_s,
+        longest_gap_s=_LONGEST_PERSON_GAP_S,
     )
 
 

@@ -11,6 +11,7 @@ what it conserves and what it changes, the velocities, is what is wanted.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +19,9 @@ from trace_dag.sim.vehicles import VehicleModel
 
 _CONTACT_RATE_RPS = 150.0  # undamped natural frequency of the contact
 _MAX_DAMPING_RATIO = 6.0  # beyond it the damper is faster than the contact steps; a restitution of 0.007
+Touch = tuple[tuple[int, int], int, list[float], list[float]]
+"""A point of contact: the two bodies, its first row among MuJoCo's constraints, its frame and its place."""
+
 _IMPEDANCE = 0.9995  # near 1: the constraint is the spring and damper and nothing else
 
 
@@ -55,12 +59,23 @@ class RigidBodies:
         import mujoco
 
         self._mujoco = mujoco
-        self._model = mujoco.MjModel.from_xml_string(_mjcf(models, restitution))
+        self._count = len(models)
+        self._model = mujoco.MjModel.from_xml_string(self._mjcf(models, restitution))
         self._data = data = mujoco.MjData(self._model)
-        self._positions, self._rates, self._forces = data.qpos, data.qvel, data.qfrc_applied  # MuJoCo's own memory
+        # Parts of MuJoCo's own memory: the vehicles come first in it, three numbers each.
+        numbers = 3 * len(models)
+        self._positions, self._rates = data.qpos[:numbers], data.qvel[:numbers]
+        self._forces = data.qfrc_applied[:numbers]
         self._friction = friction
         self._inverse = [(1.0 / m.body.mass_kg, 1.0 / m.yaw_inertia_kgm2) for m in models]
         self.version = mujoco.mj_versionString()
+
+    def _mjcf(self, models: list[VehicleModel], restitution: float) -> str:
+        return (
+            '<mujoco><compiler inertiafromgeom="false"/>'
+            '<option gravity="0 0 0" integrator="Euler"/>'
+            f"<worldbody>{vehicle_bodies(models, restitution, lambda *_: '')}</worldbody></mujoco>"
+        )
 
     def place(self, positions: list[float], velocities: list[float]) -> None:
         """Set every body's x, y, yaw and their rates, flat lists."""
@@ -69,7 +84,7 @@ class RigidBodies:
 
     def set_heights(self, heights_m: list[float]) -> None:
         """Heights of the road under the bodies."""
-        self._model.body_pos[1:, 2] = heights_m
+        self._model.body_pos[1 : 1 + self._count, 2] = heights_m
 
     @property
     def state(self) -> tuple[list[float], list[float]]:
@@ -86,20 +101,24 @@ class RigidBodies:
         self._mujoco.mj_step(self._model, self._data, count)
         return self._rub(count * step_s) if self._data.ncon else {}
 
-    def _rub(self, over_s: float) -> dict[tuple[int, int], tuple[float, float]]:
-        """Friction at every point of contact, as an impulse now: as much as stops the sliding there, but no more than
-        Coulomb's share of the normal force ``over_s``. Returns the forces of all contacts, friction among them."""
-        total: dict[tuple[int, int], tuple[float, float]] = {}
+    def _touching(self) -> Iterator[Touch]:
+        """Every point of contact between two vehicles, by the numbers of their bodies; a body has one shape."""
         contacts: Any = self._data.contact
-        positions, rates, forces = self._positions.tolist(), self._rates.tolist(), self._data.efc_force.tolist()
-        # Contacts without friction of MuJoCo's have one row of constraint each: its force is the normal one.
-        for pair, row, (nx, ny, *_), (px, py, _) in zip(
+        return zip(
             map(tuple, contacts.geom.tolist()),
             contacts.efc_address.tolist(),
             contacts.frame.tolist(),
             contacts.pos.tolist(),
             strict=True,
-        ):
+        )
+
+    def _rub(self, over_s: float) -> dict[tuple[int, int], tuple[float, float]]:
+        """Friction at every point of contact, as an impulse now: as much as stops the sliding there, but no more than
+        Coulomb's share of the normal force ``over_s``. Returns the forces of all contacts, friction among them."""
+        total: dict[tuple[int, int], tuple[float, float]] = {}
+        positions, rates, forces = self._positions.tolist(), self._rates.tolist(), self._data.efc_force.tolist()
+        # Contacts without friction of MuJoCo's have one row of constraint each: its force is the normal one.
+        for pair, row, (nx, ny, *_), (px, py, _) in self._touching():
             normal_n = forces[row] if row >= 0 else 0.0
             tx, ty = -ny, nx
             sliding = yielding = 0.0  # of the second body past the first, and how easily an impulse changes it
@@ -125,20 +144,16 @@ class RigidBodies:
         return total
 
 
-def _mjcf(models: list[VehicleModel], restitution: float) -> str:
+def vehicle_bodies(models: list[VehicleModel], restitution: float, inside: Callable[[int, VehicleModel], str]) -> str:
+    """The vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box."""
     stiffness = _CONTACT_RATE_RPS**2
     damping = 2 * damping_ratio(restitution) * _CONTACT_RATE_RPS
     geom = f'solref="{-stiffness} {-damping}" solimp="{_IMPEDANCE} {_IMPEDANCE} 0.001" condim="1"'
-    bodies = "".join(
+    return "".join(
         f'<body><inertial pos="0 0 0" mass="{m.body.mass_kg!r}" '
         f'diaginertia="{m.yaw_inertia_kgm2!r} {m.yaw_inertia_kgm2!r} {m.yaw_inertia_kgm2!r}"/>'
         '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'
-        f'<geom type="box" pos="{-m.cg_ahead_m!r} 0 {m.body.height_m / 2!r}" '
-        f'size="{m.body.length_m / 2!r} {m.body.width_m / 2!r} {m.body.height_m / 2!r}" {geom}/></body>'
-        for m in models
-    )
-    return (
-        '<mujoco><compiler inertiafromgeom="false"/>'
-        '<option gravity="0 0 0" integrator="Euler"/>'
-        f"<worldbody>{bodies}</worldbody></mujoco>"
+        f'<geom name="v{i}" type="box" pos="{-m.cg_ahead_m!r} 0 {m.body.height_m / 2!r}" '
+        f'size="{m.body.length_m / 2!r} {m.body.width_m / 2!r} {m.body.height_m / 2!r}" {geom}/>{inside(i, m)}</body>'
+        for i, m in enumerate(models)
     )

@@ -37,16 +37,21 @@ class Termination(StrEnum):
 
 
 class BodyKind(StrEnum):
-    """What a participant is. Only motor vehicles are reconstructed today."""
+    """What a participant is. A conveyance is what a person stands or sits on who is no cyclist (FARS PER_TYP 8)."""
 
     MOTOR_VEHICLE = "motor_vehicle"
     PEDESTRIAN = "pedestrian"
     CYCLIST = "cyclist"
+    CONVEYANCE = "conveyance"
 
 
 @dataclass(frozen=True)
 class Body:
-    """Dimensions (m) and mass (kg) of a participant's body."""
+    """Dimensions (m) and mass (kg) of a participant's body.
+
+    Of a person, ``height_m`` is the stature, the mass includes what the person rides, and ``vehicle_class`` says
+    nothing (``OTHER``): see :func:`trace_dag.sim.anthropometry.person_body`.
+    """
 
     kind: BodyKind
     vehicle_class: VehicleClass
@@ -55,21 +60,54 @@ class Body:
     height_m: float
     mass_kg: float
 
+    @property
+    def is_person(self) -> bool:
+        """Whether it is a person, on foot or on something that is no motor vehicle."""
+        return self.kind is not BodyKind.MOTOR_VEHICLE
+
+
+def party_name(body: Body, number: int) -> str:
+    """What messages call a participant: vehicle 1, pedestrian 1001."""
+    noun = "vehicle" if body.kind is BodyKind.MOTOR_VEHICLE else str(body.kind)
+    return f"{noun} {number}"
+
+
+@dataclass(frozen=True)
+class AfterStriking:
+    """What a driver does after striking a person: drives on for ``reaction_s``, then brakes to a stop.
+
+    An infinite reaction is a driver who does not stop for it and drives the plan to its end.
+    """
+
+    reaction_s: float
+    deceleration_mps2: float
+
 
 @dataclass(frozen=True, eq=False)
 class Participant:
-    """A body, where and how fast it starts, and the planned motion its driver follows until the first contact."""
+    """A body, where and how fast it starts, and the planned motion that it follows until its first contact.
 
-    number: int  # FARS VEH_NO
+    A driver goes on after striking a person, as ``after_striking`` says or, where it is None, as the settings do. A
+    person moves along the trajectory exactly, from its first point, until touched, and stands where it ends.
+    """
+
+    number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person
     body: Body
     initial_pose: Pose
     initial_speed_mps: float
     trajectory: Trajectory
+    after_striking: AfterStriking | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class VehicleLog:
-    """States per step of one participant, arrays of equal length n; throttle and brake from 0 to 1."""
+    """States per step of one participant, arrays of equal length n; throttle and brake from 0 to 1.
+
+    ``x_m``, ``y_m`` are of the body's centre, of a thrown person's centre of mass. Heading, pitch and roll turn the
+    body in this order about its own axes up, left and ahead (ISO 8855: pitch is positive front down); those of a person
+    are the pelvis's. ``landmarks_m`` has k points of a person's body, shape (n, 3 k), each east, north and up of
+    (x, y, z): see :data:`trace_dag.sim.figures.LANDMARKS`; vehicles have none, shape (n, 0).
+    """
 
     number: int
     time_s: FloatArray
@@ -85,11 +123,16 @@ class VehicleLog:
     steer_rad: FloatArray
     throttle: FloatArray
     brake: FloatArray
+    above_road_m: FloatArray  # height of the body's centre above z
+    pitch_rad: FloatArray
+    roll_rad: FloatArray
+    landmarks_m: FloatArray
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact between two bodies: its first moment, and what it did over its whole duration.
+    """One contact between two bodies: its first moment, and what it did over its whole duration. Where one of them is
+    a person, the vehicle is the first, and the person's body includes what the person rides.
 
     ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of

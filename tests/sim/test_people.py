@@ -1,0 +1,243 @@
+"""People against closed forms: momentum, Searle's throw, sliding, what a front's height does, and who strikes whom."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.sim.motions import CAR, TRUCK, crossing, participant, straight
+from trace_dag.crash.record import VehicleClass
+from trace_dag.errors import Failure
+from trace_dag.settings import SimSettings
+from trace_dag.sim.anthropometry import person_body
+from trace_dag.sim.driving import BodyState, Pedals
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
+from trace_dag.sim.log_io import logs_from_files, logs_to_files
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import AfterStriking, Body, BodyKind, Participant, SimulationLog, Termination, VehicleLog
+from trace_dag.units import GRAVITY_MPS2
+
+ADULT, CHILD = person_body(BodyKind.PEDESTRIAN, 35), person_body(BodyKind.PEDESTRIAN, 7)
+CYCLIST = person_body(BodyKind.CYCLIST, 35)
+MU = 0.66
+
+
+def run(
+    *participants: Participant, settings: SimSettings | None = None, surface: Surface | None = None
+) -> SimulationLog:
+    settings = settings or SimSettings(time_limit_s=30.0)
+    simulation = EmbeddedSimulation(settings, surface or Surface(), settings.friction)
+    return simulation.run(participants, time_limit_s=settings.time_limit_s)
+
+
+def logged(log: SimulationLog, number: int) -> VehicleLog:
+    return next(each for each in log.vehicles if each.number == number)
+
+
+def thrown_m(log: SimulationLog) -> float:
+    person, start = logged(log, 1001), log.contacts[0].pose_2
+    return math.hypot(person.x_m[-1] - start.x_m, person.y_m[-1] - start.y_m)
+
+
+def test_children_and_adults_are_as_tall_and_heavy_as_the_population() -> None:
+    """CDC growth charts, 50th percentile: boys of 6 are 115.5 cm and 20.7 kg; NHANES 2011-2014: men 175.7 cm."""
+    boy, man = (person_body(BodyKind.PEDESTRIAN, years, female=False) for years in (6, 40))
+    assert (boy.height_m, boy.mass_kg) == pytest.approx((1.155, 20.7))
+    assert (man.height_m, man.mass_kg) == pytest.approx((1.757, 88.8))
+    assert person_body(BodyKind.PEDESTRIAN).height_m == pytest.approx((1.757 + 1.618) / 2)
+
+
+def test_a_person_walks_the_plan_until_touched_and_is_thrown() -> None:
+    log = run(*crossing(CAR, ADULT, 15.0))
+    contact, person = log.contacts[0], logged(log, 1001)
+    assert (contact.number_1, contact.number_2) == (1, 1001)
+    assert log.termination is Termination.AT_REST
+    before = person.time_s < contact.time_s
+    assert person.y_m[before] == pytest.approx(-1.4 + 1.4 * person.time_s[before], abs=1e-6)
+    assert person.x_m[before] == pytest.approx(0.0, abs=1e-6)
+    assert contact.time_s == pytest.approx(1.0, abs=0.03)  # the front, 0.3 m short of the person's middle at 1 s
+    assert abs(contact.y_m) < CAR.width_m / 2
+    assert person.above_road_m[-1] < 0.4  # it lies on the ground
+    assert contact.normal_x > 0.9
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+@pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
+def test_what_the_person_gains_the_vehicle_loses(vehicle: Body, speed: float) -> None:
+    """On ice nothing but the contact changes the momentum of the two, whatever the figure's limbs do meanwhile."""
+    ice = SimSettings(friction=1e-6, person_friction=1e-6, time_limit_s=2.0, log_step_s=0.005)
+    log = run(*crossing(vehicle, ADULT, speed, brakes_mps2=0.0), settings=ice)
+    contact = log.contacts[0]
+    car, person = log.vehicles
+    after = int(np.searchsorted(car.time_s, contact.time_s + 0.25))
+    before = int(np.searchsorted(car.time_s, contact.time_s)) - 1
+    lost = vehicle.mass_kg * (car.velocity_x_mps[after] - car.velocity_x_mps[before])
+    gained = ADULT.mass_kg * (person.velocity_x_mps[after] - person.velocity_x_mps[before])
+    assert lost == pytest.approx(-gained, rel=0.01)
+    assert contact.delta_v_1_mps[0] * vehicle.mass_kg == pytest.approx(lost, rel=0.01)
+    assert contact.delta_v_2_mps[0] * ADULT.mass_kg == pytest.approx(gained, rel=0.01)
+
+
+def slide(log: SimulationLog) -> tuple[float, float]:
+    """Speed (m/s) of the person at the first moment of lying flat after the throw, and distance (m) from there."""
+    person = logged(log, 1001)
+    flat = np.flatnonzero((person.above_road_m < 0.3) & (person.time_s > log.contacts[0].time_s + 0.5))
+    level = np.abs(np.gradient(person.above_road_m, person.time_s)) < 0.15
+    first = next(k for k in flat if level[k : k + 10].all())
+    speed = math.hypot(person.velocity_x_mps[first], person.velocity_y_mps[first])
+    return speed, math.hypot(person.x_m[-1] - person.x_m[first], person.y_m[-1] - person.y_m[first])
+
+
+@pytest.mark.parametrize("speed", [8.0, 15.0])
+def test_a_person_who_lies_slides_as_the_textbook_says(speed: float) -> None:
+    """v^2 / (2 mu g), between two moments of the slide."""
+    v, slid_m = slide(run(*crossing(TRUCK, ADULT, speed)))
+    assert v > 1.0
+    assert slid_m == pytest.approx(v * v / (2 * MU * GRAVITY_MPS2), rel=0.1)
+
+
+def test_a_low_front_wraps_the_person_and_a_high_one_throws_forward() -> None:
+    """What is struck below the centre of mass turns over the hood; what is struck above it goes down ahead."""
+    wrapped, forward = run(*crossing(CAR, ADULT, 15.0)), run(*crossing(TRUCK, ADULT, 15.0))
+    assert logged(wrapped, 1001).above_road_m.max() > 1.3
+    assert logged(forward, 1001).above_road_m.max() < 1.1
+    head = LANDMARKS.index("head")
+    car, person = wrapped.vehicles
+    k = int(np.searchsorted(person.time_s, wrapped.contacts[0].time_s + 0.1))
+    nose_m = car.x_m[k] + CAR.length_m / 2
+    assert person.x_m[k] + person.landmarks_m[k, 3 * head] < nose_m - 0.3  # over the hood
+
+
+def test_the_driver_goes_on_and_brakes_after_the_reaction() -> None:
+    log = run(*crossing(CAR, ADULT, 14.0, brakes_mps2=0.0))
+    contact, car = log.contacts[0], logged(log, 1)
+    struck = float(contact.time_s)
+
+    def speed(after_s: float) -> float:
+        return float(np.interp(struck + after_s, car.time_s, car.speed_mps))
+
+    assert speed(1.0) == pytest.approx(14.0 + contact.delta_v_1_mps[0], abs=0.4)  # not made up for
+    assert speed(1.6) - speed(2.1) == pytest.approx(0.5 * 0.8 * 0.75 * GRAVITY_MPS2, rel=0.05)
+    assert log.termination is Termination.AT_REST
+    assert np.abs(car.y_m).max() < 0.3
+
+
+def test_a_driver_may_answer_otherwise() -> None:
+    one, two = crossing(CAR, ADULT, 14.0, brakes_mps2=0.0)
+    quick = run(replace(one, after_striking=AfterStriking(0.2, 3.0)), two)
+    never = run(replace(one, after_striking=AfterStriking(math.inf, 0.0)), two)
+    car = logged(quick, 1)
+    at = quick.contacts[0].time_s
+    assert np.interp(at + 1.0, car.time_s, car.speed_mps) - np.interp(
+        at + 2.0, car.time_s, car.speed_mps
+    ) == pytest.approx(3.0, rel=0.05)
+    gone = logged(never, 1)
+    assert np.interp(9.0, gone.time_s, gone.speed_mps) > 12.0
+    assert gone.speed_mps[-1] < 0.1
+
+
+def test_a_strike_that_stops_a_light_vehicle_is_a_crash_to_its_rider() -> None:
+    motorcycle = replace(
+        CAR, vehicle_class=VehicleClass.MOTORCYCLE, length_m=2.2, width_m=0.8, height_m=1.4, mass_kg=280.0
+    )
+    log = run(*crossing(motorcycle, ADULT, 18.0, brakes_mps2=0.0))
+    bike, contact = logged(log, 1), log.contacts[0]
+    assert math.hypot(*contact.delta_v_1_mps) > 2.2
+    assert bike.throttle[bike.time_s > contact.time_s + 0.3].max() == 0.0
+    assert bike.speed_mps[-1] < 0.1
+
+
+def test_a_standing_person_is_struck_too() -> None:
+    one = crossing(CAR, ADULT, 12.0)[0]
+    stands = participant(1001, straight(0.0, 0.2, 0.5, 0.0, until_s=0.0), ADULT)
+    log = run(one, stands)
+    assert log.contacts[0].velocity_2_mps == (0.0, 0.0)
+    assert thrown_m(log) > 5.0
+
+
+def test_a_graze_turns_the_person_and_hardly_moves_the_car() -> None:
+    edge_m = CAR.width_m / 2 + 0.5 * ADULT.width_m - 0.08
+    log = run(*crossing(CAR, ADULT, 15.0, walks_rad=0.0, offset_m=edge_m))
+    central = run(*crossing(CAR, ADULT, 15.0, walks_rad=0.0))
+    assert log.contacts[0].number_2 == 1001
+    assert log.contacts[0].impulse_ns < 0.5 * central.contacts[0].impulse_ns
+    assert thrown_m(log) < thrown_m(central)
+
+
+def test_a_person_who_is_passed_walks_on() -> None:
+    log = run(*crossing(CAR, ADULT, 15.0, offset_m=3.0, brakes_mps2=0.0))
+    person = logged(log, 1001)
+    assert log.termination is Termination.NO_CONTACT
+    assert "vehicle 1 and pedestrian 1001 came to" in log.reason
+    assert person.y_m[-1] == pytest.approx(3.0 - 1.4 + 1.4 * 10.0, abs=0.01)
+
+
+def test_two_vehicles_strike_one_person_in_order() -> None:
+    """The second drives in the next lane, onto which the first throws nobody, a second later: it comes to where the
+    person lies."""
+    one, person = crossing(CAR, ADULT, 12.0)
+    first = run(one, person)
+    lies = logged(first, 1001)
+    x, y, t = float(lies.x_m[-1]), float(lies.y_m[-1]), float(lies.time_s[-1])
+    two = participant(2, straight(x + 15.0 * (t + 1.0), y, math.pi, 15.0), CAR)
+    log = run(replace(one), two, person)
+    pairs = [(contact.number_1, contact.number_2) for contact in log.contacts]
+    assert pairs[0] == (1, 1001)
+    assert (2, 1001) in pairs
+    struck = next(contact for contact in log.contacts if contact.number_1 == 2)
+    assert struck.time_s > first.contacts[0].time_s + 1.0
+    assert struck.pose_2.x_m == pytest.approx(x, abs=1.2)
+
+
+def test_a_cyclist_rides_until_touched_and_leaves_the_bicycle() -> None:
+    overtaken = straight(-6.0, 0.0, 0.0, 5.0)
+    car = participant(1, straight(-45.0, 0.1, 0.0, 18.0), CAR)
+    log = run(car, participant(1001, overtaken, CYCLIST))
+    rider, contact = logged(log, 1001), log.contacts[0]
+    before = rider.time_s < contact.time_s
+    assert rider.x_m[before] == pytest.approx(-6.0 + 5.0 * rider.time_s[before], abs=1e-6)
+    assert rider.landmarks_m.shape[1] == 3 * len(LANDMARKS + RIDDEN_LANDMARKS)
+    hubs = rider.landmarks_m[:, 3 * len(LANDMARKS) :].reshape(len(rider.time_s), 3, 3)
+    apart = np.linalg.norm(hubs[:, 0] - hubs[:, 1], axis=1)
+    assert apart == pytest.approx(apart[0], abs=0.01)  # the bicycle is one body
+    assert np.linalg.norm(hubs[-1, 2, :2]) > 0.5  # and no longer under its rider
+    assert log.termination is Termination.AT_REST
+
+
+def test_the_same_people_make_the_same_files_and_files_give_them_back() -> None:
+    logs = [run(*crossing(CAR, CHILD, 13.0)) for _ in range(2)]
+    files = [logs_to_files([log]) for log in logs]
+    assert hashlib.sha256(b"".join(files[0])).digest() == hashlib.sha256(b"".join(files[1])).digest()
+    again = logs_from_files(*files[0])[0]
+    assert np.array_equal(logged(again, 1001).landmarks_m, logged(logs[0], 1001).landmarks_m)
+    assert logged(again, 1).landmarks_m.shape[1] == 0
+    assert again.bodies[1001] == CHILD
+
+
+class _NoDriver:
+    period_s = 0.1
+
+    def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals:
+        return Pedals()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [({"height_m": 3.1}, r"pedestrian 1001: its height is the person's stature"), ({"mass_kg": 0.5}, "its mass")],
+)
+def test_bodies_nobody_has_are_refused(change: dict[str, float], says: str) -> None:
+    one, two = crossing(CAR, ADULT, 12.0)
+    with pytest.raises(Failure, match=says):
+        run(one, replace(two, body=replace(ADULT, **change)))
+
+
+def test_people_take_no_driver() -> None:
+    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
+    with pytest.raises(Failure, match="pedestrian 1001 has a driver"):
+        simulation.run(crossing(CAR, ADULT, 12.0), time_limit_s=5.0, drivers={1001: _NoDriver()})

@@ -1,0 +1,67 @@
+"""How a driver goes on after striking a person: along the planned path, and after a reaction time on the brakes.
+
+Nobody speeds up again to make up for what the strike took: the plan's path is kept, its timetable is not. A driver
+who braked at the strike goes on braking at once, to a stop.
+"""
+
+from __future__ import annotations
+
+import math
+
+from trace_dag.sim.types import AfterStriking
+
+_BRAKES_MPS2 = 1.0  # a plan that slows down by as much brakes; engine drag is less
+_STANDS_MPS = 0.3
+_PATH_ENDS_MPS2 = 4.0  # of a driver who does not react to the strike, where the planned path is over
+
+
+class DriverAfterStrike:
+    """What the driver wants, step by step, from the strike on. ``rows`` are a plan's, see
+    :class:`trace_dag.sim.plan.SampledTrajectory`."""
+
+    def __init__(self, rows: list[tuple[float, ...]], step: int, response: AfterStriking, step_s: float) -> None:
+        self._rows = rows
+        self._at = min(step, len(rows) - 1)
+        _, _, _, _, ax, ay, speed, _, course, _ = rows[self._at]
+        planned = ax * math.cos(course) + ay * math.sin(course)
+        sense = -1.0 if speed < 0 else 1.0
+        self._planned_mps2 = planned
+        brakes_already = sense * planned <= -_BRAKES_MPS2
+        self._brakes_from = step if brakes_already else step + response.reaction_s / step_s
+        self._deceleration_mps2 = max(response.deceleration_mps2, -sense * planned if brakes_already else 0.0)
+        self.stops = False
+        """Whether it brakes by now, to a stop."""
+
+    def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
+        """The plan's row for a vehicle that is where it is: the nearest point of the path, taken at its own speed."""
+        rows = self._rows
+        here = rows[self._at]
+        while self._at + 1 < len(rows):
+            following = rows[self._at + 1]
+            if math.hypot(following[0] - x_m, following[1] - y_m) > math.hypot(here[0] - x_m, here[1] - y_m):
+                break
+            self._at += 1
+            here = following
+        if not self.stops:
+            path_ends = self._at == len(rows) - 1 and math.isinf(self._brakes_from)
+            self.stops = path_ends or step >= self._brakes_from
+            self._deceleration_mps2 = _PATH_ENDS_MPS2 if path_ends else self._deceleration_mps2
+        x, y, _, _, _, _, _, curvature, course, z = here
+        c, s = math.cos(course), math.sin(course)
+        along = (x_m - x) * c + (y_m - y) * s
+        sense = -1.0 if ahead_mps < 0 else 1.0
+        wanted = -sense * self._deceleration_mps2 if self.stops else self._planned_mps2
+        across = ahead_mps * ahead_mps * curvature
+        speed = 0.0 if self.stops and abs(ahead_mps) < _STANDS_MPS else ahead_mps
+        return (
+            x + along * c,
+            y + along * s,
+            ahead_mps * c,
+            ahead_mps * s,
+            wanted * c - across * s,
+            wanted * s + across * c,
+            speed,
+            curvature,
+            course,
+            z,
+        )

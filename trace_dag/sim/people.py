@@ -1,0 +1,138 @@
+"""A person in a run: moves along the plan until touched, then is what MuJoCo makes of the figure.
+
+Belongs here: what a person is to the run, whoever moves it. The figure's segments are
+:mod:`trace_dag.sim.figures`', their physics :mod:`trace_dag.sim.scene`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from trace_dag.sim.driving import BodyState
+from trace_dag.sim.figures import RIDING, Posture, root_height, walking
+from trace_dag.sim.outlines import Outline
+from trace_dag.sim.plan import SampledTrajectory
+from trace_dag.sim.surface import Ground
+from trace_dag.sim.types import Body, BodyKind, Participant
+
+_THROWN_REACH = 0.62  # of the stature: how far hands and feet reach from the centre of mass
+_REST_MPS, _REST_RATE = 0.08, 0.6  # of the pelvis, and of every joint (rad/s)
+_REST_S = 0.1
+
+
+@dataclass(frozen=True)
+class PersonModel:
+    """A person's body, and where its centre of mass is: in its middle."""
+
+    body: Body
+    cg_ahead_m: float = 0.0
+
+
+class PersonTouch(NamedTuple):
+    """A point where a person touches a vehicle: how deep (m), where (m), the unit normal from the vehicle to the
+    person, and the force on the person (N)."""
+
+    depth_m: float
+    point: list[float]
+    normal: tuple[float, ...]
+    force: tuple[float, ...]
+
+
+class Person:
+    """State at the centre of the body: of the outline until touched, of the person's mass from then on."""
+
+    def __init__(self, participant: Participant, plan: SampledTrajectory, step_s: float) -> None:
+        self.number = participant.number
+        self.model = PersonModel(participant.body)
+        self.plan_end_s = plan.end_s
+        self.ground = Ground(math.inf, math.inf, participant.initial_pose.z_m, 0.0, 0.0)  # not looked at yet
+        self.z = participant.initial_pose.z_m
+        self.crashed = False
+        """Whether it was touched."""
+        self.stops = False
+        self.yaw_rate = 0.0
+        self.x = self.y = self.heading = self.vx = self.vy = 0.0
+        self.posture: tuple[float, ...] = ()
+        """Height of the centre above the road (m), pitch and roll (rad), landmarks (m), as of the last look."""
+        self._rows = plan.rows
+        self._step_s = step_s
+        self._travelled = _travelled(plan.rows)
+        self._still_since_s = math.inf
+        self._looked_s = 0.0
+        self.walk(0.0)
+
+    @property
+    def reach_m(self) -> float:
+        """No part of it is further from its centre, seen from above."""
+        body = self.model.body
+        if self.crashed:
+            return _THROWN_REACH * body.height_m * math.sqrt(2)
+        return math.hypot(body.length_m / 2, body.width_m / 2)
+
+    def walk(self, time_s: float) -> None:
+        """Move along the plan to a time."""
+        at = time_s / self._step_s
+        k = min(int(at + 1e-9), len(self._rows) - 1)
+        x, y, vx, vy, _, _, _, _, heading, _ = self._rows[k]
+        into_s = (at - k) * self._step_s
+        if k == len(self._rows) - 1:
+            vx = vy = into_s = 0.0  # the plan is over: it stands
+        self.x, self.y, self.vx, self.vy, self.heading = x + vx * into_s, y + vy * into_s, vx, vy, heading
+
+    def walking_posture(self, time_s: float) -> Posture:
+        """How the figure holds itself at a time before it is touched."""
+        body = self.model.body
+        if body.kind is BodyKind.CYCLIST:
+            return RIDING
+        if body.kind is BodyKind.CONVEYANCE:
+            return Posture()
+        k = min(int(time_s / self._step_s + 1e-9), len(self._rows) - 1)
+        return walking(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
+
+    def standing_height(self, posture: Posture) -> float:
+        """Height of the figure's root above the road (m) in a posture."""
+        return root_height(self.model.body, posture)
+
+    def look_for_rest(self, speed_mps: float, fastest_joint: float, now_s: float) -> None:
+        """Note whether a touched person moves."""
+        if speed_mps > _REST_MPS or fastest_joint > _REST_RATE:
+            self._still_since_s = math.inf
+        else:
+            self._still_since_s = min(self._still_since_s, now_s)
+        self._looked_s = now_s
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it no longer moves, and has not for a tenth of a second once it was touched."""
+        if self.crashed:
+            return self._looked_s - self._still_since_s >= _REST_S
+        return math.hypot(self.vx, self.vy) < _REST_MPS
+
+    def outline(self) -> Outline:
+        """What it covers of the road, seen from above; of a thrown person a square that holds hands and feet."""
+        body = self.model.body
+        if self.crashed:
+            half = _THROWN_REACH * body.height_m
+            return Outline(self.x, self.y, self.heading, half, half)
+        return Outline(self.x, self.y, self.heading, body.length_m / 2, body.width_m / 2)
+
+    def body_state(self) -> BodyState:
+        """The state now."""
+        return BodyState(self.number, self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate)
+
+    def log_row(self) -> tuple[float, ...]:
+        """The state as the recorder keeps it: that of a vehicle without controls, and the posture."""
+        state = (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, 0.0, 0.0, 0.0)
+        return (*state, *self.posture)
+
+
+def _travelled(rows: list[tuple[float, ...]]) -> list[float]:
+    """Distance along the plan at each of its rows."""
+    total, found = 0.0, [0.0]
+    for one, two in pairwise(rows):
+        total += math.hypot(two[0] - one[0], two[1] - one[1])
+        found.append(total)
+    return found

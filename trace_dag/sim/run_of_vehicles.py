@@ -1,0 +1,314 @@
+"""One run of vehicles on the embedded back-end: step by step to the end, and its log.
+
+Where people take part, :mod:`trace_dag.sim.run_with_people` goes on from here.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from trace_dag.settings import SimSettings
+from trace_dag.sim.commanded import CommandedVehicle
+from trace_dag.sim.driving import Driver
+from trace_dag.sim.dynamics import Vehicle
+from trace_dag.sim.outlines import separation
+from trace_dag.sim.people import Person
+from trace_dag.sim.plan import resample
+from trace_dag.sim.recorder import BodyMotion, ContactEpisode, StateRecorder, begin_contact
+from trace_dag.sim.rigid import RigidBodies
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import Participant, SimulationLog, Termination, party_name
+from trace_dag.sim.vehicles import vehicle_model
+
+BACKEND_NAME, VERSION = "embedded", "3"
+_CONTACT_STEP_S = 0.0005
+BOUND, BOUND_MPS = 1.5, 10.0
+"""A closing speed may grow by so much until it is looked at again."""
+_MAX_SPEED_MPS = 150.0
+_MAX_DISTANCE_M = 5000.0
+
+BodyStates = tuple[list[float], list[float]]
+"""Positions and rates of all bodies as MuJoCo has them: x, y, yaw of each centre of gravity, one after the other."""
+
+
+class VehicleRun:
+    """A run of motor vehicles alone."""
+
+    def __init__(
+        self,
+        settings: SimSettings,
+        surface: Surface,
+        friction: float,
+        participants: tuple[Participant, ...],
+        time_limit_s: float,
+        drivers: Mapping[int, Driver],
+        after_contact_s: float | None,
+    ) -> None:
+        self._began = time.perf_counter()
+        self._step_s = settings.step_s
+        self._parts = max(1, math.ceil(settings.step_s / _CONTACT_STEP_S - 1e-9))
+        self._log_every = max(1, round(settings.log_step_s / settings.step_s))
+        self._steps = math.ceil(time_limit_s / settings.step_s)
+        self._surface = surface
+        self._settings = settings
+        self._friction = friction
+        self._time_limit_s = time_limit_s
+        self._participants = participants
+        self._drivers = drivers
+        self._bodies_of = {p.number: p.body for p in participants}
+        self._everybody = "vehicles"
+        self._after_contact_s = after_contact_s
+        self._vehicles: list[Vehicle] = []
+        self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
+        for participant in participants:
+            if participant.body.is_person:
+                continue
+            model = vehicle_model(participant.body)
+            plan = resample(participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m)
+            common = {"friction": friction, "locked_wheels": settings.locked_wheels}
+            driver = drivers.get(participant.number)
+            if driver is None:
+                self._vehicles.append(Vehicle(participant, model, plan, **common))
+                continue
+            vehicle = CommandedVehicle(participant, model, plan, **common, step_s=settings.step_s)
+            self._vehicles.append(vehicle)
+            self._driven.append((vehicle, driver, max(1, round(driver.period_s / settings.step_s))))
+        self._people = self._make_people()
+        self._movers: Sequence[Vehicle | Person] = [*self._vehicles, *self._people]
+        self._bodies = self._make_bodies()
+        self._recorder = StateRecorder(self._movers)
+        self._open: dict[tuple[int, int], ContactEpisode] = {}
+        self._closed: list[ContactEpisode] = []
+        self._state: BodyStates | None = None  # as MuJoCo has it; None while bodies move by themselves
+        self._apart_until_step = 0  # no two bodies can touch before it
+        self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
+        self._pairs = [(i, j) for j in range(len(self._vehicles)) for i in range(j)]
+
+    def _make_people(self) -> list[Person]:
+        return []
+
+    def _make_bodies(self) -> RigidBodies:
+        models = [v.model for v in self._vehicles]
+        return RigidBodies(models, self._settings.restitution, self._settings.contact_friction)
+
+    def log(self) -> SimulationLog:
+        self._bodies.set_heights([v.z for v in self._vehicles])
+        self._stand_on_surface()
+        termination, reason, step = self._advance_until_end()
+        duration_s = step * self._step_s
+        self._record(duration_s)
+        by_number = {logged.number: logged for logged in self._recorder.logs()}
+        episodes = sorted([*self._closed, *self._open.values()], key=lambda episode: episode.start_s)
+        return SimulationLog(
+            backend=BACKEND_NAME,
+            backend_version=f"{VERSION} (mujoco {self._bodies.version})",
+            step_s=self._step_s,
+            vehicles=tuple(by_number[p.number] for p in self._participants),
+            contacts=tuple(episode.contact() for episode in episodes),
+            bodies=self._bodies_of,
+            termination=termination,
+            reason=reason,
+            duration_s=duration_s,
+            wall_s=time.perf_counter() - self._began,
+        )
+
+    def _advance_until_end(self) -> tuple[Termination, str, int]:
+        for one, two in self._could_meet():
+            if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= 0:
+                reason = f"{self._names(one.number, two.number)} overlap at the start"
+                return Termination.STARTED_IN_CONTACT, reason, 0
+        vehicles = self._vehicles
+        last_plan_step = round(max((mover.plan_end_s for mover in self._movers), default=0.0) / self._step_s)
+        for step in range(self._steps):
+            if step % self._log_every == 0:
+                self._stand_on_surface()
+                self._record(step * self._step_s)
+                ended = self._ended(step, last_plan_step)
+                if ended is not None:
+                    return *ended, step
+            for driven, driver, every in self._driven:
+                if step % every == 0 and not driven.crashed:
+                    states = {mover.number: mover.body_state() for mover in self._movers}
+                    driven.command(driver.drive(step * self._step_s, states))
+            self._advance(step, [vehicle.road_force(step) for vehicle in vehicles])
+        limit_s = self._steps * self._step_s
+        if not self._open and not self._closed:
+            return Termination.NO_CONTACT, self._no_contact_reason(), self._steps
+        return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s", self._steps
+
+    def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
+        """Take one step under the road's forces on each vehicle."""
+        if self._contact_possible(step):
+            self._step_in_parts(step, [value for force in forces for value in force], self._parts)
+        elif self._open:
+            self._step_leaning(step, [value for force in forces for value in force])
+        else:
+            self._move_alone(forces)
+
+    def _move_alone(self, forces: list[tuple[float, float, float]]) -> None:
+        self._state = self._before = None
+        for vehicle, force in zip(self._vehicles, forces, strict=True):
+            vehicle.advance(force, self._step_s)
+
+    def _record(self, time_s: float) -> None:
+        self._recorder.record(time_s)
+
+    def _could_meet(self) -> list[tuple[Vehicle, Vehicle | Person]]:
+        return [(self._vehicles[i], self._vehicles[j]) for i, j in self._pairs]
+
+    def _ended(self, step: int, last_plan_step: int) -> tuple[Termination, str] | None:
+        for v in self._movers:
+            if not (math.hypot(v.vx, v.vy) < _MAX_SPEED_MPS and math.hypot(v.x, v.y) < _MAX_DISTANCE_M):
+                state = f"x {v.x:.3g} m, y {v.y:.3g} m, speed {math.hypot(v.vx, v.vy):.3g} m/s"
+                who = party_name(self._bodies_of[v.number], v.number)
+                reason = f"{who} left all bounds at {step * self._step_s:.2f} s: {state}"
+                return Termination.DIVERGED, reason
+        if not self._open and not self._closed:
+            return (Termination.NO_CONTACT, self._no_contact_reason()) if step > last_plan_step else None
+        if self._after_contact_s is not None:
+            first_s = min(episode.start_s for episode in [*self._closed, *self._open.values()])
+            if step * self._step_s >= first_s + self._after_contact_s:
+                return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
+        if all(v.at_rest and (v.crashed or v.stops or step > last_plan_step) for v in self._movers):
+            return Termination.AT_REST, f"all {self._everybody} at rest after {step * self._step_s:.2f} s"
+        return None
+
+    def _no_contact_reason(self) -> str:
+        """Says how near those who could have met came to each other, from the logged states."""
+        nearest, when, numbers = math.inf, 0.0, (0, 0)
+        logs = {logged.number: logged for logged in self._recorder.logs()}
+        for mover, other in self._could_meet():
+            one, two = logs[mover.number], logs[other.number]
+            distance = np.hypot(one.x_m - two.x_m, one.y_m - two.y_m)
+            k = int(distance.argmin())
+            if distance[k] < nearest:
+                nearest, when, numbers = float(distance[k]), float(one.time_s[k]), (one.number, two.number)
+        if nearest == math.inf:
+            return "nothing to collide with: fewer than two participants"
+        return f"no contact: {self._names(*numbers)} came to {nearest:.1f} m (centres) at {when:.2f} s"
+
+    def _names(self, one: int, two: int) -> str:
+        body_1, body_2 = self._bodies_of[one], self._bodies_of[two]
+        if body_1.is_person or body_2.is_person:
+            return f"{party_name(body_1, one)} and {party_name(body_2, two)}"
+        return f"vehicles {one} and {two}"
+
+    # --- steps -----------------------------------------------------------------------------------------------
+    def _taken_over(self) -> BodyStates:
+        """The present state, which MuJoCo has from here on."""
+        if self._state is None:
+            positions = [value for v in self._vehicles for value in (v.x, v.y, v.heading)]
+            rates = [value for v in self._vehicles for value in (v.vx, v.vy, v.yaw_rate)]
+            self._bodies.place(positions, rates)
+            self._state = positions, rates
+        return self._state
+
+    def _update(self, positions: list[float], rates: list[float]) -> None:
+        self._state = positions, rates
+        k = 0
+        for v in self._vehicles:
+            v.x, v.y, v.heading = positions[k : k + 3]
+            v.vx, v.vy, v.yaw_rate = rates[k : k + 3]
+            k += 3
+
+    def _stand_on_surface(self) -> None:
+        if self._surface.flat:
+            return
+        for v in self._movers:
+            if not v.ground.reaches(v.x, v.y):
+                v.ground = self._surface.at(v.x, v.y, v.z)
+            v.z = v.ground.height_m(v.x, v.y)
+        self._bodies.set_heights([v.z for v in self._vehicles])
+
+    @staticmethod
+    def _same_level(one: Vehicle, two: Vehicle | Person) -> bool:
+        return one.z < two.z + two.model.body.height_m and two.z < one.z + one.model.body.height_m
+
+    def _contact_possible(self, step: int) -> bool:
+        """Whether two bodies may come to touch within the next step, or a crash pulse is under way."""
+        if step < self._apart_until_step:
+            return False
+        now_s = step * self._step_s
+        apart_s = math.inf
+        for i, j in self._pairs:
+            one, two = self._vehicles[i], self._vehicles[j]
+            episode = self._open.get((i, j))
+            if episode is not None:
+                if now_s < episode.pulse_end_s:
+                    return True
+                apart_s = 0.0
+                continue
+            between_m = math.hypot(one.x - two.x, one.y - two.y) - one.reach_m - two.reach_m
+            closing = math.hypot(one.vx - two.vx, one.vy - two.vy)
+            if between_m > 0:
+                apart_s = min(apart_s, between_m / (BOUND * closing + BOUND_MPS))
+                continue
+            apart_s = 0.0
+            turning = abs(one.yaw_rate) * one.reach_m + abs(two.yaw_rate) * two.reach_m
+            travel = (closing + turning) * self._step_s * BOUND
+            if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= travel:
+                return True
+        if apart_s < math.inf:
+            self._apart_until_step = step + int(apart_s / self._step_s)
+        return False
+
+    def _place_people(self, time_s: float) -> None:
+        """Put everybody whom no vehicle has touched where the plan has them."""
+
+    def _step_in_parts(self, step: int, forces: list[float], parts: int) -> None:
+        part_s = self._step_s / parts
+        for part in range(parts):
+            start_s = step * self._step_s + part * part_s
+            self._place_people(start_s)
+            now = self._taken_over()
+            for pair, (fx, fy) in self._bodies.step(forces, part_s).items():
+                if pair not in self._open:
+                    # MuJoCo finds contacts in the state a step begins with: this one came about in the part before.
+                    self._open[pair] = self._begin(pair, self._before or now, now, start_s - part_s, part_s)
+                self._open[pair].add(fx, fy, start_s + part_s, part_s)
+            self._before = now
+            self._update(*self._bodies.state)
+            self._watch_contacts(start_s + part_s)
+        self._close_ended((step + 1) * self._step_s)
+
+    def _step_leaning(self, step: int, forces: list[float]) -> None:
+        """Bodies that lean on each other: the contact needs its short steps, but nobody needs to look at each."""
+        self._before = None
+        self._taken_over()
+        touching = self._bodies.step(forces, self._step_s / self._parts, self._parts)
+        self._update(*self._bodies.state)
+        end_s = (step + 1) * self._step_s
+        for pair in touching:
+            if pair in self._open:
+                self._open[pair].last_s = end_s
+        self._watch_contacts(end_s)
+        self._close_ended(end_s)
+
+    def _watch_contacts(self, time_s: float) -> None:
+        for pair in self._open:
+            self._watch_overlap(pair, time_s)
+
+    def _watch_overlap(self, pair: tuple[int, int], time_s: float) -> None:
+        one, two = (self._vehicles[i].outline() for i in pair)
+        self._recorder.record_overlap(pair, -separation(one, two)[0], time_s)
+
+    def _close_ended(self, now_s: float) -> None:
+        for pair, episode in list(self._open.items()):
+            if now_s > episode.over_s:
+                self._closed.append(self._open.pop(pair))
+
+    def _begin(
+        self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
+    ) -> ContactEpisode:
+        """A contact that came about between two states a part of a step from each other."""
+        one, two = (self._vehicles[i] for i in pair)
+        one.crashed = two.crashed = True
+        (one_before, one_now), (two_before, two_now) = (
+            [BodyMotion(*positions[3 * i : 3 * i + 3], *rates[3 * i : 3 * i + 3]) for positions, rates in (before, now)]
+            for i in pair
+        )
+        return begin_contact(one, two, (one_before, two_before), (one_now, two_now), before_s, part_s)

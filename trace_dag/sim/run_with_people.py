@@ -1,0 +1,180 @@
+"""A run with people in it: they move along their plans until a vehicle touches them, and are thrown.
+
+Steps are taken in parts of about a millisecond while a vehicle may touch a person, and whole where people only fly and
+slide. A striking driver goes on (:mod:`trace_dag.sim.after_strike`) unless the strike changes the vehicle's velocity by
+as much as makes an event data recorder wake up: that is a crash for who drives, a motorcyclist for example.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+from trace_dag.errors import Failure
+from trace_dag.sim.dynamics import Vehicle
+from trace_dag.sim.outlines import separation
+from trace_dag.sim.people import Person
+from trace_dag.sim.plan import resample
+from trace_dag.sim.recorder import ContactEpisode, begin_strike
+from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleRun
+from trace_dag.sim.scene import Scene
+from trace_dag.sim.types import AfterStriking, party_name
+from trace_dag.units import GRAVITY_MPS2
+
+_STRIKE_STEP_S = 0.00125
+_NEAR_STEP_S = 0.0025
+_FLIGHT_STEP_S = 0.005
+_TOUCHED_S = 0.03  # so long after a touch the next one of the same strike is waited for with short steps
+_NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
+
+
+class PeopleRun(VehicleRun):
+    """A run of motor vehicles and people."""
+
+    _bodies: Scene
+
+    def _make_people(self) -> list[Person]:
+        self._everybody = "participants"
+        self._people_apart_until_step = 0  # no vehicle can touch a person before it
+        self._strikes_in_parts = max(1, math.ceil(self._step_s / _STRIKE_STEP_S - 1e-9))
+        self._near_in_parts = max(1, math.ceil(self._step_s / _NEAR_STEP_S - 1e-9))
+        self._flight_in_parts = max(1, math.ceil(self._step_s / _FLIGHT_STEP_S - 1e-9))
+        self._responses: dict[int, AfterStriking] = {}
+        grip_mps2 = self._friction * GRAVITY_MPS2
+        default = AfterStriking(self._settings.reaction_s, self._settings.braking_share * grip_mps2)
+        people = []
+        for participant in self._participants:
+            if not participant.body.is_person:
+                self._responses[participant.number] = participant.after_striking or default
+                continue
+            if participant.number in self._drivers:
+                who = party_name(participant.body, participant.number)
+                raise Failure(f"{who} has a driver; only motor vehicles are driven, people move along their trajectory")
+            plan = resample(participant.trajectory, self._step_s, self._time_limit_s, 0.0)
+            people.append(Person(participant, plan, self._step_s))
+        return people
+
+    def _make_bodies(self) -> Scene:
+        settings = self._settings
+        scene = Scene(
+            [v.model for v in self._vehicles],
+            self._people,
+            restitution=settings.restitution,
+            friction=settings.contact_friction,
+            person_friction=min(settings.person_friction, self._friction / settings.friction),
+        )
+        self._chances = list(product(range(len(self._vehicles)), range(len(self._people))))
+        return scene
+
+    def _could_meet(self) -> list[tuple[Vehicle, Vehicle | Person]]:
+        return super()._could_meet() + [(self._vehicles[i], self._people[j]) for i, j in self._chances]
+
+    def _stand_on_surface(self) -> None:
+        super()._stand_on_surface()
+        self._bodies.stand_on_road(self._vehicles)
+
+    def _record(self, time_s: float) -> None:
+        self._bodies.carry(time_s)
+        self._bodies.look()
+        super()._record(time_s)
+
+    # --- steps -----------------------------------------------------------------------------------------------
+    def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
+        flat = [value for force in forces for value in force]
+        end_s = (step + 1) * self._step_s
+        if self._contact_possible(step):
+            self._step_in_parts(step, flat, self._parts)
+        elif parts := self._strike_parts(step):
+            self._step_of_people(step, flat, parts)
+        elif self._vehicles_lean():
+            self._bodies.carry(step * self._step_s)
+            self._step_leaning(step, flat)
+        elif any(person.crashed and not person.at_rest for person in self._people):
+            self._step_of_people(step, flat, self._flight_in_parts)
+        else:
+            self._move_alone(forces)
+            self._close_ended(end_s)
+        self._bodies.carry(end_s)
+        self._bodies.follow(end_s)
+
+    def _place_people(self, time_s: float) -> None:
+        self._bodies.carry(time_s)
+
+    def _step_of_people(self, step: int, forces: list[float], parts: int) -> None:
+        """A step in which no two vehicles can come to touch."""
+        part_s = self._step_s / parts
+        self._before = None
+        self._taken_over()
+        for part in range(parts):
+            start_s = step * self._step_s + part * part_s
+            if not all(person.crashed for person in self._people):
+                self._bodies.carry(start_s)
+                self._update(*self._bodies.state)
+            for pair, (fx, fy) in self._bodies.step(forces, part_s).items():
+                if pair not in self._open:
+                    now = self._state or self._bodies.state
+                    self._open[pair] = self._begin(pair, now, now, start_s - part_s, part_s)
+                self._open[pair].add(fx, fy, start_s + part_s, part_s)
+            self._watch_contacts(start_s + part_s)
+        self._update(*self._bodies.state)
+        self._close_ended((step + 1) * self._step_s)
+
+    def _vehicles_lean(self) -> bool:
+        return any(two < len(self._vehicles) for _, two in self._open)
+
+    def _strike_parts(self, step: int) -> int:
+        """In how many parts the next step is to be taken because a vehicle may come to touch a person in it, or goes on
+        to; 0 if none can."""
+        if step < self._people_apart_until_step:
+            return 0
+        now_s = step * self._step_s
+        apart_s, parts = math.inf, 0
+        for i, j in self._chances:
+            vehicle, person = self._vehicles[i], self._people[j]
+            if vehicle.at_rest and person.at_rest:
+                apart_s = 0.0  # either may move again
+                continue
+            away_m = math.hypot(vehicle.x - person.x, vehicle.y - person.y) - vehicle.reach_m - person.reach_m - _NEAR_M
+            closing = math.hypot(vehicle.vx - person.vx, vehicle.vy - person.vy)
+            if away_m > 0:
+                apart_s = min(apart_s, away_m / (BOUND * closing + BOUND_MPS))
+                continue
+            apart_s = 0.0
+            travel = (closing + abs(vehicle.yaw_rate) * vehicle.reach_m) * self._step_s * BOUND + _NEAR_M
+            if self._same_level(vehicle, person) and separation(vehicle.outline(), person.outline())[0] <= travel:
+                parts = max(parts, self._parts_near((i, j + len(self._vehicles)), now_s))
+        if apart_s < math.inf:
+            self._people_apart_until_step = step + int(apart_s / self._step_s)
+        return parts
+
+    def _parts_near(self, pair: tuple[int, int], now_s: float) -> int:
+        """In how many parts a step is to be taken by a vehicle and a person who are near each other."""
+        episode = self._open.get(pair)
+        if episode is None or now_s - episode.last_s < _TOUCHED_S:
+            return self._strikes_in_parts
+        return self._near_in_parts if pair in self._bodies.seen or pair in self._bodies.touches else 0
+
+    # --- contacts --------------------------------------------------------------------------------------------
+    def _begin(
+        self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float
+    ) -> ContactEpisode:
+        if pair[1] < len(self._vehicles):
+            return super()._begin(pair, before, now, before_s, part_s)
+        vehicle, person = self._vehicles[pair[0]], self._people[pair[1] - len(self._vehicles)]
+        now_s = before_s + part_s
+        if person.crashed:
+            self._bodies.follow(now_s)
+        deepest = max(self._bodies.touches[pair], key=lambda touch: touch.depth_m)
+        episode = begin_strike(vehicle, person, deepest, now_s, part_s)
+        person.crashed = True
+        vehicle.strike(round(now_s / self._step_s), self._responses[vehicle.number], self._step_s)
+        return episode
+
+    def _watch_contacts(self, time_s: float) -> None:
+        """Of vehicles the deepest overlap; of strikes whether they are a crash to the vehicle."""
+        for pair, episode in self._open.items():
+            if pair[1] < len(self._vehicles):
+                self._watch_overlap(pair, time_s)
+            elif not episode.one.crashed:
+                delta_v_mps = math.hypot(episode.impulse_x_ns, episode.impulse_y_ns) / episode.one.model.body.mass_kg
+                episode.one.crashed = delta_v_mps >= self._settings.crash_delta_v_mps

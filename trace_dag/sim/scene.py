@@ -1,0 +1,377 @@
+"""MuJoCo's part where there are people: the vehicles of :mod:`trace_dag.sim.rigid` and jointed figures in space.
+
+Vehicles stay upright bodies in the plane, with the boxes of :mod:`trace_dag.sim.fronts` for people to meet; figures
+fall under gravity on the road's tangent plane. A person who has not been touched is put where the plan has it before
+every step, so that nothing but a vehicle's touch sets the figure free.
+
+Contact with vehicles is MuJoCo's own, springs and dampers with friction in an elliptic cone, at every segment; the
+friction's reference is slower than the normal one, so that MuJoCo's convex relaxation does not push sliding bodies
+apart. The road carries every segment without friction; its friction acts on the person as a whole, as it was measured
+on whole people and dummies that slide, roll and tumble: mu times the road's normal force against the velocity of the
+centre of mass, which is Searle's law (SAE 831622) through landing, bouncing and sliding alike. The same grip slows
+down turning and the limbs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from trace_dag.errors import Failure
+from trace_dag.sim.anthropometry import ridden_kg
+from trace_dag.sim.dynamics import Vehicle
+from trace_dag.sim.figures import DEGREES, LANDMARKS, RIDDEN_LANDMARKS, figure_mjcf
+from trace_dag.sim.fronts import ShellBox, shell
+from trace_dag.sim.people import Person, PersonTouch
+from trace_dag.sim.rigid import RigidBodies, Touch, vehicle_bodies
+from trace_dag.sim.types import BodyKind
+from trace_dag.sim.vehicles import VehicleModel
+from trace_dag.units import GRAVITY_MPS2
+
+_VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO = 85.0, 1.5
+"""Of the contact of a person and a vehicle: struck at 10 m/s a segment presses some four centimetres in, as legs,
+clothes and sheet metal give, and hardly springs back."""
+VEHICLE_FRICTION = 0.45
+"""Of people on a vehicle, which gives way under them and holds them more than clothes on flat sheet metal do (0.2 to
+0.4: Simms and Wood, Pedestrian and Cyclist Impact, 2009)."""
+_SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
+_VEHICLE_SLIDING = 0.2  # rate of the friction's reference, of the normal one
+_ROAD_RATE_RPS, _ROAD_DAMPING_RATIO = 100.0, 1.0
+_TURNING = 3.0
+"""How much faster, in rad/s times stature, the road's friction stops turning than sliding: moment mu N h/4 over the
+inertia m h^2/12 of a body that lies flat."""
+_LIMBS_MPS = 1.0  # an impulse of the road of so much per mass stops the limbs to 1/e
+
+
+class Scene(RigidBodies):
+    """Vehicles and people. The bodies' numbers are the vehicles', then the people's."""
+
+    def __init__(
+        self,
+        models: list[VehicleModel],
+        people: list[Person],
+        *,
+        restitution: float,
+        friction: float,
+        person_friction: float,
+    ) -> None:
+        self._people = people
+        self._person_friction = person_friction
+        self._segments: list[tuple[list[str], list[str]]] = []
+        super().__init__(models, restitution, friction)
+        mujoco, model = self._mujoco, self._model
+        self._bad = int(mujoco.mjtWarning.mjWARN_BADQACC)
+        self.touches: dict[tuple[int, int], list[PersonTouch]] = {}
+        """Where people touched vehicles in the state the last step began with, by the numbers of the two bodies."""
+
+        self.seen: set[tuple[int, int]] = set()
+        """And pairs that came near without touching."""
+
+        def geom(name: str) -> int:
+            return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name))
+
+        self._owner = {geom(f"v{i}"): i for i in range(len(models))}
+        for i, vehicle in enumerate(models):
+            self._owner |= {geom(f"v{i}_{k}"): i for k in range(len(shell(vehicle.body)))}
+        for j, (segments, parts) in enumerate(self._segments):
+            self._owner |= {geom(name): len(models) + j for name in (*segments, *parts)}
+        self._trees = [
+            _Tree(mujoco, model, self._data, name, person.model.body.height_m)
+            for j, person in enumerate(people)
+            for name in ((f"p{j}", f"p{j}_ridden") if self._segments[j][1] else (f"p{j}",))
+        ]
+        self._tree_of = {shape: tree for tree in self._trees for shape in tree.geoms}
+        self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
+        self._shells = []
+        for i, vehicle in enumerate(models):
+            geoms = np.array([geom(f"v{i}_{k}") for k in range(len(shell(vehicle.body)))])
+            self._shells.append((geoms, model.geom_pos[geoms].copy()))
+        self._planes = [geom(f"road{j}") for j in range(len(people))]
+        self._figures = [_Figure(mujoco, model, self._data, j, person) for j, person in enumerate(people)]
+
+    # --- the road ----------------------------------------------------------------------------------------------
+    def stand_on_road(self, vehicles: Sequence[Vehicle]) -> None:
+        """Put the road under each person where its tangent plane is now, and the ends of the vehicles' boxes as high
+        as the road is there: on a grade a front that stayed level would hang in the air or be in the ground."""
+        for vehicle, (geoms, level_m) in zip(vehicles, self._shells, strict=True):
+            ground = vehicle.ground
+            grade = ground.slope_x * math.cos(vehicle.heading) + ground.slope_y * math.sin(vehicle.heading)
+            self._model.geom_pos[geoms] = level_m + np.outer(level_m[:, 0], (0.0, 0.0, grade))
+        for plane, person in zip(self._planes, self._people, strict=True):
+            slope_x, slope_y = person.ground.slope_x, person.ground.slope_y
+            self._model.geom_pos[plane] = (person.x, person.y, person.z)
+            if slope_x or slope_y:
+                tilt = math.hypot(slope_x, slope_y)
+                half = math.atan(tilt) / 2  # about the level line: uphill is turned up
+                axis_x, axis_y = slope_y / tilt, -slope_x / tilt
+                sine = math.sin(half)
+                self._model.geom_quat[plane] = (math.cos(half), sine * axis_x, sine * axis_y, 0.0)
+
+    # --- people ------------------------------------------------------------------------------------------------
+    def carry(self, time_s: float) -> None:
+        """Put everybody who has not been touched where the plan has them at a time."""
+        for figure, person in zip(self._figures, self._people, strict=True):
+            if not person.crashed:
+                person.walk(time_s)
+                figure.carry(person, time_s)
+
+    def follow(self, time_s: float) -> None:
+        """Give touched people their state, roughly: the pelvis's."""
+        for figure, person in zip(self._figures, self._people, strict=True):
+            if person.crashed:
+                figure.follow(person, time_s)
+
+    def look(self) -> None:
+        """Give everybody their exact state and posture, as of now."""
+        mujoco, model, data = self._mujoco, self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        for figure, person in zip(self._figures, self._people, strict=True):
+            figure.look(person)
+
+    # --- contact -----------------------------------------------------------------------------------------------
+    def step(self, forces: list[float], step_s: float, count: int = 1) -> dict[tuple[int, int], tuple[float, float]]:
+        """As that of vehicles alone, with the forces on people among them."""
+        self.touches, self.seen = {}, set()
+        self._carried.clear()
+        total = super().step(forces, step_s, count)
+        if self._data.warning[self._bad].number:
+            raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
+        if self._carried:
+            self._slow_down(count * step_s)
+        for pair, touches in self.touches.items():
+            total[pair] = (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
+        return total
+
+    def _touching(self) -> Iterator[Touch]:
+        """Those between vehicles; those of people are kept on the way."""
+        contacts: Any = self._data.contact
+        forces = self._data.efc_force
+        owner, vehicles = self._owner, self._count
+        for geoms, row, frame, point, distance in zip(
+            contacts.geom.tolist(),
+            contacts.efc_address.tolist(),
+            contacts.frame.tolist(),
+            contacts.pos.tolist(),
+            contacts.dist.tolist(),
+            strict=True,
+        ):
+            one, two = owner.get(geoms[0]), owner.get(geoms[1])
+            if one is None or two is None:  # the road
+                tree = self._tree_of.get(geoms[1])  # MuJoCo names a plane first
+                if tree is not None and row >= 0:
+                    self._carried[tree] = self._carried.get(tree, 0.0) + float(forces[row])
+                continue
+            if one < vehicles and two < vehicles:
+                yield (one, two), row, frame, point
+                continue
+            sense = 1.0 if one < vehicles else -1.0  # the frame's normal points to the second
+            pair = (one, two) if one < vehicles else (two, one)
+            if row < 0 or distance >= 0:
+                self.seen.add(pair)
+                continue
+            along, across_1, across_2 = forces[row : row + 3].tolist()
+            force = tuple(
+                sense * (along * frame[k] + across_1 * frame[3 + k] + across_2 * frame[6 + k]) for k in range(3)
+            )
+            normal = (sense * frame[0], sense * frame[1], sense * frame[2])
+            self.touches.setdefault(pair, []).append(PersonTouch(-distance, point, normal, force))
+
+    def _slow_down(self, over_s: float) -> None:
+        """The road's friction on everything it carried, as an impulse now."""
+        mujoco, model, data = self._mujoco, self._model, self._data
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        wanted = []
+        for tree, normal_n in self._carried.items():
+            x, y, z = data.subtree_linvel[tree.body_id].tolist()
+            sliding = math.hypot(x, y)
+            lost = self._person_friction * normal_n * over_s / tree.mass_kg
+            share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
+            wanted.append((x * share, y * share, z))
+            turning = float(np.sqrt(tree.rates[3:6] @ tree.rates[3:6]))
+            tree.rates[3:6] *= max(0.0, 1.0 - _TURNING * lost / tree.size_m / turning) if turning > 0 else 0.0
+            tree.rates[6:] *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        for tree, velocity in zip(self._carried, wanted, strict=True):
+            tree.rates[:3] += velocity - data.subtree_linvel[tree.body_id]
+
+    # --- the model ---------------------------------------------------------------------------------------------
+    def _mjcf(self, models: list[VehicleModel], restitution: float) -> str:
+        vehicles = vehicle_bodies(models, restitution, _shell_mjcf)
+        roads, figures, pairs = "", "", ""
+        for j, person in enumerate(self._people):
+            roads += f'<geom name="road{j}" type="plane" size="0 0 1" contype="0" conaffinity="0"/>'
+            xml, segments, parts = figure_mjcf(f"p{j}", person.model.body)
+            figures += xml
+            self._segments.append((segments, parts))
+            meets_vehicles = [*segments, *(part for part in parts if not part.endswith(("_front", "_rear")))]
+            pairs += "".join(
+                f'<pair geom1="road{j}" geom2="{part}" condim="1" {_solref(_ROAD_RATE_RPS, _ROAD_DAMPING_RATIO)}/>'
+                for part in (*segments, *parts)
+            )
+            pairs += "".join(
+                _meeting(f"v{i}_{k}", part)
+                for i, m in enumerate(models)
+                for k in range(len(shell(m.body)))
+                for part in meets_vehicles
+            )
+        return (
+            '<mujoco><compiler inertiafromgeom="auto" angle="radian"/>'
+            f'<option gravity="0 0 {-GRAVITY_MPS2!r}" integrator="implicit" cone="elliptic"/>'
+            f"<worldbody>{roads}{vehicles}{figures}</worldbody><contact>{pairs}</contact></mujoco>"
+        )
+
+
+class _Tree:
+    """A person, or what a person rides, in MuJoCo's memory: a free root and what hangs on it."""
+
+    def __init__(self, mujoco: Any, model: Any, data: Any, name: str, size_m: float) -> None:
+        self.body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
+        self.mass_kg = float(model.body_subtreemass[self.body_id])
+        self.size_m = size_m
+        self.geoms = [k for k in range(model.ngeom) if model.body_rootid[model.geom_bodyid[k]] == self.body_id]
+        degrees = [k for k in range(model.nv) if model.body_rootid[model.dof_bodyid[k]] == self.body_id]
+        self.rates = data.qvel[degrees[0] : degrees[-1] + 1]
+
+
+class _Figure:
+    """Where a person's figure is in MuJoCo's memory."""
+
+    def __init__(self, mujoco: Any, model: Any, data: Any, index: int, person: Person) -> None:
+        body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"p{index}"))
+        self._body_id = body_id
+        self._data = data
+        joint = int(model.body_jntadr[body_id])
+        start, rate = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        self._pose, self._rates = data.qpos[start : start + DEGREES[0]], data.qvel[rate : rate + DEGREES[1]]
+        self._rides = person.model.body.kind is not BodyKind.PEDESTRIAN and ridden_kg(person.model.body) > 0
+        names: list[str] = [*LANDMARKS, *(RIDDEN_LANDMARKS if self._rides else ())]
+        sites = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"p{index}_at_{name}") for name in names]
+        self._sites = np.array(sites)
+        end, last = start + DEGREES[0], rate + DEGREES[1]
+        self._ridden = (data.qpos[end : end + 7], data.qvel[last : last + 6]) if self._rides else None
+        self._angles: tuple[float, float, float] | None = None
+        # Where the centre of mass is ahead of the pelvis while nobody has touched it: it is what the plan moves.
+        posture = person.walking_posture(0.0)
+        self._upright = posture.pelvis
+        self._ahead_m = 0.0
+        self.carry(person, 0.0)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        off_x, off_y = data.subtree_com[body_id][0] - person.x, data.subtree_com[body_id][1] - person.y
+        self._ahead_m = off_x * math.cos(person.heading) + off_y * math.sin(person.heading)
+
+    def carry(self, person: Person, time_s: float) -> None:
+        posture = person.walking_posture(time_s)
+        c, s = math.cos(person.heading), math.sin(person.heading)
+        x, y = person.x - self._ahead_m * c, person.y - self._ahead_m * s
+        height = person.standing_height(posture)
+        half = person.heading / 2
+        turned = _times((math.cos(half), 0.0, 0.0, math.sin(half)), posture.pelvis)
+        self._pose[:] = (x, y, self._road_z(person, x, y) + height, *turned, *posture.pose())
+        self._rates[:] = 0.0
+        self._rates[:2] = (person.vx, person.vy)
+        if self._ridden is not None:
+            pose, rates = self._ridden
+            pose[:] = (
+                person.x,
+                person.y,
+                self._road_z(person, person.x, person.y),
+                math.cos(half),
+                0,
+                0,
+                math.sin(half),
+            )
+            rates[:] = 0.0
+            rates[:2] = (person.vx, person.vy)
+
+    @staticmethod
+    def _road_z(person: Person, x: float, y: float) -> float:
+        return person.z + person.ground.slope_x * (x - person.x) + person.ground.slope_y * (y - person.y)
+
+    def follow(self, person: Person, time_s: float) -> None:
+        rates = self._rates
+        person.x, person.y = float(self._pose[0]), float(self._pose[1])
+        person.vx, person.vy, up = rates[:3].tolist()
+        speed = math.sqrt(person.vx**2 + person.vy**2 + up**2)
+        if self._ridden is not None:
+            speed = max(speed, float(np.abs(self._ridden[1][:3]).max()))
+        person.look_for_rest(speed, float(np.abs(rates[3:]).max()), time_s)
+
+    def look(self, person: Person) -> None:
+        data = self._data
+        matrix = data.xmat[self._body_id].tolist()
+        yaw, pitch, roll = self._turned(matrix, person)
+        sites = data.site_xpos[self._sites]
+        centre = data.subtree_com[self._body_id]
+        if person.crashed:
+            x, y = float(centre[0]), float(centre[1])
+            person.z = self._road_z(person, x, y)
+            person.x, person.y = x, y
+            person.vx, person.vy = data.subtree_linvel[self._body_id][:2].tolist()
+            person.heading = yaw
+            person.yaw_rate = float(data.cvel[self._body_id][2])
+        landmarks = (sites - (person.x, person.y, person.z)).ravel()
+        person.posture = (float(centre[2]) - person.z, pitch, roll, *np.round(landmarks, 3).tolist())
+
+    def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
+        """Heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the same the
+        one nearer to what was said last, so that a body on its back does not seem to turn about."""
+        c, s = math.cos(self._upright), math.sin(self._upright)
+        # Columns of the matrix turned back about the left axis.
+        m00, m10, m20 = (matrix[3 * k] * c + matrix[3 * k + 2] * s for k in range(3))
+        m22 = matrix[8] * c - matrix[6] * s
+        m21 = matrix[7]
+        yaw, pitch, roll = math.atan2(m10, m00), math.asin(max(-1.0, min(1.0, -m20))), math.atan2(m21, m22)
+        if not person.crashed:
+            self._angles = (person.heading, 0.0, 0.0)
+            return self._angles
+        last = self._angles or (person.heading, 0.0, 0.0)
+        ways = [(yaw, pitch, roll), (yaw + math.pi, math.pi - pitch, roll + math.pi)]
+        near = [
+            tuple(was + math.remainder(now - was, math.tau) for was, now in zip(last, way, strict=True)) for way in ways
+        ]
+        best = min(near, key=lambda way: sum(abs(now - was) for was, now in zip(last, way, strict=True)))
+        self._angles = (best[0], best[1], best[2])
+        return self._angles
+
+
+def _times(quaternion: tuple[float, float, float, float], about_left: float) -> tuple[float, ...]:
+    """A turn about the vertical, and then one about the body's own left axis."""
+    w, _, _, z = quaternion
+    c, s = math.cos(about_left / 2), math.sin(about_left / 2)
+    return w * c, -z * s, w * s, z * c
+
+
+def _shell_mjcf(number: int, model: VehicleModel) -> str:
+    return "".join(_box_mjcf(f"v{number}_{k}", box, model.cg_ahead_m) for k, box in enumerate(shell(model.body)))
+
+
+def _box_mjcf(name: str, box: ShellBox, cg_ahead_m: float) -> str:
+    x, y, z = box.centre_m
+    half = " ".join(repr(value) for value in box.half_m)
+    return (
+        f'<geom name="{name}" type="box" pos="{x - cg_ahead_m!r} {y!r} {z!r}" size="{half}" '
+        f'euler="0 {box.pitch_rad!r} 0" contype="0" conaffinity="0"/>'
+    )
+
+
+def _meeting(one: str, two: str) -> str:
+    friction, sliding = VEHICLE_FRICTION, _VEHICLE_SLIDING * 2 * _VEHICLE_DAMPING_RATIO * _VEHICLE_RATE_RPS
+    return (
+        f'<pair geom1="{one}" geom2="{two}" condim="3" friction="{friction!r} {friction!r} 0 0 0" '
+        f'{_solref(_VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO)} solreffriction="0 {-sliding!r}" '
+        f'gap="{_SEEN_M!r}"/>'
+    )
+
+
+def _solref(rate_rps: float, damping_ratio: float) -> str:
+    """A spring and damper by natural frequency and damping ratio, whatever the masses."""
+    return f'solref="{-(rate_rps**2)!r} {-2 * damping_ratio * rate_rps!r}"'
