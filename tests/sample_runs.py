@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import atexit
+import logging
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import cache
+from io import StringIO
 from pathlib import Path
+from unittest.mock import patch
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
 
@@ -30,6 +35,48 @@ KEYS = (
 
 
 def trace_dag(root: Path | str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """The command as the shell would run it, in this process, which has read its modules once for all tests.
+
+    What it does to the process (signals, the environment, the working directory) is for :func:`trace_dag_process`.
+    """
+    from trace_dag.cli import main
+
+    out, err = StringIO(), StringIO()
+    words = ["trace-dag", "--root", str(root), *arguments]
+    variables = {"COLUMNS": "200", "TRACE_DAG_EXECUTION__EXECUTOR": "in_process"} | environment
+    with (
+        patch.dict(os.environ, variables),
+        patch.object(sys, "argv", words),
+        patch.object(sys, "path", [*sys.path]),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        _logging_as_it_was(),
+    ):
+        try:
+            main()
+            code = 0
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+        except Exception:
+            traceback.print_exc()
+            code = 1
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+@contextmanager
+def _logging_as_it_was() -> Iterator[None]:
+    """The command's log goes to the standard error of its own run, and to nobody's afterwards."""
+    log = logging.getLogger("trace_dag")
+    before = (log.level, log.propagate, list(log.handlers))
+    try:
+        yield
+    finally:
+        log.setLevel(before[0])
+        log.propagate = before[1]
+        log.handlers[:] = before[2]
+
+
+def trace_dag_process(root: Path | str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command on a root in a process of its own."""
     return subprocess.run(
         command(root, *arguments),

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from sample_runs import SAMPLE, reports_of, trace_dag
+from sample_runs import SAMPLE, reports_of, trace_dag_process
 
 from trace_dag.errors import UserError
 from trace_dag.plugins import PluginKind, load, offered
@@ -60,7 +60,7 @@ def install(folder: Path, version: str) -> dict[str, str]:
 def test_a_back_end_of_another_package_is_listed_run_and_part_of_the_fingerprint(tmp_path: Path) -> None:
     root, elsewhere = tmp_path / "root", {"TRACE_DAG_SIM__BACKEND": "elsewhere", "TRACE_DAG_EXECUTION__WORKERS": "1"}
     environment = install(tmp_path / "site", "1.2") | elsewhere
-    listed = json.loads(trace_dag(root, "plugins", "--json", **environment).stdout)
+    listed = json.loads(trace_dag_process(root, "plugins", "--json", **environment).stdout)
     assert {
         "kind": "backends",
         "name": "elsewhere",
@@ -69,8 +69,8 @@ def test_a_back_end_of_another_package_is_listed_run_and_part_of_the_fingerprint
         "reference": "simulator_elsewhere:Heavier",
     } in listed
     reports = reports_of(tmp_path / "reports", [KEY])
-    assert trace_dag(root, "ingest", "--reports", str(reports), "--maps", str(SAMPLE / "osm")).returncode == 0
-    assert trace_dag(root, "run", **environment).returncode == 0
+    assert trace_dag_process(root, "ingest", "--reports", str(reports), "--maps", str(SAMPLE / "osm")).returncode == 0
+    assert trace_dag_process(root, "run", **environment).returncode == 0
 
     def record():
         name = f"simulation_log/{KEY}.outcome.json"
@@ -78,14 +78,14 @@ def test_a_back_end_of_another_package_is_listed_run_and_part_of_the_fingerprint
 
     assert record().provenance.libraries["simulator-elsewhere"] == "1.2"
     environment = install(tmp_path / "site", "1.3") | elsewhere
-    assert trace_dag(root, "run", **environment).returncode == 0
+    assert trace_dag_process(root, "run", **environment).returncode == 0
     assert record().provenance.libraries["simulator-elsewhere"] == "1.3"
-    unlicensed = trace_dag(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "unlicensed"})
+    unlicensed = trace_dag_process(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "unlicensed"})
     assert (unlicensed.returncode, unlicensed.stderr.strip()) == (
         2,
         "trace-dag: the simulator elsewhere needs a licence",
     )
-    gone = trace_dag(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "gone"})
+    gone = trace_dag_process(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "gone"})
     assert gone.returncode == 2
     assert "backends gone (simulator-elsewhere 1.3) cannot be loaded" in gone.stderr
 
@@ -102,7 +102,7 @@ def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
 
 
 def test_a_setting_that_names_no_plugin_is_one_line(tmp_path: Path) -> None:
-    done = trace_dag(tmp_path, "run", TRACE_DAG_ROADS__CONVERTER="beamng")
+    done = trace_dag_process(tmp_path, "run", TRACE_DAG_ROADS__CONVERTER="beamng")
     assert done.returncode == 2
     assert "setting roads.converter = 'beamng'" in done.stderr
     assert "native, osm2odr" in done.stderr

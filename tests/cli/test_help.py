@@ -10,7 +10,7 @@ import click
 import pytest
 from click.testing import CliRunner
 from command_lines import taken_by
-from sample_runs import trace_dag
+from sample_runs import trace_dag_process
 
 from trace_dag.cli.main import cli
 
@@ -49,6 +49,6 @@ def test_help_ends_with_examples_the_command_would_take(name, tmp_path, monkeypa
 
 
 def test_help_touches_no_root(tmp_path):
-    done = trace_dag(tmp_path / "root", "run", "--help")
+    done = trace_dag_process(tmp_path / "root", "run", "--help")
     assert done.returncode == 0
     assert not list(tmp_path.iterdir())

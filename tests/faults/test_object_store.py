@@ -6,7 +6,7 @@ import subprocess
 
 from faults.cluster import BUCKET, dask_cluster, kill_when_under_way, object_store
 from result_tables import differences
-from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag
+from sample_runs import KEYS, SAMPLE, command, finished, reports_of, trace_dag_process
 
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
@@ -22,7 +22,7 @@ def test_a_cohort_on_a_cluster_with_a_killed_worker_gives_the_tables_of_a_local_
         for name, value in environment.items():
             monkeypatch.setenv(name, value)
         reports, maps = reports_of(tmp_path / "reports"), SAMPLE / "osm"
-        done = trace_dag(ROOT, "ingest", "--reports", str(reports), "--maps", str(maps), "--cohort", "sample")
+        done = trace_dag_process(ROOT, "ingest", "--reports", str(reports), "--maps", str(maps), "--cohort", "sample")
         assert done.returncode == 0, done.stderr
         with dask_cluster(tmp_path, 2, store | {"TRACE_DAG_LOG": "INFO"}) as cluster:
             for name, value in cluster.settings().items():
@@ -35,5 +35,5 @@ def test_a_cohort_on_a_cluster_with_a_killed_worker_gives_the_tables_of_a_local_
         assert f"{len(KEYS)} in all" in said
         warehouse = Workspace.open(ROOT, FLOW).warehouse
         assert differences(here / "warehouse.duckdb", warehouse) == {}
-        done = trace_dag(ROOT, "verify", "--contents")
+        done = trace_dag_process(ROOT, "verify", "--contents")
         assert done.returncode == 0, done.stdout

@@ -13,7 +13,7 @@ import pytest
 from cases import SAMPLE, sample_case
 from loopback import Answer, Loopback, Request, serving
 from model_server import COST_USD, KEY, MODEL, READY, Respond, asked_about, completion, failing, is_trial, knowing
-from sample_runs import reports_of, trace_dag
+from sample_runs import reports_of, trace_dag, trace_dag_process
 
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.errors import Reason, UserError
@@ -193,7 +193,7 @@ def test_the_command_leaves_no_key_anywhere(root, served, model):
 
     served(respond)
     environment = {"TRACE_DAG_STATES__LLM_MODEL": MODEL, "TRACE_DAG_LOG": "DEBUG"}
-    done = trace_dag(
+    done = trace_dag_process(
         root, "run", "--estimator", "llm", "--executor", "in_process", "--only", *CRASHES[:2], **environment
     )
     assert done.returncode == 1, done.stderr
