@@ -1,4 +1,8 @@
-"""Work that makes hundreds of thousands of objects, and hardly a cycle among them."""
+"""Python's garbage collector switched off for a while.
+
+Reading a map makes hundreds of thousands of objects, hardly any of which refer to each other in a circle. Looking for
+such circles again and again takes up to a third of the time.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """No looking for cycles meanwhile, which takes up to a third of the time; what there is of them is found later."""
+    """Within it, the garbage collector does not run. Afterwards it runs as before and frees what has piled up."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

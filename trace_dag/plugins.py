@@ -63,7 +63,7 @@ def offered(kind: PluginKind) -> dict[str, Plugin]:
 
 
 def plugin(kind: PluginKind, name: str) -> Plugin:
-    """What is offered under a name. Raises :class:`UserError` that names what there is."""
+    """The plugin of that name. Raises :class:`UserError` that lists the names there are."""
     found = offered(kind).get(name)
     if found is None:
         raise UserError(

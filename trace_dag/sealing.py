@@ -1,4 +1,4 @@
-"""JSON documents that prove themselves whole: their last field is the SHA-256 of what stands before it.
+"""JSON documents that show whether they have been changed: their last field is the SHA-256 of everything before it.
 
 Belongs here: setting and checking that seal. Every other stored file is listed, with size and SHA-256, in a sealed
 document: an outcome record (:mod:`trace_dag.provenance`) or a ledger (:mod:`trace_dag.flow.ledgers`). A seal finds

@@ -29,7 +29,7 @@ def verified_keys(
 ) -> list[str]:
     """Keys of the verified crashes, of a cohort or among those named, in order.
 
-    ``complain`` hears of records that are damaged, so that nobody knows whether their crash is verified. Raises
+    ``complain`` is called for damaged records: whether their crash is verified cannot be told. Raises
     :class:`UserError` if there is none, or if one of those named is not verified.
     """
     asked = list(only) or list(workspace.registry.keys(cohort))

@@ -71,7 +71,7 @@ def choice_options(command: F) -> F:
 
 
 def choice_of(options: dict[str, Any]) -> Choice:
-    """The choice that the values of the options make. Raises UserError for those that are none."""
+    """The choice that the options make. Raises UserError for a value that an option does not have."""
     from trace_dag.cohorts.choice import Choice
     from trace_dag.crash.cohorts import CohortFilter
     from trace_dag.crash.places import state_code

@@ -56,7 +56,7 @@ def register_new_cases(
                     case_lists=crash_api(services, storage, refresh=True),
                     choice=choice,
                 )
-            except UserError as error:  # nothing of what is asked for is listed yet
+            except UserError as error:  # the service lists no such case yet
                 log.warning("cohort %s: %s", cohort.name, error)
                 continue
             added += found.registration.added

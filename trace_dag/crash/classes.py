@@ -77,7 +77,7 @@ def collision_type(man_coll: int | None) -> CollisionType:
 def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopology:
     """Class of ``TYP_INT``; every other code and None are others.
 
-    Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that there is none.
+    Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
     """
     if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
         return RoadTopology.NOT_AN_INTERSECTION

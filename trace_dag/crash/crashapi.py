@@ -41,7 +41,7 @@ class CrashApiClient:
         The service counts every motor vehicle, parked ones too, and lists neither place nor crash type: filters on
         those need the reports.
 
-        Raises UserError for a state that is none, TransientFailure or Failure as :class:`HttpClient` does.
+        Raises UserError for an unknown state, TransientFailure or Failure as :class:`HttpClient` does.
         """
         found: dict[str, CrashListing] = {}
         year_list = sorted(set(years))
@@ -54,9 +54,9 @@ class CrashApiClient:
         return [found[key] for key in sorted(found)]
 
     def report(self, key: str) -> bytes:
-        """The report of a crash as served, or the answer that there is none (``Count`` 0).
+        """The report of a crash as served; where the service has no such report, its answer that says so (``Count`` 0).
 
-        Raises UserError for a key that is none, TransientFailure or Failure as :class:`HttpClient` does.
+        Raises UserError for a malformed key, TransientFailure or Failure as :class:`HttpClient` does.
         """
         year, state_case = parse_key(key)
         params = {

@@ -83,7 +83,7 @@ class FarsCsvSource:
     def reports(self, keys: Iterable[str] | None = None) -> Iterator[tuple[str, bytes]]:
         """Key and CrashAPI-shaped XML of the crashes asked for (None: all), once each; others are left out.
 
-        Raises UserError for a key that is none.
+        Raises UserError for a malformed key.
         """
         wanted = None if keys is None else {parse_key(key) for key in keys}
         done: set[tuple[int, int]] = set()

@@ -15,7 +15,7 @@ _KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
 
 
 def crash_key(case_year: int, state_case: int) -> str:
-    """The key of a crash. Raises ValueError if the numbers are none of FARS."""
+    """The key of a crash. Raises ValueError for numbers that FARS does not use."""
     key = f"{case_year:d}-{state_case:d}"
     if not _KEY.fullmatch(key):
         raise ValueError(

@@ -165,7 +165,7 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
-    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they are none."""
+    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they cannot be read."""
     case_year = crash.integer("CASEYEAR", "YEAR", low=FIRST_YEAR, high=LATEST_YEAR)
     state_case = crash.integer("ST_CASE")
     if case_year is None or state_case is None:
@@ -197,7 +197,7 @@ def reported_position(latitude: float | None, longitude: float | None) -> tuple[
     if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
         raise Rejection(
             Reason.INCOMPLETE_LOCATION,
-            f"the report's position ({latitude:g}, {longitude:g}) is none on Earth; expected degrees, longitude "
+            f"the report's position ({latitude:g}, {longitude:g}) is no place on Earth; expected degrees, longitude "
             "negative west of Greenwich",
         )
     return latitude, longitude

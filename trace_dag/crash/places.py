@@ -34,5 +34,5 @@ def state_code(text: str) -> int:
 
 
 def state_abbreviation(code: int) -> str:
-    """The postal abbreviation of a ``STATE`` code, the code itself if it is none."""
+    """The postal abbreviation of a ``STATE`` code, the code itself if no state has it."""
     return _POSTAL.get(code, str(code))

@@ -199,7 +199,7 @@ def _row(record: CrashRecord) -> dict[str, Any]:
 
 
 def record_from_parquet(data: bytes) -> CrashRecord:
-    """The record of a Parquet file of one row. Raises :class:`Failure` if it is none."""
+    """The record of a Parquet file of one row. Raises :class:`Failure` if the file does not hold one."""
     records = records_from_parquet(data)
     if len(records) != 1:
         raise Failure(

@@ -1,4 +1,4 @@
-"""What a flow is made of: stages, each a function of what it needs, and a crash's files as they see it.
+"""The contract of a stage: a function of what it needs, and the files of a crash as it is given them.
 
 Belongs here: the contract between the runner and the stage functions. The functions of the seven real stages are in
 :mod:`trace_dag.flow.stages`; a test may hand the runner a flow of its own.

@@ -39,7 +39,7 @@ def raised(failure: Failure) -> None:
 
 @dataclass(frozen=True)
 class Ledger:
-    """Files by name, and digests of what some of them were made of, by crash."""
+    """The files of one subject by name. ``made_of`` holds, by crash, a digest of what its files were made from."""
 
     files: dict[str, StoredFile] = field(default_factory=dict)
     made_of: dict[str, str] = field(default_factory=dict)
@@ -68,7 +68,7 @@ def read_ledger(storage: Storage, subject: str) -> Ledger:
 
 
 def sound_ledger(storage: Storage, subject: str) -> Ledger:
-    """The ledger of a subject whose files can be made anew: an empty one where there is none or it is damaged."""
+    """The ledger of a subject whose files can be made again: an empty ledger if it is missing or damaged."""
     try:
         return read_ledger(storage, subject)
     except DamagedFile:

@@ -42,7 +42,7 @@ def read_records(
 ) -> dict[str, Records]:
     """The stored records of some crashes, by key and stage; every key has an entry.
 
-    A record that is damaged counts as none, so that its stage runs again and writes it anew; ``complain`` hears of it.
+    A damaged record is left out, so that its stage runs again and writes it anew; ``complain`` is called with it.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
     for name, data in _contents(storage, [record_name(stage, key) for key in by_key for stage in stages]).items():
@@ -53,7 +53,10 @@ def read_records(
 
 
 def readable_record(storage: Storage, name: str, data: bytes, complain: Complaint) -> OutcomeRecord | None:
-    """A record as read, or read once more where that was cut short; None (and a complaint) where it is none."""
+    """A record from its bytes; None, and ``complain`` is called, if it is damaged.
+
+    What cannot be read is read once more, since the file may just have been replaced.
+    """
     try:
         return record_from_json(data, name=name)
     except DamagedFile:

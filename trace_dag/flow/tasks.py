@@ -134,7 +134,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Attempt:
-    """A stage's work on a crash: of what, in which run, from when (ISO 8601, UTC) and for how long."""
+    """One attempt of a stage at a crash: in which run, made from what, begun when (ISO 8601, UTC), how long it took."""
 
     key: str
     stage: Stage
@@ -144,7 +144,7 @@ class Attempt:
     duration_s: float
 
     def record(self, outcome: Outcome) -> OutcomeRecord:
-        """The record of it, without what it came to."""
+        """The record of this attempt. Its figures, artefacts and reason are filled in by the caller."""
         return OutcomeRecord(
             key=self.key,
             stage=self.stage,
@@ -158,7 +158,7 @@ class Attempt:
 
 
 def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[StoredFile]) -> OutcomeRecord:
-    """The record of a stage that came to a result, an acceptance or a rejection, and left some files."""
+    """The record of a stage that accepted or rejected the crash, with the files it stored."""
     rejection = product.rejection
     return replace(
         attempt.record(Outcome.ACCEPTED if rejection is None else Outcome.REJECTED),
@@ -172,7 +172,7 @@ def made_record(attempt: Attempt, product: StageProduct, stored: Sequence[Stored
 
 
 def failed_record(attempt: Attempt, error: Exception) -> OutcomeRecord:
-    """The record of a stage that came to none."""
+    """The record of a stage that failed."""
     return replace(
         attempt.record(Outcome.FAILED),
         detail=str(error) if isinstance(error, Failure) else f"{type(error).__name__}: {error}",

@@ -278,8 +278,8 @@ class _CrashWorker:
                 self.files.accept(record)
                 last = replace(last, record=record)
         except Exception as error:
-            # A crash is not worse for want of a picture, and the run says whose is wanting. The one drawn before
-            # shows what is not so any more.
+            # A missing picture does not fail the crash: the run names those without one. The picture drawn before shows
+            # an earlier state of the crash, so it is deleted.
             log.exception("%s: no picture", self.task.key)
             self._delete(picture_name(self.task.key, extension) for extension in PICTURE_EXTENSIONS)
             if last.record is not None and last.record.pictures:

@@ -58,7 +58,7 @@ class Workspace:
         return cls(storage, _settings(storage, overrides), flow)
 
     def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
-        """The same with other settings over the root's own; itself where there are none."""
+        """A copy with ``overrides`` in place of the ones it was opened with; itself if ``overrides`` is empty."""
         return replace(self, settings=_settings(self.storage, overrides)) if any(overrides.values()) else self
 
     def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:

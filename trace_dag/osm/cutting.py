@@ -56,7 +56,7 @@ class _Cutter:
         ids = np.concatenate([way.node_ids for way in ways] or [np.empty(0, np.int64)])
         x_deg = np.concatenate([way.longitudes_deg for way in ways] or [np.empty(0)])
         y_deg = np.concatenate([way.latitudes_deg for way in ways] or [np.empty(0)])
-        # A segment begins at each node. That at the last node of a way leads to the next way, and is none.
+        # A segment begins at each node but the last of a way: from there a segment would lead to the next way.
         sizes = np.array([len(way.node_ids) for way in ways], dtype=np.int64)
         lasts = np.cumsum(sizes) - 1
         enters, leaves = _inside_spans(x_deg, y_deg, box)

@@ -86,7 +86,7 @@ class FileHeader:
 
 
 def read_header(path: Path) -> FileHeader:
-    """The header of an OSM file. Raises :class:`UserError` if the file is none."""
+    """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file."""
     import osmium
 
     with _reading(path), osmium.io.Reader(str(path), osmium.osm.NOTHING) as reader:

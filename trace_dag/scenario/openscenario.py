@@ -67,7 +67,7 @@ class OpenScenarios:
     def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
         """One scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
 
-        Raises :class:`ValueError` if the free vehicle is none of the log's.
+        Raises :class:`ValueError` if the free vehicle is not in the log.
         """
         from scenariogeneration import xosc
 

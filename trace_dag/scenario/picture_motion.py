@@ -31,7 +31,7 @@ class _Body:
 
 
 class DrawnMotion:
-    """What vehicles do: as planned by ``hypothesis``, as driven in ``log``, of what is known."""
+    """How the vehicles move: as planned in ``hypothesis`` and as simulated in ``log``, as far as there are any."""
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:
         contact = log.first_contact if log else None

@@ -27,13 +27,13 @@ class EstimateErrors:
 
 @dataclass(frozen=True, eq=False)
 class EstimatorAttempt:
-    """What one estimator made of one crash: an estimate and its verdict, or the sentence that says why there is none.
+    """What one estimator made of one crash: an estimate and its verdict, or a sentence why it has none.
 
     ``failed``: not the crash's doing, but the estimator's or a service's.
     """
 
     estimate: StateEstimate | None
-    run: EstimatorRun | None = None  # of the estimate, or of what was tried without one coming of it
+    run: EstimatorRun | None = None  # that made the estimate, or that failed to make one
     detail: str = ""
     failed: bool = False
     accepted: bool | None = None
@@ -43,7 +43,7 @@ class EstimatorAttempt:
 
 @dataclass(frozen=True)
 class EstimatorRow:
-    """One estimator's estimate of one crash, beside the reference estimator's; None for what there is not.
+    """One estimator's estimate of one crash, beside the reference estimator's; None where there is no value.
 
     ``outcome``: estimated (by itself), fallback (another estimator had to), rejected or failed; ``detail`` says why.
     ``approach_agrees``: both vehicles start on the same road in the same direction as in the reference's best

@@ -108,7 +108,7 @@ def verified_cases(
 ) -> list[StoredCase]:
     """The verified ones of the crashes asked for; :class:`UserError` if there are none.
 
-    ``complain`` hears of records that are damaged, so that nobody knows whether their crash is verified.
+    ``complain`` is called for damaged records: whether their crash is verified cannot be told.
     """
     keys = registered(workspace, cohort, only)
     sources, records = workspace.registry.sources(keys), read_records(workspace.storage, keys, complain=complain)
@@ -129,7 +129,7 @@ def stored_variations(
 ) -> list[StoredCase]:
     """The stored variations of some crashes that were made of them as they are now.
 
-    ``complain`` hears of the families that are damaged. Raises :class:`UserError` if there are no variations.
+    ``complain`` is called for damaged families. Raises :class:`UserError` if there are no variations.
     """
     of_crash = {case.key: case for case in cases}
     found = [

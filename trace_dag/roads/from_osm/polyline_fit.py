@@ -99,7 +99,7 @@ def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
 
 
 def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
-    """The corners, those that their arcs would miss by more than a metre moved outwards; None if there are none."""
+    """The corners, or None for a line without; those that their arcs would pass by more than a metre moved outwards."""
     corners = shape.corners
     swung: list[_Corner] = [corners[0]]
     taken_m = 0.0  # of the segment before a corner, by the corner before it
@@ -123,7 +123,7 @@ def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m
     """What takes the place of a corner; None if it is well where it is, or has no room.
 
     The line runs beside the street before and behind the corner, or on one of its sides if the other is too short.
-    ``rooms_m`` is what there is of the segments before and behind.
+    ``rooms_m``: lengths available of the segments before and behind.
     """
     corner, turn = shape.corners[index], abs(shape.turns[index - 1])
     missed_m = shape.tangents[index] * math.tan(min(turn, 3.1) / 4)
@@ -320,7 +320,7 @@ def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0)
 
 
 def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[float]) -> list[float]:
-    """Tangents that fit two to a segment: what each needs first, then as much as there is of what it would like."""
+    """Lengths of tangents, two of which share each segment: first what each needs, then as much more as fits."""
     shared = [liked for _, liked in tangents]
     for segment in range(len(lengths)):
         a, b = _shares(tangents, lengths, segment)

@@ -154,7 +154,7 @@ def _decision(
 
 
 def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
-    """Hypotheses on the chosen approaches; where they fail their checks the model hears of it."""
+    """Hypotheses on the chosen approaches; if they fail their checks, the model is told and asked again."""
     chosen = choices.chosen(decision.approaches)
     ids = " and ".join(f"{approach.id} for vehicle {number}" for number, approach in decision.approaches.items())
     if not chosen:
