@@ -6,52 +6,51 @@ South Dakota 2012 to 2016. A module and no file beside, so that a verdict's fing
 
 COUNTS = """\
 fact,agreement,true_count,true_of,chance_count,chance_of
-alignment,agrees,31,38,137,218
-alignment,near,4,38,43,218
-alignment,differs,3,38,38,218
-carriageways,agrees,3,3,9,20
-carriageways,differs,0,3,11,20
-control,agrees,18,21,94,109
-control,differs,3,21,15,109
-crash type,agrees,62,62,282,1211
-crash type,differs,0,62,929,1211
-critical event,agrees,31,34,254,628
-critical event,differs,3,34,374,628
-damage,agrees,23,25,357,549
-damage,near,1,25,106,549
-damage,differs,1,25,86,549
-division,agrees,19,21,77,127
-division,differs,2,21,50,127
-first harmful event,agrees,32,32,604,640
-first harmful event,differs,0,32,36,640
-first street,agrees,20,20,4,131
-first street,near,0,20,5,131
-first street,differs,0,20,122,131
-impact,agrees,45,62,325,1257
-impact,near,17,62,488,1257
-impact,differs,0,62,444,1257
-intersection,agrees,29,32,114,210
-intersection,near,3,32,25,210
-intersection,differs,0,32,71,210
-land use,agrees,26,31,132,203
-land use,near,3,31,13,203
-land use,differs,2,31,58,203
-lanes,agrees,24,28,80,133
-lanes,differs,4,28,53,133
-limit,agrees,15,17,29,82
-limit,differs,2,17,53,82
-manner of collision,agrees,31,31,381,599
-manner of collision,differs,0,31,218,599
-movement,agrees,44,44,649,865
-movement,differs,0,44,216,865
-point,agrees,27,32,189,210
-point,near,5,32,13,210
-point,differs,0,32,8,210
-road class,agrees,23,32,63,204
-road class,near,7,32,52,204
-road class,differs,2,32,89,204
-second street,agrees,13,14,7,101
-second street,differs,1,14,94,101
-travel speed,agrees,59,59,136,1082
-travel speed,differs,0,59,946,1082
+alignment,agrees,82,91,306,450
+alignment,near,4,91,80,450
+alignment,differs,5,91,64,450
+carriageways,agrees,9,9,15,48
+carriageways,differs,0,9,33,48
+control,agrees,45,50,204,237
+control,differs,5,50,33,237
+crash type,agrees,154,154,744,3082
+crash type,differs,0,154,2338,3082
+critical event,agrees,78,81,616,1613
+critical event,differs,3,81,997,1613
+damage,agrees,59,63,871,1267
+damage,near,3,63,178,1267
+damage,differs,1,63,218,1267
+division,agrees,50,52,195,286
+division,differs,2,52,91,286
+first harmful event,agrees,79,79,1580,1580
+first street,agrees,51,51,7,285
+first street,near,0,51,6,285
+first street,differs,0,51,272,285
+impact,agrees,114,155,892,3103
+impact,near,41,155,1135,3103
+impact,differs,0,155,1076,3103
+intersection,agrees,72,79,275,466
+intersection,near,5,79,44,466
+intersection,differs,2,79,147,466
+land use,agrees,60,74,265,439
+land use,near,4,74,42,439
+land use,differs,10,74,132,439
+lanes,agrees,56,63,177,279
+lanes,differs,7,63,102,279
+limit,agrees,38,43,54,159
+limit,differs,5,43,105,159
+manner of collision,agrees,78,78,973,1562
+manner of collision,differs,0,78,589,1562
+movement,agrees,104,104,1578,2065
+movement,differs,0,104,487,2065
+point,agrees,72,79,414,466
+point,near,7,79,41,466
+point,differs,0,79,11,466
+road class,agrees,48,78,167,457
+road class,near,24,78,112,457
+road class,differs,6,78,178,457
+second street,agrees,35,36,8,227
+second street,differs,1,36,219,227
+travel speed,agrees,134,134,369,2680
+travel speed,differs,0,134,2311,2680
 """
