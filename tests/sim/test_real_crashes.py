@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.verdict.crashes import acceptance_rate
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Rejection
 from trace_dag.osm.xml import read_osm
@@ -23,7 +24,6 @@ from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import (
     JudgedCrash,
-    acceptance_rate,
     against_other_reports,
     shifted_estimate,
     shifted_in_time,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,7 @@ from trace_dag.states.types import (
     Trajectory,
 )
 from trace_dag.units import clock_to_bearing_rad
+from trace_dag.verdict.controls import ControlRow
 
 LANE_WIDTH_M = 3.5
 FRAME = LocalFrame(37.0, -77.0)
@@ -139,3 +141,9 @@ def estimate(*hypotheses: Hypothesis, key: str = "2023-1") -> StateEstimate:
 def moved(trajectory: Trajectory, dx_m: float, dy_m: float) -> Trajectory:
     """The same motion elsewhere."""
     return replace(trajectory, x_m=trajectory.x_m + dx_m, y_m=trajectory.y_m + dy_m)
+
+
+def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:
+    """Share accepted of the rows to which the control applies; None if there are none."""
+    judged = [row.accepted for row in rows if row.accepted is not None]
+    return sum(judged) / len(judged) if judged else None

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.sim.motions import CAR, driven, straight
-from tests.verdict.crashes import CROSSROADS, STREET, area, estimate, moved, record, simulated, vehicle
+from tests.verdict.crashes import CROSSROADS, STREET, acceptance_rate, area, estimate, moved, record, simulated, vehicle
 from trace_dag.crash.record import EventRecord, ImpactArea, PreCrashMovement
 from trace_dag.errors import Failure, Reason
 from trace_dag.geometry import LocalFrame, Pose, contact_clock_h
@@ -22,7 +22,6 @@ from trace_dag.sim.run import simulate
 from trace_dag.units import clock_difference_h
 from trace_dag.verdict.controls import (
     JudgedCrash,
-    acceptance_rate,
     against_other_reports,
     shifted_estimate,
     shifted_in_time,

@@ -14,7 +14,7 @@ acceptance is worth. Two ways of being wrong, both over a whole cohort, judged b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -206,9 +206,3 @@ def _row(kind: str, key: str, verdict: Verdict, other_key: str | None = None) ->
         speeds_kept=verdict.all_hold("initial_speed_error"),
         detail=verdict.detail,
     )
-
-
-def acceptance_rate(rows: Sequence[ControlRow]) -> float | None:
-    """Share accepted of the rows to which the control applies; None if there are none."""
-    judged = [row.accepted for row in rows if row.accepted is not None]
-    return sum(judged) / len(judged) if judged else None

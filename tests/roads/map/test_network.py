@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.networks import FRAME, crossroads, curvy_road, one_road, plans, ring
+from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import (
     ContactPoint,
     Cubic,
@@ -110,7 +111,7 @@ def test_nearest_lane_agrees_with_the_lanes_surfaces(plan: tuple[PlanElement, ..
     assert matches == sorted(matches, key=lambda match: match.outside_m)
     found = {match.lane: match.outside_m for match in matches}
     for ref in network.drivable_lanes():
-        distance = network.lane_polygon(ref, 0.25).distance(shapely.Point(x, y))
+        distance = polygon(network.geometry(ref), 0.25).distance(shapely.Point(x, y))
         if distance < 29.9:
             # Outside a bend, beside the road's end, the foot on the centre is not the nearest border point.
             assert found[ref] == pytest.approx(distance, abs=0.3)

@@ -19,23 +19,41 @@ from trace_dag.roads.from_osm.tags import CrossSection, WayProfile
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M
 from trace_dag.roads.map.curves import PlanView, Point
 
-_REACH_M: Final = 45.0  # beyond it arms that still overlap (ramps along a motorway) are left overlapping
-_JOIN_M: Final = 30.0  # longest street that may vanish inside a joined crossing
-_DIVIDED_JOIN_M: Final = 35.0  # widest divided road whose two crossings are one
-_LARGEST_CROSSING_M: Final = 45.0  # farthest apart two nodes of one crossing may be
-_GAP_M: Final = 5.0
-_OVERLAP_M: Final = 0.5  # by which carriageways may overlap and still be clear of each other
-_LEAST_STREET_M: Final = 1.0  # what must remain of a street between two junctions
-_LEAST_CORNERS_M: Final = 2.6  # room for the corners at both its ends together, or its junctions are one
-_CORNER_M: Final = {True: 3.0, False: 5.0}  # room for the corner: service roads, all others
-_MAJOR_CORNER_M: Final = 6.5
-_EDGE_LANE_M: Final = 1.3  # from the edge of a road to the middle of its outer lane, at least
-_PARALLEL_RAD: Final = 0.12
-_FORK_M: Final = 20.0  # farthest that the fork of a divided road is cut back
-_HAIRPIN_RAD: Final = 0.6
-_HAIRPIN_CUT_M: Final = 2.5  # the point of a hairpin is where the mappers put it, however its sides overlap
-_FOLD_DEVIATION_M: Final = 2.9  # farthest that the curve of a fold passes from its point
-_SHIFT_RATIO: Final = 2.0  # room ahead and behind for lanes that shift sideways, per metre of shift
+# Lengths set by judgement carry what they meet in practice: measured on the 82 extracts around fatal crashes of two
+# cohorts (Virginia 2023, FARS 2012 to 2016), which have 1,747 junctions, 104 of them joined of several nodes.
+_REACH_M: Final = 45.0
+"""Judgement. Arms that still overlap beyond it (ramps along a motorway) are left overlapping: 25 pairs of 14,736. Half
+of all cuts are shorter than 5.5 m, 99 in 100 shorter than 19 m."""
+_JOIN_M: Final = 30.0
+"""Longest street that may vanish inside a joined crossing. Judgement: of the 154 that did, half are shorter than 9 m,
+99 in 100 shorter than 27 m."""
+_DIVIDED_JOIN_M: Final = 35.0
+"""Widest divided road, between the middles of its carriageways, whose two crossings are one. Judgement: half of the 63
+found are 16 m wide, the widest 30 m."""
+_LARGEST_CROSSING_M: Final = 45.0
+"""Farthest apart two nodes of one crossing may be, so that car parks do not become one. Judgement: half of the joined
+ones are smaller than 10 m; the largest, of 44 m, comes near it."""
+_GAP_M: Final = 5.0  # an arm is clear for good where it has been clear this far: about a car. Judgement
+_OVERLAP_M: Final = (
+    0.5  # by which carriageways may overlap and still be clear: lanes are drawn wider than cars. Judgement
+)
+_LEAST_STREET_M: Final = 1.0  # what must remain of a street between two junctions: a road needs a length. Judgement
+_LEAST_CORNERS_M: Final = 2.6
+"""Room for the corners at both ends of a street together, or its junctions are one: set so that the tightest corners
+that a lane's centre may take fit in (``CORNER_RADIUS_M``)."""
+_CORNER_M: Final = {True: 3.0, False: 5.0}
+"""Room for the corner where a service road is one of the two, and else. Judgement."""
+_MAJOR_CORNER_M: Final = 6.5  # the same where both are secondary roads or greater. Judgement
+_EDGE_LANE_M: Final = 1.3  # from the edge of a road to the middle of its outer lane, at least: half a narrow lane
+_CORNER_RAD: Final = (0.6, 2.6)  # 34 to 149 degrees between arms: they make a corner; beyond, one goes on in the other
+_ACROSS_SINE: Final = 0.5  # a street at 30 degrees or more to a divided road crosses its median. Judgement
+_OPPOSITE_COSINE: Final = -0.85  # carriageways at 148 degrees or more belong to one divided road. Judgement
+_PARALLEL_RAD: Final = 0.12  # 7 degrees: carriageways of a divided road, not a fork. Judgement
+_FORK_M: Final = 20.0  # farthest that the fork of a divided road is cut back. Judgement
+_HAIRPIN_RAD: Final = 0.6  # 34 degrees between its sides. Judgement
+_HAIRPIN_CUT_M: Final = 2.5  # the point of a hairpin is where the mappers put it, however its sides overlap. Judgement
+_FOLD_DEVIATION_M: Final = 2.9  # farthest that the curve of a fold passes from its point. Judgement
+_SHIFT_RATIO: Final = 2.0  # room ahead and behind for lanes that shift sideways, per metre of shift. Judgement
 
 
 class StreetEnd(NamedTuple):
@@ -244,10 +262,12 @@ def _divided_crossings(
             continue
         across = _bearing(street, True)
         for names, highway, bearing in through[a]:
-            if abs(math.sin(bearing - across)) < 0.5:  # along, not across
+            if abs(math.sin(bearing - across)) < _ACROSS_SINE:  # along, not across
                 continue
             if any(
-                other_highway == highway and (names == other_names) and math.cos(bearing - other_bearing) < -0.85
+                other_highway == highway
+                and (names == other_names)
+                and math.cos(bearing - other_bearing) < _OPPOSITE_COSINE
                 for other_names, other_highway, other_bearing in through[b]
             ):
                 found.append(index)
@@ -367,12 +387,12 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
             if opposite and angle < _HAIRPIN_RAD:
                 reach = min(reach, _FORK_M)
             clear = max(clear, reach)
-            if 0.6 < angle < 2.6:
+            if _CORNER_RAD[0] < angle < _CORNER_RAD[1]:
                 corner = _CORNER_M["service" in (strip.profile.highway, other.profile.highway)]
                 if max(strip.profile.rank, other.profile.rank) <= 3:
                     corner = _MAJOR_CORNER_M
                 reach += max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(angle / 2))
-            elif angle >= 2.6:
+            elif angle >= _CORNER_RAD[1]:
                 shift_m = strip.shift_to(other)
                 # Half the way in which lanes eased over by a cubic bend no tighter than a corner: 6 shift / way**2.
                 clear = max(clear, math.sqrt(6 * shift_m * CORNER_RADIUS_M) / 2)

@@ -22,9 +22,23 @@ from trace_dag.roads.from_osm.turn_curves import TIGHTEST_RADIUS_M
 from trace_dag.roads.map.curves import PlanPose, PlanView, Point
 from trace_dag.roads.map.model import ContactPoint, LaneType
 
+# Angles set by judgement; measured on the 82 extracts around fatal crashes of two cohorts (Virginia 2023, FARS 2012 to
+# 2016), which have 11,742 movements.
 _STRAIGHT_RAD: Final = math.radians(45)
+"""The straightest movement of an arm is straight on up to here: 95 in 100 of those turn by less than 23 degrees, and of
+all movements 90 lie within 5 degrees of the border."""
 _DIVERGE_RAD: Final = math.radians(30)
+"""Roads part rather than meet below this: 12 of 7,654 turns lie within 5 degrees of it."""
 _U_TURN_RAD: Final = math.radians(155)
+"""Half of the 152 turns beyond it go round by 178 degrees or more; 25 movements lie within 5 degrees of it."""
+# Of several movements the straightest goes straight on. Judgement: a road of the same name may turn by 14 degrees more,
+# a ramp has to turn by 11 degrees less, and a road of another class by 2 degrees less for each class between.
+_SAME_NAME_RAD: Final = 0.25
+_ONTO_RAMP_RAD: Final = 0.2
+_PER_CLASS_RAD: Final = 0.03
+_ARROW_REACH_RAD: Final = 1.1  # an arrow allows no movement farther off than 63 degrees. Judgement
+# What an arrow means where no turn of its name is there: a right angle, half of one more for sharp ones, 35 degrees
+# for slight ones. Judgement.
 _TURN_ANGLES: Final = {
     "reverse": math.pi,
     "sharp_left": math.radians(135),
@@ -242,7 +256,8 @@ def _straightness(movement: Movement) -> tuple[float, int]:
     same = movement.target.profile.names and movement.target.profile.names == movement.origin.profile.names
     change = abs(movement.target.profile.rank - movement.origin.profile.rank)
     link = movement.target.profile.is_link and not movement.origin.profile.is_link
-    return abs(movement.angle_rad) - (0.25 if same else 0.0) + (0.2 if link else 0.0) + 0.03 * change, change
+    named_rad, ramp_rad = _SAME_NAME_RAD if same else 0.0, _ONTO_RAMP_RAD if link else 0.0
+    return abs(movement.angle_rad) - named_rad + ramp_rad + _PER_CLASS_RAD * change, change
 
 
 def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Movement]:
@@ -294,7 +309,7 @@ def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]
             found.update(same_kind)
             continue
         candidates = same_kind or [
-            i for i, m in enumerate(movements) if abs(math.remainder(m.angle_rad - wanted, math.tau)) < 1.1
+            i for i, m in enumerate(movements) if abs(math.remainder(m.angle_rad - wanted, math.tau)) < _ARROW_REACH_RAD
         ]
         if candidates:
             found.add(min(candidates, key=lambda i: abs(math.remainder(movements[i].angle_rad - wanted, math.tau))))

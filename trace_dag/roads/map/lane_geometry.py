@@ -92,10 +92,6 @@ class RoadGeometry:
         """Height of the road surface, constant beyond the road's ends."""
         return self.elevation.at(min(max(s_m, 0.0), self.road.length_m))
 
-    def grade_at(self, s_m: float) -> float:
-        """Rise over run of the surface along the reference line (0.05 is 5 %)."""
-        return self.elevation.slope(min(max(s_m, 0.0), self.road.length_m))
-
 
 def _outward(section: LaneSection, sign: int) -> list[Lane]:
     return sorted((lane for lane in section.lanes if lane.id * sign > 0), key=lambda lane: abs(lane.id))

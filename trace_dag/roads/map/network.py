@@ -14,14 +14,14 @@ import numpy as np
 
 from trace_dag.geometry import FloatArray, LocalFrame, Pose
 from trace_dag.roads.map.lane_geometry import LaneGeometry, RoadGeometry
-from trace_dag.roads.map.lane_index import LaneIndex, drivable_area, polygon
+from trace_dag.roads.map.lane_index import LaneIndex, drivable_area
 from trace_dag.roads.map.lane_links import LaneLinks
 from trace_dag.roads.map.model import Controller, Junction, Lane, LaneMatch, LaneRef, Road
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from shapely import MultiPolygon, Polygon
+    from shapely import MultiPolygon
 
 SAME_LEVEL_M: Final = 2.5
 """Surfaces further apart than this in height are different levels: half of the usual clearance of 4.9 m."""
@@ -161,10 +161,6 @@ class RoadNetwork:
         is shared and read-only.
         """
         return self._lanes[ref].centreline(step_m)
-
-    def lane_polygon(self, ref: LaneRef, step_m: float = 2.0) -> Polygon:
-        """The lane's surface seen from above."""
-        return polygon(self._lanes[ref], step_m)
 
     @cached_property
     def drivable_area(self) -> MultiPolygon:
