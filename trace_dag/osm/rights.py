@@ -49,6 +49,11 @@ class Rights:
         return bool(self.attributions) and all("fictional" in each.lower() for each in self.attributions)
 
     @property
+    def openstreetmap(self) -> bool:
+        """Whether OpenStreetMap is in any of them; the pages ask."""
+        return any(_licence(each) == "ODbL-1.0" for each in self.attributions)
+
+    @property
     def licence(self) -> str:
         """The SPDX licence expression that holds for all of them together."""
         return " AND ".join(sorted({_licence(each) for each in self.attributions})) or _UNKNOWN
