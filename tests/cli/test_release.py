@@ -60,6 +60,7 @@ def test_a_release_is_whole(released: Path, verified: list[str]) -> None:
         assert zipfile.ZipFile(released / row["package"]).testzip() is None
         assert row["package_bytes"] == (released / row["package"]).stat().st_size
         assert row["collision_type"]
+        assert row["kind"] == "two_vehicles"
         assert row["contact_distance_m"] < 5.0
 
 

@@ -51,6 +51,7 @@ RELEASE_INDEX = TableSchema(
         Column("longitude_deg", _T.REAL, "Reported longitude, WGS84", unit="deg", source="LONGITUD"),
         Column("month", _T.INTEGER, "Month of the crash"),
         Column("hour", _T.INTEGER, "Hour of the crash, local time"),
+        Column("kind", _T.TEXT, "Kind of crash", source="HARM_EV, VE_FORMS, SOE"),
         Column("collision_type", _T.TEXT, "Coverage class of the manner of collision", source="MAN_COLL"),
         Column("road_topology", _T.TEXT, "Coverage class of the intersection", source="TYP_INT"),
         Column("vehicle_trajectory", _T.TEXT, "Coverage class of the courses of the pair", source="ACC_TYPE"),
