@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
+
 from trace_dag.code_versions import code_version
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure, UserError
@@ -134,18 +136,24 @@ def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint
     whether it is still what was built.
     """
     started = time.monotonic()
-    for attempt in range(1, _BUILD_ATTEMPTS + 1):
+
+    def build() -> BuildReport:
         with tempfile.TemporaryDirectory(prefix=temporary_prefix(BUILDING), dir=local_folder) as folder:
-            try:
-                built = _build(storage, Path(folder), local_folder / WAREHOUSE_FILE, started)
-                for damaged in built.damaged:
-                    complain(damaged)
-                return built
-            except FileNotFoundError as error:
-                if attempt == _BUILD_ATTEMPTS:
-                    raise Failure(f"warehouse: artefacts keep changing while they are read ({error})") from error
-                log.info("an artefact was replaced while it was read; building again")
-    raise AssertionError("unreachable")
+            return _build(storage, Path(folder), local_folder / WAREHOUSE_FILE, started)
+
+    building = Retrying(
+        retry=retry_if_exception_type(FileNotFoundError),
+        stop=stop_after_attempt(_BUILD_ATTEMPTS),
+        before_sleep=lambda _: log.info("an artefact was replaced while it was read; building again"),
+        reraise=True,
+    )
+    try:
+        built = building(build)
+    except FileNotFoundError as error:
+        raise Failure(f"warehouse: artefacts keep changing while they are read ({error})") from error
+    for damaged in built.damaged:
+        complain(damaged)
+    return built
 
 
 def _build(storage: Storage, folder: Path, target: Path, started: float) -> BuildReport:
