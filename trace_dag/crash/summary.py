@@ -203,14 +203,19 @@ def _non_motorists(record: CrashRecord) -> str:
     )
 
 
-def _person(person: NonMotorist) -> tuple[str, ...]:
+def place_in_words(person: NonMotorist) -> str:
+    """Where a person was when struck, by the typing, else by ``LOCATION``; empty where neither says."""
     position = person_codes.PEDPOS.meaning(person.pedestrian_position_code) or person_codes.BIKEPOS.meaning(
         person.cyclist_position_code
     )
+    return position or person_codes.LOCATION.meaning(person.location_code)
+
+
+def _person(person: NonMotorist) -> tuple[str, ...]:
     return (
         crash_codes.PER_TYP.meaning(person.person_type_code) or "non-motorist",
         *(person_codes.NMACTION.meaning(code) for code in person.actions),
-        position or person_codes.LOCATION.meaning(person.location_code),
+        place_in_words(person),
         f"struck by vehicle {person.striking_vehicle}" if person.striking_vehicle else "",
     )
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from trace_dag import __version__
 from trace_dag.crash.parties import is_vehicle, party_in_words
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import place_in_words
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport
 from trace_dag.states.types import StateEstimate
@@ -178,7 +179,7 @@ _TABLE_COLUMNS = (
     {"name": "collision_type", "label": "Collision", "class": "", "sorted": False},
     {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
     {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
-    {"name": "contact_distance_m", "label": "Contact to report (m)", "class": "number", "sorted": False},
+    {"name": "contact_distance_m", "label": "Contact (m)", "class": "number", "sorted": False},
 )
 # Decimals: 5 of a degree are a metre.
 _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}
@@ -233,6 +234,7 @@ def _templates() -> Environment:
     environment.filters["words"] = lambda value: _words(value) or "–"
     environment.filters["holds"] = _holds
     environment.filters["party"] = _party
+    environment.filters["place"] = place_in_words
     environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
     environment.filters["fixed"] = _fixed
     environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
