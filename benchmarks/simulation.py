@@ -1,9 +1,10 @@
 """How fast the embedded simulation is: simulated seconds per second of one core, logging included, and its memory.
 
-    python benchmarks/simulation.py            synthetic crashes of four kinds, 1,000 runs for the memory
+    python benchmarks/simulation.py            synthetic crashes of six kinds, 1,000 runs for the memory
     python benchmarks/simulation.py --runs 50  fewer
 
-Logging means both files of a log as bytes, as the flow stores them. The target is 200 times real time per crash.
+Logging means both files of a log as bytes, as the flow stores them. The targets are 200 times real
+time per crash of two vehicles, 150 per crash of a vehicle and a person.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
+from trace_dag.sim.anthropometry import person_body
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.surface import Surface
@@ -29,9 +31,11 @@ from trace_dag.states.types import Trajectory
 CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
 TRUCK = replace(CAR, vehicle_class=VehicleClass.TRUCK, length_m=8.5, width_m=2.5, height_m=3.2, mass_kg=12000.0)
 
+ADULT, CYCLIST = person_body(BodyKind.PEDESTRIAN), person_body(BodyKind.CYCLIST)
+
 
 def vehicle(number: int, x_m: float, y_m: float, heading_rad: float, speed_mps: float, body: Body = CAR) -> Participant:
-    """A vehicle on a straight plan of eight seconds."""
+    """A vehicle, or a person, on a straight plan of eight seconds."""
     t = np.arange(0.0, 8.01, 0.1)
     x, y = x_m + speed_mps * t * math.cos(heading_rad), y_m + speed_mps * t * math.sin(heading_rad)
     same = np.zeros_like(t)
@@ -44,6 +48,8 @@ CRASHES = {
     "angle": (vehicle(1, 0, -75, math.pi / 2, 15), vehicle(2, -62, 0, 0, 12)),
     "rear-end": (vehicle(1, -140, 0, 0, 28), vehicle(2, -50, 0.3, 0, 10)),
     "into a truck": (vehicle(1, -100, 0, 0, 20), vehicle(2, 60, -1.2, math.pi, 12, TRUCK)),
+    "pedestrian": (vehicle(1, -63, 0, 0, 15), vehicle(1001, 0, -5.8, math.pi / 2, 1.4, ADULT)),
+    "cyclist": (vehicle(1, -75, 0, 0, 18), vehicle(1001, -20, 0.2, 0, 5, CYCLIST)),
 }
 
 

@@ -3,8 +3,9 @@
 Segments: pelvis, thorax with abdomen, head with neck, arms, thighs, shanks with feet. Their shares of the mass are
 Dempster's and their lengths Drillis and Contini's (both as in Winter, Biomechanics and Motor Control of Human Movement,
 4th ed., 2009), all relative to the stature; their girth grows with the root of mass by stature. Joints have the
-ranges of relaxed people, roughly, and the little resistance of passive tissue: nobody holds on once struck. That is
-the usual multi-body pedestrian (van Wijk et al., SAE 830186; Ishikawa et al., SAE 933129) without breakable bones.
+ranges of relaxed people, roughly, and the little resistance of passive tissue: nobody holds on once struck. Knees give
+way to all sides, as they do once ligaments or bones of a struck leg have failed (from some 15 km/h on: Kajzer et al.,
+SAE 973326). That is the usual multi-body pedestrian (van Wijk et al., SAE 830186; Ishikawa et al., SAE 933129).
 
 Axes of the figure: ahead, left, up. The root is the pelvis at the height of the hip joints.
 """
@@ -28,12 +29,12 @@ _LONGEST_SWING_RAD = 0.6
 _ARM_SWING = 0.7  # of the leg's
 
 SEGMENTS = ("pelvis", "thorax", "head", "arm_l", "arm_r", "thigh_l", "thigh_r", "shank_l", "shank_r")
-LANDMARKS = ("head", "neck", "pelvis", "hand_l", "hand_r", "knee_l", "knee_r", "foot_l", "foot_r")
+LANDMARKS = ("pelvis", "neck", "head", "hand_l", "hand_r", "knee_l", "foot_l", "knee_r", "foot_r")
 """Points of a person that a log keeps, in this order."""
 RIDDEN_LANDMARKS = ("front", "rear", "top")
 """And of what the person rides: hub of the front wheel, of the rear wheel, middle of the handlebar."""
-DEGREES = (7 + 4 * 6 + 2, 6 + 3 * 6 + 2)
-"""Numbers in a figure's pose and in its rates: a free root, six ball joints, two knees."""
+DEGREES = (7 + 4 * 8, 6 + 3 * 8)
+"""Numbers in a figure's pose and in its rates: a free root and eight ball joints."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,9 @@ class Posture:
             *_turn(self.shoulders[0]),
             *_turn(self.shoulders[1]),
             *_turn(left_hip),
-            left_knee,
+            *_turn(left_knee),
             *_turn(right_hip),
-            right_knee,
+            *_turn(right_knee),
         ]
 
     def hip_height(self, stature_m: float) -> float:
@@ -158,8 +159,7 @@ def _person_mjcf(name: str, stature_m: float, mass_kg: float) -> str:
             f'<body pos="0 {sign * 0.050 * h!r} 0">{joint(15.0, 1.9)}'
             + capsule(f"thigh_{side}", 0.100, thigh_m, f"0 0 {-0.02 * h!r}", f"0 0 {-0.21 * h!r}")
             + site(f"knee_{side}", knee_at)
-            + f'<body pos="{knee_at}"><joint type="hinge" axis="0 1 0" range="0 2.5" limited="true" '
-            + f'damping="{6.0 * stiff!r}" armature="{0.03 * stiff!r}" solreflimit="0.02 1"/>'
+            + f'<body pos="{knee_at}">{joint(4.0, 2.5)}'
             + capsule(f"shank_{side}", 0.061, shank_r, "0 0 0", sole)
             + site(f"foot_{side}", sole)
             + "</body></body>"
@@ -194,8 +194,8 @@ def _bicycle_mjcf(name: str, size: float, mass_kg: float) -> tuple[str, list[str
         ("frame", 0.45, "capsule", 0.05, f"{-0.80 * size!r} 0 {wheel_m!r} {0.80 * size!r} 0 {wheel_m!r}"),
         ("post", 0.20, "capsule", 0.03, f"{-0.22 * size!r} 0 {wheel_m!r} {-0.25 * size!r} 0 {0.85 * size!r}"),
         ("bar", 0.15, "capsule", 0.02, f"{0.38 * size!r} -0.26 {1.0 * size!r} {0.38 * size!r} 0.26 {1.0 * size!r}"),
-        ("front", 0.10, "cylinder", wheel_m, f"{hub_m!r} -0.02 {wheel_m!r} {hub_m!r} 0.02 {wheel_m!r}"),
-        ("rear", 0.10, "cylinder", wheel_m, f"{-hub_m!r} -0.02 {wheel_m!r} {-hub_m!r} 0.02 {wheel_m!r}"),
+        ("front", 0.10, "cylinder", wheel_m, f"{hub_m!r} -0.005 {wheel_m!r} {hub_m!r} 0.005 {wheel_m!r}"),
+        ("rear", 0.10, "cylinder", wheel_m, f"{-hub_m!r} -0.005 {wheel_m!r} {-hub_m!r} 0.005 {wheel_m!r}"),
     )
     geoms = "".join(
         f'<geom name="{name}_{part}" type="{shape}" size="{radius_m!r}" fromto="{ends}" mass="{share * mass_kg!r}" '

@@ -48,7 +48,7 @@ _SHAPES: dict[VehicleClass, FrontShape] = {
     VehicleClass.CAR: _shape(0.20, 0.53, 0.13, 0.72, 1.00, 11.0, 30.0),
     VehicleClass.SUV: _shape(0.25, 0.62, 0.14, 0.93, 0.95, 9.0, 38.0),
     VehicleClass.PICKUP: _shape(0.28, 0.72, 0.12, 1.06, 1.10, 5.0, 38.0),
-    VehicleClass.VAN: _shape(0.22, 0.60, 0.15, 0.95, 0.60, 22.0, 42.0),
+    VehicleClass.VAN: _shape(0.22, 0.60, 0.15, 0.95, 0.65, 17.0, 40.0),
     VehicleClass.LIGHT_TRUCK: _shape(0.30, 0.75, 0.08, 1.25, 0.80, 10.0, 60.0),
     VehicleClass.TRUCK: _shape(0.38, 0.85, 0.08, 1.50, 1.20, 8.0, 65.0),
     VehicleClass.TRACTOR_TRAILER: _shape(0.38, 0.85, 0.08, 1.55, 1.60, 8.0, 65.0),

@@ -47,8 +47,8 @@ SIMULATION_STEPS = TableSchema(
         Column(
             "landmarks_m",
             ColumnType.REAL,
-            "Points of a person's body east, north and up of its place: head, neck, pelvis, hands, knees and feet "
-            "(left, right), then front, rear and top of what it rides; empty for vehicles",
+            "Points of a person's body east, north and up of its place: pelvis, neck, head, both hands, left "
+            "knee and foot, right knee and foot; then front, rear and top of what it rides; empty for vehicles",
             unit="m",
             required=True,
             repeated=True,

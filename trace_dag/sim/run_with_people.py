@@ -35,6 +35,7 @@ class PeopleRun(VehicleRun):
 
     def _make_people(self) -> list[Person]:
         self._everybody = "participants"
+        self._on_road = False
         self._people_apart_until_step = 0  # no vehicle can touch a person before it
         self._strikes_in_parts = max(1, math.ceil(self._step_s / _STRIKE_STEP_S - 1e-9))
         self._near_in_parts = max(1, math.ceil(self._step_s / _NEAR_STEP_S - 1e-9))
@@ -71,11 +72,13 @@ class PeopleRun(VehicleRun):
 
     def _stand_on_surface(self) -> None:
         super()._stand_on_surface()
-        self._bodies.stand_on_road(self._vehicles)
+        if not (self._surface.flat and self._on_road):
+            self._bodies.stand_on_road(self._vehicles)
+            self._on_road = True
 
     def _record(self, time_s: float) -> None:
         self._bodies.carry(time_s)
-        self._bodies.look()
+        self._bodies.look(time_s)
         super()._record(time_s)
 
     # --- steps -----------------------------------------------------------------------------------------------
@@ -94,8 +97,10 @@ class PeopleRun(VehicleRun):
         else:
             self._move_alone(forces)
             self._close_ended(end_s)
-        self._bodies.carry(end_s)
-        self._bodies.follow(end_s)
+        for person in self._people:
+            if not person.crashed:
+                person.walk(end_s)
+        self._bodies.follow()
 
     def _place_people(self, time_s: float) -> None:
         self._bodies.carry(time_s)
@@ -163,7 +168,7 @@ class PeopleRun(VehicleRun):
         vehicle, person = self._vehicles[pair[0]], self._people[pair[1] - len(self._vehicles)]
         now_s = before_s + part_s
         if person.crashed:
-            self._bodies.follow(now_s)
+            self._bodies.follow()
         deepest = max(self._bodies.touches[pair], key=lambda touch: touch.depth_m)
         episode = begin_strike(vehicle, person, deepest, now_s, part_s)
         person.crashed = True

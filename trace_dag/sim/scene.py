@@ -9,7 +9,7 @@ friction's reference is slower than the normal one, so that MuJoCo's convex rela
 apart. The road carries every segment without friction; its friction acts on the person as a whole, as it was measured
 on whole people and dummies that slide, roll and tumble: mu times the road's normal force against the velocity of the
 centre of mass, which is Searle's law (SAE 831622) through landing, bouncing and sliding alike. The same grip slows
-down turning and the limbs.
+down turning about the vertical and the limbs.
 """
 
 from __future__ import annotations
@@ -31,14 +31,17 @@ from trace_dag.sim.types import BodyKind
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.units import GRAVITY_MPS2
 
-_VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO = 85.0, 1.5
-"""Of the contact of a person and a vehicle: struck at 10 m/s a segment presses some four centimetres in, as legs,
-clothes and sheet metal give, and hardly springs back."""
-VEHICLE_FRICTION = 0.45
-"""Of people on a vehicle, which gives way under them and holds them more than clothes on flat sheet metal do (0.2 to
-0.4: Simms and Wood, Pedestrian and Cyclist Impact, 2009)."""
+_VEHICLE_RATE_RPS, _VEHICLE_DAMPING_RATIO = 55.0, 2.6
+"""Of the contact of a person and a vehicle: struck at 10 m/s a segment presses some three centimetres in, at 30 m/s
+ten, as legs, clothes and sheet metal give, and comes back so slowly that nothing rebounds."""
+VEHICLE_FRICTION = 0.9
+"""Of people on a vehicle. Clothes on flat sheet metal slide at 0.2 to 0.4 (Simms and Wood, Pedestrian and Cyclist
+Impact, 2009); here the sheet metal, which gives way under a body and holds it in its dent, has no dents."""
+_IMPLICIT_FROM_S = 0.004
+"""Steps from which on velocities are integrated implicitly: limbs that spin in flight gain energy by explicit ones."""
+_LEAN_RAD = 0.03  # of what is ridden, to the right: exactly upright, nothing would tip it over without its rider
 _SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
-_VEHICLE_SLIDING = 0.2  # rate of the friction's reference, of the normal one
+_VEHICLE_SLIDING = 0.3  # rate of the friction's reference, of the normal one
 _ROAD_RATE_RPS, _ROAD_DAMPING_RATIO = 100.0, 1.0
 _TURNING = 3.0
 """How much faster, in rad/s times stature, the road's friction stops turning than sliding: moment mu N h/4 over the
@@ -63,6 +66,8 @@ class Scene(RigidBodies):
         self._segments: list[tuple[list[str], list[str]]] = []
         super().__init__(models, restitution, friction)
         mujoco, model = self._mujoco, self._model
+        self._fast, self._implicit = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICIT
+        self._last_step_s = 0.0
         self._bad = int(mujoco.mjtWarning.mjWARN_BADQACC)
         self.touches: dict[tuple[int, int], list[PersonTouch]] = {}
         """Where people touched vehicles in the state the last step began with, by the numbers of the two bodies."""
@@ -79,11 +84,12 @@ class Scene(RigidBodies):
         for j, (segments, parts) in enumerate(self._segments):
             self._owner |= {geom(name): len(models) + j for name in (*segments, *parts)}
         self._trees = [
-            _Tree(mujoco, model, self._data, name, person.model.body.height_m)
+            _Tree(mujoco, model, self._data, name, person)
             for j, person in enumerate(people)
             for name in ((f"p{j}", f"p{j}_ridden") if self._segments[j][1] else (f"p{j}",))
         ]
         self._tree_of = {shape: tree for tree in self._trees for shape in tree.geoms}
+        self._pushed: dict[_Tree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
         self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
         self._shells = []
         for i, vehicle in enumerate(models):
@@ -117,33 +123,35 @@ class Scene(RigidBodies):
             if not person.crashed:
                 person.walk(time_s)
                 figure.carry(person, time_s)
+        for tree in self._trees:
+            if not tree.person.crashed:
+                tree.velocity = (tree.person.vx, tree.person.vy, 0.0)
 
-    def follow(self, time_s: float) -> None:
+    def follow(self) -> None:
         """Give touched people their state, roughly: the pelvis's."""
         for figure, person in zip(self._figures, self._people, strict=True):
             if person.crashed:
-                figure.follow(person, time_s)
+                figure.follow(person)
 
-    def look(self) -> None:
+    def look(self, time_s: float) -> None:
         """Give everybody their exact state and posture, as of now."""
-        mujoco, model, data = self._mujoco, self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_subtreeVel(model, data)
+        if self._data.warning[self._bad].number:
+            raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
+        self._measure()
         for figure, person in zip(self._figures, self._people, strict=True):
-            figure.look(person)
+            figure.look(person, time_s)
 
     # --- contact -----------------------------------------------------------------------------------------------
     def step(self, forces: list[float], step_s: float, count: int = 1) -> dict[tuple[int, int], tuple[float, float]]:
         """As that of vehicles alone, with the forces on people among them."""
         self.touches, self.seen = {}, set()
+        if step_s != self._last_step_s:
+            self._last_step_s = step_s
+            self._model.opt.integrator = self._fast if step_s < _IMPLICIT_FROM_S else self._implicit
         self._carried.clear()
+        self._pushed.clear()
         total = super().step(forces, step_s, count)
-        if self._data.warning[self._bad].number:
-            raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
-        if self._carried:
-            self._slow_down(count * step_s)
+        self._settle_velocities(step_s, count)
         for pair, touches in self.touches.items():
             total[pair] = (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
         return total
@@ -165,7 +173,9 @@ class Scene(RigidBodies):
             if one is None or two is None:  # the road
                 tree = self._tree_of.get(geoms[1])  # MuJoCo names a plane first
                 if tree is not None and row >= 0:
-                    self._carried[tree] = self._carried.get(tree, 0.0) + float(forces[row])
+                    carried_n = float(forces[row])
+                    self._carried[tree] = self._carried.get(tree, 0.0) + carried_n
+                    self._push(tree, (carried_n * frame[0], carried_n * frame[1], carried_n * frame[2]))
                 continue
             if one < vehicles and two < vehicles:
                 yield (one, two), row, frame, point
@@ -179,28 +189,56 @@ class Scene(RigidBodies):
             force = tuple(
                 sense * (along * frame[k] + across_1 * frame[3 + k] + across_2 * frame[6 + k]) for k in range(3)
             )
+            self._push(self._tree_of[geoms[1] if one < vehicles else geoms[0]], force)
             normal = (sense * frame[0], sense * frame[1], sense * frame[2])
             self.touches.setdefault(pair, []).append(PersonTouch(-distance, point, normal, force))
 
-    def _slow_down(self, over_s: float) -> None:
-        """The road's friction on everything it carried, as an impulse now."""
+    def _push(self, tree: _Tree, force: tuple[float, ...]) -> None:
+        before = self._pushed.get(tree, (0.0, 0.0, 0.0))
+        self._pushed[tree] = (before[0] + force[0], before[1] + force[1], before[2] + force[2])
+
+    def _settle_velocities(self, step_s: float, count: int) -> None:
+        """Give every centre of mass the velocity that the forces on it say, which limbs that whirl about would be
+        integrated away from (by 2 % of a strike at 30 m/s), and add the road's friction as an impulse now."""
         mujoco, model, data = self._mujoco, self._model, self._data
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_subtreeVel(model, data)
+        free = [tree for tree in self._trees if tree.person.crashed or tree in self._pushed]
+        if not free:
+            return
+        over_s = count * step_s
         wanted = []
-        for tree, normal_n in self._carried.items():
+        self._measure()
+        for tree in free:
             x, y, z = data.subtree_linvel[tree.body_id].tolist()
-            sliding = math.hypot(x, y)
-            lost = self._person_friction * normal_n * over_s / tree.mass_kg
-            share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
-            wanted.append((x * share, y * share, z))
-            turning = float(np.sqrt(tree.rates[3:6] @ tree.rates[3:6]))
-            tree.rates[3:6] *= max(0.0, 1.0 - _TURNING * lost / tree.size_m / turning) if turning > 0 else 0.0
-            tree.rates[6:] *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
+            if count == 1:
+                push_x, push_y, push_z = self._pushed.get(tree, (0.0, 0.0, 0.0))
+                per_mass = step_s / tree.mass_kg
+                x, y = tree.velocity[0] + push_x * per_mass, tree.velocity[1] + push_y * per_mass
+                z = tree.velocity[2] + push_z * per_mass - GRAVITY_MPS2 * step_s
+            lost = self._person_friction * self._carried.get(tree, 0.0) * over_s / tree.mass_kg
+            if lost:
+                sliding = math.hypot(x, y)
+                share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
+                x, y = x * share, y * share
+                upward = data.xmat[tree.body_id][6:]  # in the axes of the root, as its rates are
+                turning = float(upward @ tree.rates[3:6])
+                most = _TURNING * lost / tree.size_m
+                tree.rates[3:6] -= min(most, max(-most, turning)) * upward
+                tree.rates[6:] *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
+            wanted.append((x, y, z))
+        if self._carried:
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_subtreeVel(model, data)
+        for tree, velocity in zip(free, wanted, strict=True):
+            tree.rates[:3] += velocity - data.subtree_linvel[tree.body_id]
+            tree.velocity = velocity
+
+    def _measure(self) -> None:
+        """Bring places, centres of mass and their velocities up to the state as it is."""
+        mujoco, model, data = self._mujoco, self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
-        for tree, velocity in zip(self._carried, wanted, strict=True):
-            tree.rates[:3] += velocity - data.subtree_linvel[tree.body_id]
 
     # --- the model ---------------------------------------------------------------------------------------------
     def _mjcf(self, models: list[VehicleModel], restitution: float) -> str:
@@ -232,10 +270,13 @@ class Scene(RigidBodies):
 class _Tree:
     """A person, or what a person rides, in MuJoCo's memory: a free root and what hangs on it."""
 
-    def __init__(self, mujoco: Any, model: Any, data: Any, name: str, size_m: float) -> None:
+    def __init__(self, mujoco: Any, model: Any, data: Any, name: str, person: Person) -> None:
+        self.person = person
+        self.velocity = (0.0, 0.0, 0.0)
+        """Of its centre of mass, after the last step."""
         self.body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
         self.mass_kg = float(model.body_subtreemass[self.body_id])
-        self.size_m = size_m
+        self.size_m = person.model.body.height_m
         self.geoms = [k for k in range(model.ngeom) if model.body_rootid[model.geom_bodyid[k]] == self.body_id]
         degrees = [k for k in range(model.nv) if model.body_rootid[model.dof_bodyid[k]] == self.body_id]
         self.rates = data.qvel[degrees[0] : degrees[-1] + 1]
@@ -253,8 +294,8 @@ class _Figure:
         self._pose, self._rates = data.qpos[start : start + DEGREES[0]], data.qvel[rate : rate + DEGREES[1]]
         self._rides = person.model.body.kind is not BodyKind.PEDESTRIAN and ridden_kg(person.model.body) > 0
         names: list[str] = [*LANDMARKS, *(RIDDEN_LANDMARKS if self._rides else ())]
-        sites = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"p{index}_at_{name}") for name in names]
-        self._sites = np.array(sites)
+        first = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"p{index}_at_{names[0]}"))
+        self._points = data.site_xpos[first : first + len(names)]
         end, last = start + DEGREES[0], rate + DEGREES[1]
         self._ridden = (data.qpos[end : end + 7], data.qvel[last : last + 6]) if self._rides else None
         self._angles: tuple[float, float, float] | None = None
@@ -280,15 +321,10 @@ class _Figure:
         self._rates[:2] = (person.vx, person.vy)
         if self._ridden is not None:
             pose, rates = self._ridden
-            pose[:] = (
-                person.x,
-                person.y,
-                self._road_z(person, person.x, person.y),
-                math.cos(half),
-                0,
-                0,
-                math.sin(half),
-            )
+            c, s, up = math.cos(half), math.sin(half), math.cos(_LEAN_RAD / 2)
+            lean = math.sin(_LEAN_RAD / 2)
+            pose[:3] = (person.x, person.y, self._road_z(person, person.x, person.y))
+            pose[3:] = (c * up, c * lean, s * lean, s * up)
             rates[:] = 0.0
             rates[:2] = (person.vx, person.vy)
 
@@ -296,30 +332,31 @@ class _Figure:
     def _road_z(person: Person, x: float, y: float) -> float:
         return person.z + person.ground.slope_x * (x - person.x) + person.ground.slope_y * (y - person.y)
 
-    def follow(self, person: Person, time_s: float) -> None:
-        rates = self._rates
-        person.x, person.y = float(self._pose[0]), float(self._pose[1])
-        person.vx, person.vy, up = rates[:3].tolist()
-        speed = math.sqrt(person.vx**2 + person.vy**2 + up**2)
-        if self._ridden is not None:
-            speed = max(speed, float(np.abs(self._ridden[1][:3]).max()))
-        person.look_for_rest(speed, float(np.abs(rates[3:]).max()), time_s)
+    def follow(self, person: Person) -> None:
+        person.x, person.y = self._pose[:2].tolist()
+        person.vx, person.vy = self._rates[:2].tolist()
 
-    def look(self, person: Person) -> None:
+    def _fastest(self) -> tuple[float, float]:
+        """Speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
+        speed = float(np.linalg.norm(self._rates[:3]))
+        if self._ridden is not None:
+            speed = max(speed, float(np.linalg.norm(self._ridden[1][:3])))
+        return speed, float(np.abs(self._rates[3:]).max())
+
+    def look(self, person: Person, time_s: float) -> None:
         data = self._data
-        matrix = data.xmat[self._body_id].tolist()
-        yaw, pitch, roll = self._turned(matrix, person)
-        sites = data.site_xpos[self._sites]
-        centre = data.subtree_com[self._body_id]
+        centre, pitch, roll = data.subtree_com[self._body_id], 0.0, 0.0
         if person.crashed:
+            yaw, pitch, roll = self._turned(data.xmat[self._body_id].tolist(), person)
             x, y = float(centre[0]), float(centre[1])
             person.z = self._road_z(person, x, y)
             person.x, person.y = x, y
             person.vx, person.vy = data.subtree_linvel[self._body_id][:2].tolist()
             person.heading = yaw
+            person.look_for_rest(*self._fastest(), time_s)
             person.yaw_rate = float(data.cvel[self._body_id][2])
-        landmarks = (sites - (person.x, person.y, person.z)).ravel()
-        person.posture = (float(centre[2]) - person.z, pitch, roll, *np.round(landmarks, 3).tolist())
+        landmarks = (self._points - (person.x, person.y, person.z)).round(3).ravel().tolist()
+        person.posture = (float(centre[2]) - person.z, pitch, roll, *landmarks)
 
     def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
         """Heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the same the
@@ -330,9 +367,6 @@ class _Figure:
         m22 = matrix[8] * c - matrix[6] * s
         m21 = matrix[7]
         yaw, pitch, roll = math.atan2(m10, m00), math.asin(max(-1.0, min(1.0, -m20))), math.atan2(m21, m22)
-        if not person.crashed:
-            self._angles = (person.heading, 0.0, 0.0)
-            return self._angles
         last = self._angles or (person.heading, 0.0, 0.0)
         ways = [(yaw, pitch, roll), (yaw + math.pi, math.pi - pitch, roll + math.pi)]
         near = [
