@@ -125,6 +125,15 @@ def test_usable_information_is_of_the_kinds_that_are_judged(root: Path, expected
     assert usable + Counter(dict(unusable)) == Counter(judged)
 
 
+def test_what_to_run_next_is_of_kinds_that_are_judged(root: Path, expected: dict[str, str]) -> None:
+    path = root / "warehouse.duckdb"
+    judged = {row["kind"] for row in rows(path, "crash_kinds") if row["judged"]}
+    assert judged == {"two_vehicles", "multi_vehicle"}
+    pending = {row["key"] for row in rows(path, "crashes") if row["final_state"] == "pending"}
+    suggested = {row["key"] for row in rows(path, "cohort_gaps")}
+    assert suggested == {key for key in pending if expected.get(key, "two_vehicles") in judged}
+
+
 def test_groups_of_persons_are_those_of_the_typing(root: Path, folders: tuple[Path, Path]) -> None:
     counted: Counter[tuple[str, int]] = Counter()
     for path in folders[0].glob("*.xml"):

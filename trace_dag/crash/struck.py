@@ -1,9 +1,9 @@
 """What a vehicle struck: which person, and the number of an object, an animal or a train.
 
-No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there): only which vehicle struck each
-person first (``STR_VEH``). So a person is told by its kind, if it is the only one of that kind, else by ``STR_VEH``.
-Where that leaves several, as many strikes as persons are given out in the order of numbers, and marked; else nobody is
-named. What cannot be told is said in words.
+No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there): only one vehicle that struck each
+person (``STR_VEH``), which need not be the first (in 2023-510304 it is the second). So a person is told by its kind, if
+it is the only one of that kind, else by ``STR_VEH``. Where that leaves several, as many strikes as persons are given
+out in the order of numbers, and marked; else nobody is named. What cannot be told is said in words.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _of_kind(event: EventRecord, persons: Sequence[NonMotorist]) -> list[NonMoto
 
 
 def _possible(event: EventRecord, of_kind: list[NonMotorist], strikes: Sequence[EventRecord]) -> list[NonMotorist]:
-    """The persons this strike can have been of: whom ``STR_VEH`` says the vehicle struck first, else any."""
+    """The persons this strike can have been of: whom ``STR_VEH`` says the vehicle struck, else any."""
     if len(of_kind) == 1:
         return of_kind
     own = [person for person in of_kind if person.striking_vehicle == event.party_1]

@@ -9,6 +9,7 @@ from trace_dag.cohorts.listings import listings_of
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.crash.codes.crash import STATES
 from trace_dag.crash.codes.persons import BIKECGP, PEDCGP
+from trace_dag.crash.kind import JUDGED_KINDS, CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
 from trace_dag.errors import Rejection
@@ -46,6 +47,15 @@ def state_names() -> pa.Table:
     import pyarrow as pa
 
     return pa.table({"code": pa.array(list(STATES), pa.int32()), "name": list(STATES.values())})
+
+
+def crash_kinds() -> pa.Table:
+    """The kinds of crash, and which of them can be judged."""
+    import pyarrow as pa
+
+    return pa.table(
+        {"kind": [kind.value for kind in CrashKind], "judged": [kind in JUDGED_KINDS for kind in CrashKind]}
+    )
 
 
 def person_groups() -> pa.Table:

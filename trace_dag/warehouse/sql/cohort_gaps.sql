@@ -1,11 +1,13 @@
 -- What to run next: pending and failed crashes that would fill a class without a verified crash, those that would fill
--- several first. Crashes whose reports are not at hand yet (CrashAPI) have no class and are not listed.
+-- several first. Crashes whose reports are not at hand yet (CrashAPI) have no class and are not listed, nor are those of
+-- kinds that cannot be judged.
 CREATE VIEW cohort_gaps AS
 WITH open_crashes AS (
     UNPIVOT (
         SELECT key, cohort, final_state, collision_type, road_topology, vehicle_trajectory
         FROM crashes
-        WHERE final_state IN ('pending', 'failed')
+        LEFT JOIN crash_kinds USING (kind)
+        WHERE final_state IN ('pending', 'failed') AND coalesce(judged, TRUE)
     )
     ON collision_type, road_topology, vehicle_trajectory
     INTO NAME dimension VALUE class
