@@ -20,6 +20,7 @@ from trace_dag.errors import Failure, TransientFailure, UserError  # noqa: E402
 from trace_dag.geometry import LocalFrame, Pose  # noqa: E402
 from trace_dag.roads.map.network import RoadNetwork  # noqa: E402
 from trace_dag.settings import SimSettings  # noqa: E402
+from trace_dag.sim.anthropometry import person_body  # noqa: E402
 from trace_dag.sim.carla_backend import CarlaBackend  # noqa: E402
 from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint  # noqa: E402
 from trace_dag.sim.carla_frame import (  # noqa: E402
@@ -32,7 +33,7 @@ from trace_dag.sim.carla_frame import (  # noqa: E402
 )
 from trace_dag.sim.log_io import logs_from_files, logs_to_files  # noqa: E402
 from trace_dag.sim.plan import tracking_errors  # noqa: E402
-from trace_dag.sim.types import SimulationLog, Termination  # noqa: E402
+from trace_dag.sim.types import BodyKind, SimulationLog, Termination  # noqa: E402
 from trace_dag.states.types import Trajectory  # noqa: E402
 from trace_dag.units import wrap_angle  # noqa: E402
 
@@ -91,6 +92,12 @@ def test_a_head_on_crash_runs_and_its_log_is_like_any_other() -> None:
     assert log.vehicles[0].speed_mps[0] == pytest.approx(15.0, abs=1e-3)
     (again,) = logs_from_files(*logs_to_files([log]))
     assert again.contacts == log.contacts
+
+
+def test_people_are_refused_since_walkers_do_not_collide() -> None:
+    pedestrian = participant(1001, straight(0.0, -5.0, math.pi / 2, 1.4), person_body(BodyKind.PEDESTRIAN))
+    with pytest.raises(UserError, match=r"pedestrian 1001: CARLA's walkers do not collide physically"):
+        run(StandIn(), HEAD_ON[0], pedestrian)
 
 
 def test_a_vehicle_is_carried_along_its_plan() -> None:

@@ -18,6 +18,7 @@ from trace_dag.sim.anthropometry import person_body
 from trace_dag.sim.driving import BodyState, Pedals
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
+from trace_dag.sim.fronts import front_shape
 from trace_dag.sim.log_io import logs_from_files, logs_to_files
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import AfterStriking, Body, BodyKind, Participant, SimulationLog, Termination, VehicleLog
@@ -100,6 +101,48 @@ def test_a_person_who_lies_slides_as_the_textbook_says(speed: float) -> None:
     v, slid_m = slide(run(*crossing(TRUCK, ADULT, speed)))
     assert v > 1.0
     assert slid_m == pytest.approx(v * v / (2 * MU * GRAVITY_MPS2), rel=0.1)
+
+
+def searle(speed_mps: float) -> tuple[float, float]:
+    """Least and greatest throw (m) of who is launched at a speed under any angle (SAE 831622)."""
+    least = speed_mps**2 / (2 * MU * GRAVITY_MPS2)
+    return least, least * (1 + MU**2)
+
+
+VAN = replace(CAR, vehicle_class=VehicleClass.VAN, length_m=5.1, width_m=2.0, height_m=1.9, mass_kg=2200.0)
+
+
+@pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
+def test_throws_lie_between_searles_bounds(vehicle: Body) -> None:
+    """Of the vehicle's speed at the strike, by a vehicle that brakes: 10 to 30 m/s, adult and child, crossing and
+    walking ahead. The aim is 95 %, over all fronts it is 91 % (docs/explanation/simulation.md): this is a floor, below
+    which something broke."""
+    inside = [
+        low <= thrown_m(log) <= high
+        for speed in (10.0, 15.0, 20.0, 25.0, 30.0)
+        for person in (ADULT, CHILD)
+        for walks_rad, offset_m in ((math.pi / 2, -0.25), (0.0, 0.4))
+        for log in [run(*crossing(vehicle, person, speed, walks_rad=walks_rad, offset_m=offset_m))]
+        for low, high in [searle(math.hypot(*log.contacts[0].velocity_1_mps))]
+    ]
+    assert sum(inside) / len(inside) >= 0.7
+
+
+@pytest.mark.parametrize("speed", [10.0, 30.0])
+@pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
+def test_nobody_gets_through_a_vehicle(vehicle: Body, speed: float) -> None:
+    """No landmark of a person is deeper in the vehicle's body than sheet metal and legs give."""
+    log = run(*crossing(vehicle, ADULT, speed))
+    car, person = log.vehicles
+    place = np.stack([person.x_m, person.y_m, person.z_m], -1)
+    points = person.landmarks_m.reshape(len(person.time_s), -1, 3) + place[:, None, :]
+    away_x, away_y = points[..., 0] - car.x_m[:, None], points[..., 1] - car.y_m[:, None]
+    c, s = np.cos(car.heading_rad)[:, None], np.sin(car.heading_rad)[:, None]
+    ahead, left = away_x * c + away_y * s, away_y * c - away_x * s
+    shape = front_shape(vehicle)
+    within = (np.abs(left) < vehicle.width_m / 2 - 0.3) & (np.abs(ahead) < vehicle.length_m / 2 - shape.lead_m - 0.3)
+    core = within & (points[..., 2] > shape.clearance_m + 0.1) & (points[..., 2] < shape.edge_m - 0.3)
+    assert not core.any()
 
 
 def test_a_low_front_wraps_the_person_and_a_high_one_throws_forward() -> None:
