@@ -96,9 +96,9 @@ def test_a_silent_provider_is_left_alone_for_a_while(files):
 SPENDING = """
 import sys
 from trace_dag.errors import Failure
-from trace_dag.states.llm.ledger import Ledger
+from trace_dag.states.llm.ledger import SpendingLedger
 from trace_dag.storage import Storage
-ledger = Ledger(0.5, 1e9, Storage(sys.argv[1]))
+ledger = SpendingLedger(0.5, 1e9, Storage(sys.argv[1]))
 try:
     while True:
         ledger.reserve()

@@ -214,7 +214,7 @@ def _read(
 ) -> dict[str, pa.Table]:
     """Everything stored, chunk by chunk: DuckDB takes one over while the next is read."""
     outcomes = OutcomeTables()
-    documents = DocumentTables(connection, storage, folder)
+    documents = DocumentTables(connection, storage, folder, complain)
     with ThreadPoolExecutor(max_workers=1) as duckdb_thread:
         taken: Future[None] | None = None
         for crashes in read_snapshots(storage, list(cohort_of), DOCUMENTS, complain):

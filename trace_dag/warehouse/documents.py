@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.tables import CRASH_RECORD
-from trace_dag.errors import Failure
+from trace_dag.errors import DamagedFile, Failure
+from trace_dag.flow.ledgers import Complaint
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.snapshot import CrashSnapshot
@@ -27,12 +28,18 @@ DOCUMENTS = (*((stage, "json") for stage in JSON_DOCUMENTS.values()), (Stage.CRA
 
 
 class DocumentTables:
-    """Takes over the artefacts of some crashes at a time. ``folder`` is for copies of what is not a local file."""
+    """Takes over the artefacts of some crashes at a time. ``folder`` is for copies of what is not a local file.
 
-    def __init__(self, connection: duckdb.DuckDBPyConnection, storage: Storage, folder: Path) -> None:
+    ``complain`` is called for crash records of other columns, which are left out.
+    """
+
+    def __init__(
+        self, connection: duckdb.DuckDBPyConnection, storage: Storage, folder: Path, complain: Complaint
+    ) -> None:
         self._connection = connection
         self._storage = storage
         self._folder = folder
+        self._complain = complain
         self._made = False
         self.add([])
 
@@ -55,9 +62,28 @@ class DocumentTables:
             and (file := crash.valid[Stage.CRASH_RECORD].artefact("parquet")) is not None
         ]
         paths = local_files(self._storage, files, self._folder, "parquet")
+        try:
+            self._take_records(paths)
+        except Failure:
+            self._take_records(self._of_todays_columns(paths))
+        self._made = True
+
+    def _take_records(self, paths: Sequence[str]) -> None:
         self._connection.execute("SET VARIABLE record_files = $paths", {"paths": paths})
         self._take(_RECORD)
-        self._made = True
+
+    def _of_todays_columns(self, paths: Sequence[str]) -> list[str]:
+        """Records with the columns they have now. Looked at only if reading fails: it takes time for each file."""
+        import pyarrow.parquet as pq
+
+        kept, schema = [], CRASH_RECORD.arrow()
+        for path in paths:
+            if pq.read_schema(path).equals(schema):
+                kept.append(path)
+            else:
+                name = f"{Stage.CRASH_RECORD}/{Path(path).name}"
+                self._complain(DamagedFile(name, "written by another version of the program", "trace-dag run"))
+        return kept
 
     def _take(self, name: str) -> None:
         into = f"INSERT INTO {name}" if self._made else f"CREATE TEMP TABLE {name} AS"
