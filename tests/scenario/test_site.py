@@ -43,8 +43,6 @@ def crash(number: int, **changes: Any) -> dict[str, Any]:
         "state_name": "Virginia",
         "place": f"Town {number % 7}, Virginia",
         "contact_distance_m": number / 100,
-        "outdated": None,
-        "outdated_because": None,
         **changes,
     }
 

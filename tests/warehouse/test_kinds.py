@@ -100,7 +100,7 @@ def test_the_funnel_by_kind_adds_up(root: Path, expected: dict[str, str]) -> Non
     for step in ("registered", "complete", "mapped", "estimated", "collided", "verified"):
         assert sum(row[step] for row in by_kind.values()) == whole[step]
     assert sum(row["share_pct"] for row in by_kind.values()) == pytest.approx(100, abs=0.05)
-    assert {name for name, row in by_kind.items() if row["complete"]} == {"two_vehicles", "multi_vehicle"}
+    assert {name for name, row in by_kind.items() if row["complete"]} == {"two_vehicles"}
 
 
 def test_coverage_by_kind_adds_up(root: Path) -> None:
@@ -118,17 +118,19 @@ def test_usable_information_is_of_the_kinds_that_are_judged(root: Path, expected
         usable[row["kind"]] += row["crashes"]
     unusable = query(
         path,
-        "SELECT kind, count(*) FROM crashes WHERE kind IN ('two_vehicles', 'multi_vehicle') AND "
+        "SELECT kind, count(*) FROM crashes WHERE kind = 'two_vehicles' AND "
         "(reason IN ('not_modelled', 'incomplete_sequence') OR stage_reached IS NULL) GROUP BY kind",
     )[1]
-    judged = {name: expected_count for name, expected_count in Counter(expected.values()).items() if "vehicle" in name}
+    judged = {
+        name: expected_count for name, expected_count in Counter(expected.values()).items() if name == "two_vehicles"
+    }
     assert usable + Counter(dict(unusable)) == Counter(judged)
 
 
 def test_what_to_run_next_is_of_kinds_that_are_judged(root: Path, expected: dict[str, str]) -> None:
     path = root / "warehouse.duckdb"
     judged = {row["kind"] for row in rows(path, "crash_kinds") if row["judged"]}
-    assert judged == {"two_vehicles", "multi_vehicle"}
+    assert judged == {"two_vehicles"}
     pending = {row["key"] for row in rows(path, "crashes") if row["final_state"] == "pending"}
     suggested = {row["key"] for row in rows(path, "cohort_gaps")}
     assert suggested == {key for key in pending if expected.get(key, "two_vehicles") in judged}

@@ -25,11 +25,13 @@ def another_kind(record: CrashRecord) -> str | None:
     met = record.colliding_vehicles is not None
     if untold_meeting(record) is not None or (kind in JUDGED_KINDS and (met or kind not in COLLISIONS)):
         return None
-    if met and record.moving_vehicles > 1:
+    if met and record.moving_vehicles == 2:
         return None
     numbers = [str(vehicle.number) for vehicle in record.vehicles]
     if len(numbers) > 1 and not met:
         said = f"vehicles {', '.join(numbers[:-1])} and {numbers[-1]} never touch in the report"
+    elif met and record.moving_vehicles > 2:
+        said = f"{record.moving_vehicles} vehicles in transport"
     else:
         said = "no two vehicles in transport touch in the report"
     return f"{said}: {_what_happened(record)}; the kind of crash is {kind}, and modelled so far are {_judged()}"
