@@ -11,7 +11,7 @@ from benchmarks.measuring import Figure, medians
 STARTS = {
     "import trace_dag": (("-c", "import trace_dag"), 1.0),
     "trace-dag --help": (("-m", "trace_dag.cli", "--help"), 1.0),
-    "definitions": (("-m", "trace_dag.definitions"), 4.0),
+    "definitions": (("-c", "import trace_dag.definitions"), 4.0),
 }
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from benchmarks.measuring import Figure, cpu_s
 from trace_dag.cohorts.registry import ReportSource
+from trace_dag.definitions.launch import open_instance, planned
 from trace_dag.flow.selection import select_stale
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.launch import open_instance, planned
 
 SIZES = (100, 1_000, 10_000)
 

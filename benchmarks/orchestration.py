@@ -49,8 +49,8 @@ def _prepared(folder: str, crashes: int) -> Any:
 
 
 def _through_dagster(crashes: int) -> None:
+    from trace_dag.definitions.launch import open_instance, planned, run_batches
     from trace_dag.flow.selection import select_stale
-    from trace_dag.launch import open_instance, planned, run_batches
 
     environment = dict(os.environ)
     with tempfile.TemporaryDirectory() as folder:

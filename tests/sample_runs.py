@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import cache
@@ -37,7 +36,8 @@ KEYS = (
 def trace_dag(root: Path | str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """The command as the shell would run it, in this process, which has read its modules once for all tests.
 
-    What it does to the process (signals, the environment, the working directory) is for :func:`trace_dag_process`.
+    What it does to the process (signals, the environment, the working directory) is for :func:`trace_dag_process`. An
+    error that the command does not expect is raised here, in the test.
     """
     from trace_dag.cli import main
 
@@ -57,9 +57,6 @@ def trace_dag(root: Path | str, *arguments: str, **environment: str) -> subproce
             code = 0
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
-        except Exception:
-            traceback.print_exc()
-            code = 1
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 

@@ -18,8 +18,8 @@ from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
+from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.workspace import Workspace
-from trace_dag.launch import open_instance
 from trace_dag.warehouse.query import query
 
 NEBRASKA_2023 = Choice(

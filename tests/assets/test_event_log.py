@@ -24,9 +24,9 @@ from dagster._core.events import AssetMaterializationPlannedData, AssetObservati
 from dagster._core.storage.event_log import SqliteEventLogStorage
 
 from trace_dag.assets.event_log import EventLog
+from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.launch import open_instance
 
 
 @pytest.fixture

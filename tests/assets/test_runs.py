@@ -12,10 +12,10 @@ from dagster import AssetKey, DagsterRunStatus
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
 from trace_dag.assets.run_requests import PROCESS_TAG
+from trace_dag.definitions.launch import open_instance
 from trace_dag.errors import Reason
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.selection import select_again
-from trace_dag.launch import open_instance
 from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number}" for number in range(10, 16)]

@@ -17,10 +17,10 @@ from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.definitions import build_definitions
+from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import PlannedBatch
 from trace_dag.flow.workspace import Workspace
-from trace_dag.launch import open_instance
 from trace_dag.stage import Stage
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))

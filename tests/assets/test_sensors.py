@@ -13,9 +13,9 @@ from dagster import RunRequest, SkipReason, build_sensor_context
 from trace_dag.assets.sensors import arriving_reports
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.definitions import build_definitions
+from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.records import read_records
 from trace_dag.flow.workspace import Workspace
-from trace_dag.launch import open_instance
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
 

@@ -16,9 +16,9 @@ REPORTS = str(SAMPLE / "reports")
 
 
 def partitions(root):
+    from trace_dag.definitions.launch import open_instance
     from trace_dag.flow.stages import FLOW
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.launch import open_instance
 
     with open_instance(Workspace.open(str(root), FLOW)) as instance:
         return list(instance.get_dynamic_partitions("crashes"))

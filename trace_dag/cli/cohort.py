@@ -122,8 +122,8 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.benchmark.removal import delete_artefacts
     from trace_dag.cohorts.registry import Registry
+    from trace_dag.definitions.launch import open_instance, summarise
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.launch import open_instance, summarise
     from trace_dag.storage import Storage
 
     storage = Storage.open(root)

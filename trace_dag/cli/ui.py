@@ -24,8 +24,8 @@ from trace_dag.errors import UserError
 def ui(root: str, host: str, port: int) -> None:
     """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there."""
     from trace_dag.assets.partitions import add_partitions
+    from trace_dag.definitions.launch import open_instance
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.launch import open_instance
 
     _refuse_port_in_use(host, port)
     workspace = Workspace.open(root)

@@ -38,9 +38,9 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     """
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark
+    from trace_dag.definitions.launch import open_instance, summarise
     from trace_dag.flow.verify import DisagreementKind, repair_storage
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.launch import open_instance, summarise
     from trace_dag.storage import Storage
 
     storage, workspace = Storage.open(root), Workspace.open(root)

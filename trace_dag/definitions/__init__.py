@@ -1,4 +1,8 @@
-"""The Dagster code location: ``dagster dev -m trace_dag.definitions`` or ``trace-dag ui``."""
+"""The Dagster code location: ``dagster dev -m trace_dag.definitions`` or ``trace-dag ui``.
+
+Belongs here: putting assets, checks, jobs, sensors and resources together (this module), and runs that a command starts
+(:mod:`trace_dag.definitions.launch`). Does not belong here: the assets themselves (:mod:`trace_dag.assets`).
+"""
 
 from typing import Any
 
