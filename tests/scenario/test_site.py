@@ -4,47 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sample_runs
-from lxml import html
 
 from tests.browser import CHROMIUM, Page
-from tests.verdict.crashes import record, vehicle
-from trace_dag.crash.record import EventRecord, NonMotorist
+from tests.scenario.page_rows import crash
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
-from trace_dag.scenario.site import CrashPage, static_files, write_crash_page, write_index
+from trace_dag.scenario.crash_page import CrashPage, write_crash_page
+from trace_dag.scenario.site import static_files, write_index
 from trace_dag.warehouse.query import rows
 
 EVIL = """</script><script>alert("1")</script>'&"""
 RIGHTS = Rights.of([f"{OSM_ATTRIBUTION} {EVIL}"])
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
-
-
-def crash(number: int, **changes: Any) -> dict[str, Any]:
-    """A row of the table of crashes, one of many around a town."""
-    return {
-        "key": f"2023-{510001 + number}",
-        "final_state": ("verified", "rejected", "failed", "pending")[number % 4],
-        "stage_reached": "verdict",
-        "reason": "crash_off_road" if number % 4 == 1 else None,
-        "detail": None,
-        "outdated": None,
-        "outdated_because": None,
-        "cohort": "one",
-        "latitude_deg": 37.0 + 0.01 * (number % 45),
-        "longitude_deg": -78.0 + 0.01 * (number // 45),
-        "collision_type": ("angle", "front_to_front", "rear_to_rear")[number % 3],
-        "road_topology": "t",
-        "vehicle_trajectory": "turning",
-        "state_name": "Virginia",
-        "place": f"Town {number % 7}, Virginia",
-        "contact_distance_m": number / 100,
-        **changes,
-    }
 
 
 def index(crashes: list[dict[str, Any]]) -> bytes:
@@ -76,22 +51,6 @@ def test_pages_say_whether_their_crashes_have_happened():
             assert ("happened" in page) is is_fiction
             assert ("NHTSA" in page) is not is_fiction
             assert ("OpenStreetMap" in page) is not is_fiction
-
-
-def test_a_page_names_the_parties_of_every_event():
-    """A pedestrian in a crosswalk (PEDPOS 2), then a tree (SOE 42)."""
-    walker = NonMotorist(1, 5, striking_vehicle=1, age_years=38, pedestrian_position_code=2)
-    events = (EventRecord(1, 8, 1, None, walker.party, None), EventRecord(2, 42, 1, None, 2002, None))
-    crashed = replace(
-        record(vehicle(1, 12), vehicle(2, 9)), events=events, non_motorists=(walker,), ambiguities=("who came first",)
-    )
-    page = html.fromstring(write_crash_page(CrashPage(crash(0), (), RIGHTS, record=crashed)))
-    text = " ".join(page.itertext())
-    seen = " ".join(text.split())
-    assert "person 1 pedestrian in a crosswalk V1 38" in seen
-    assert "1 person struck 8 V1 person 1" in seen
-    assert "2 object struck 42 V1 what event 2 struck" in seen
-    assert "What the report leaves open who came first" in seen
 
 
 def test_two_thousand_crashes_stay_a_small_page(site):

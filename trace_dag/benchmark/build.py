@@ -41,7 +41,7 @@ SUBJECT = "benchmark"  # of the ledger
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
-_CODE = ("trace_dag.scenario.package", "trace_dag.scenario.site")
+_CODE = ("trace_dag.scenario.crash_page", "trace_dag.scenario.package", "trace_dag.scenario.site")
 _FILES = f"{FOLDER}/files/"
 _OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
 
@@ -228,7 +228,7 @@ def _make(task: _Task) -> _Made:
 
 @no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
-    from trace_dag.scenario.site import CrashPage, Download, write_crash_page
+    from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED

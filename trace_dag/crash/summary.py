@@ -12,7 +12,14 @@ from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as person_codes
 from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP
-from trace_dag.crash.codes.events import IMPACT1, SET_IN_MOTION_BY_VEHICLE, SOE, VEHICLE_CONTACTS, VEHICLE_EVENTS
+from trace_dag.crash.codes.events import (
+    HARM_EV,
+    IMPACT1,
+    SET_IN_MOTION_BY_VEHICLE,
+    SOE,
+    VEHICLE_CONTACTS,
+    VEHICLE_EVENTS,
+)
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
     CrashRecord,
@@ -43,6 +50,33 @@ def summarise(record: CrashRecord) -> str:
         _remarks(record),
     ]
     return "\n".join(paragraph for paragraph in paragraphs if paragraph)
+
+
+def in_one_sentence(record: CrashRecord) -> str:
+    """When, where, who and what: the first contact of vehicles, or the first harmful event of another kind of crash."""
+    streets = " and ".join(name for name in (record.trafficway_1, record.trafficway_2) if name)
+    place = ", ".join(part for part in (f" on {streets}" if streets else "", record.state_name) if part)
+    vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
+    event = record.first_contact or next((each for each in record.events if HARM_EV.meaning(each.code)), None)
+    involved = [vehicles[party] for party in (event.party_1, event.party_2) if party in vehicles] if event else []
+    who = " and ".join(_driving(vehicle) for vehicle in involved or record.vehicles)
+    if len(involved or record.vehicles) > 1:
+        what = "collided"
+    else:
+        what = HARM_EV.meaning(event.code if event else record.first_harmful_event_code) or "crashed"
+    sentence = f"{_when(record)}{place}, {who} {what}.".strip(" ,")
+    return sentence[0].upper() + sentence[1:]
+
+
+def _driving(vehicle: VehicleRecord) -> str:
+    """A vehicle with what it was doing: "a compact SUV that was going straight at 20 mph"."""
+    kind = BODY_TYP.meaning(vehicle.body_type_code) or _CLASS_NAMES.get(vehicle.vehicle_class, vehicle.vehicle_class)
+    article = "an" if kind[0] in "aeioAEIO" or kind.startswith("SUV") else "a"
+    if not vehicle.in_transport:
+        return f"{article} {kind} that was not in transport"
+    movement = codes.P_CRASH1.meaning(vehicle.movement)
+    speed = _speed(vehicle).split(" (")[0] if vehicle.travel_speed_mps is not None else ""
+    return f"{article} {kind}" + (f" that {movement}{speed}" if movement else speed)
 
 
 def _scene(record: CrashRecord) -> str:

@@ -1,0 +1,139 @@
+"""The page of a crash: what it says first, that it says it in words, and where its links lead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from lxml import html
+
+from tests.scenario.page_rows import crash
+from tests.verdict.crashes import record, vehicle
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
+from trace_dag.crash.summary import in_one_sentence
+from trace_dag.errors import Reason
+from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
+from trace_dag.scenario.crash_page import CrashPage, write_crash_page
+from trace_dag.units import mph_to_mps
+from trace_dag.verdict.types import Agreement, ComparedWith, Criterion, Fact, Grade, Support, Verdict
+
+RIGHTS = Rights.of([OSM_ATTRIBUTION])
+SUPPORT = Support(
+    (
+        Fact("first street", ComparedWith.MAP, Agreement.AGREES, "MAIN ST", "Main Street", True, weight=3.6),
+        Fact("lanes", ComparedWith.MAP, Agreement.DIFFERS, "4", "2", weight=-0.7),
+    ),
+    2.9,
+    1,
+)
+VERDICT = Verdict(
+    "2023-510001",
+    "trace-dag",
+    True,
+    0,
+    1,
+    (
+        Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
+        Criterion("contact_distance", 1.23, 5.0, "m", True, Reason.WRONG_LOCATION),
+        Criterion("clock_error", 1.5, 2.0, "h", True, Reason.WRONG_IMPACT, "", 1),
+        Criterion("clock_error", None, 2.0, "h", None, Reason.WRONG_IMPACT, "not reported", 2),
+        Criterion("closing_speed", 20.0, None, "mps", None),
+        Criterion("clock", 4.5, None, "h", None, None, "", 1),
+        Criterion("reported_clock", 3.0, None, "h", None, None, "", 1),
+        Criterion("clock", 12.0, None, "h", None, None, "", 2),
+        Criterion("reported_clock", None, None, "h", None, None, "", 2),
+    ),
+    grade=Grade.CORROBORATED,
+    support=SUPPORT,
+)
+
+
+def shown(page: CrashPage) -> html.HtmlElement:
+    return html.fromstring(write_crash_page(page))
+
+
+def seen(element: html.HtmlElement) -> str:
+    return " ".join(" ".join(element.itertext()).split())
+
+
+def on_main_street(**changes: object) -> CrashRecord:
+    """Two cars on Main Street of Virginia on 15 January 2023, one of them reported at 55 mph."""
+    turning = replace(vehicle(2, 9), movement=PreCrashMovement.TURNING_LEFT)
+    crashed = record(vehicle(1, 12, speed_mps=mph_to_mps(55)), turning)
+    return replace(crashed, state_name="Virginia", trafficway_1="MAIN ST", year=2023, month=1, day=15, **changes)
+
+
+def test_a_crash_in_one_sentence():
+    assert in_one_sentence(on_main_street()) == (
+        "On January 15, 2023 on MAIN ST, Virginia, a car that was going straight at 55 mph and a car that was turning"
+        " left collided."
+    )
+    walker = NonMotorist(1, 5, striking_vehicle=1)
+    struck = on_main_street(events=(EventRecord(1, 8, 1, None, walker.party, None),), non_motorists=(walker,))
+    assert in_one_sentence(struck) == (
+        "On January 15, 2023 on MAIN ST, Virginia, a car that was going straight at 55 mph struck a pedestrian."
+    )
+
+
+def test_the_replay_comes_first_then_a_sentence_then_numbers_then_reasons_and_the_rest_is_folded():
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT, replay="../replays/1.html"))
+    main = page.get_element_by_id("main")
+    text = html.tostring(main, encoding="unicode")
+    order = ["<iframe", 'class="lead"', 'class="glance"', "Speaks for it", "Speaks against it", "Not told", "<details"]
+    assert [text.index(part) for part in order] == sorted(text.index(part) for part in order)
+    assert all(section.get("open") is None for section in main.iter("details"))
+    assert "verified, corroborated" in seen(page)
+
+
+def test_numbers_and_reasons_are_said_in_words():
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(contradictions=("a, not b",)), verdict=VERDICT))
+    glance = seen(page.find_class("glance")[0])
+    assert "1.2 m from the reported place" in glance
+    assert "45 mph closing speed" in glance  # 20 m/s
+    for_it, against, untold = (seen(page.get_element_by_id(each).getparent()) for each in ("for", "against", "untold"))
+    assert "The reported parties touch" in for_it
+    assert "First street agrees with the map: MAIN ST – Main Street" in for_it
+    assert "Vehicle 1 struck where the report says: 1.5 clock positions off, 2 allowed" in for_it
+    assert "Lanes differs with the map: 4 – 2" in against
+    assert "The report contradicts itself: a, not b" in against
+    assert "Vehicle 2 struck where the report says" in untold
+
+
+@pytest.mark.parametrize(("number", "reported", "simulated"), [(0, (44.0, 0.0), (31.1, 31.1)), (1, None, (0.0, -44.0))])
+def test_dials_show_twelve_at_the_front_and_three_on_the_right(number, reported, simulated):
+    """On a dial of radius 44, y down: 3 h at (44, 0), 4.5 h at 45 degrees to the right and rear, 12 h at the top."""
+    page = shown(CrashPage(crash(0), (), RIGHTS, verdict=VERDICT))
+    dial = page.find_class("dial")[number]
+
+    def drawn(name: str) -> tuple[float, float] | None:
+        return next(((float(each.get("cx")), float(each.get("cy"))) for each in dial.find_class(name)), None)
+
+    assert drawn("reported") == reported
+    assert drawn("simulated") == simulated
+
+
+def test_the_place_can_be_looked_at_elsewhere_unless_it_is_fictional():
+    """Positions to 6 decimals, which are a decimetre."""
+
+    def links(rights: Rights) -> list[str]:
+        page = shown(CrashPage(crash(0), (), rights))
+        return [link for link in page.xpath("//a/@href") if link.startswith("http")]
+
+    assert any("mlat=37.000000&mlon=-78.000000" in link for link in links(RIGHTS) if "openstreetmap.org" in link)
+    assert not any("mlat" in link for link in links(Rights.of(["fictional, CC0"])))
+
+
+def test_a_page_names_the_parties_of_every_event():
+    """A pedestrian in a crosswalk (PEDPOS 2), then a tree (SOE 42)."""
+    walker = NonMotorist(1, 5, striking_vehicle=1, age_years=38, pedestrian_position_code=2)
+    events = (EventRecord(1, 8, 1, None, walker.party, None), EventRecord(2, 42, 1, None, 2002, None))
+    crashed = replace(
+        record(vehicle(1, 12), vehicle(2, 9)), events=events, non_motorists=(walker,), ambiguities=("who came first",)
+    )
+    page = html.fromstring(write_crash_page(CrashPage(crash(0), (), RIGHTS, record=crashed)))
+    text = " ".join(page.itertext())
+    seen = " ".join(text.split())
+    assert "person 1 pedestrian in a crosswalk V1 38" in seen
+    assert "1 person struck 8 V1 person 1" in seen
+    assert "2 object struck 42 V1 what event 2 struck" in seen
+    assert "What the report leaves open who came first" in seen

@@ -1,0 +1,238 @@
+"""The page of one crash: what happened and how it was judged at a glance, then all there is, folded.
+
+At a glance: the replay, one sentence, four numbers, where each vehicle was struck as reported and as simulated, and the
+reasons for and against. Everything shown comes from the warehouse's row and the artefacts. All text is escaped by the
+templates: reports and maps are not trusted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from trace_dag import __version__
+from trace_dag.crash.codes.vehicle import ACC_TYPE
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import in_one_sentence
+from trace_dag.osm.rights import Rights
+from trace_dag.roads.report import MapReport
+from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.page_templates import templates, words
+from trace_dag.states.types import StateEstimate
+from trace_dag.units import mps_to_mph
+from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file offered on a crash's page; ``href`` is relative to that page."""
+
+    label: str
+    href: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class CrashPage:
+    """What one crash's page shows: ``crash`` is its row of the ``crashes`` table, ``rights`` those of its map. Paths
+    are relative to the page."""
+
+    crash: Row
+    outcomes: Sequence[Row]
+    rights: Rights
+    record: CrashRecord | None = None
+    map_report: MapReport | None = None
+    estimate: StateEstimate | None = None
+    verdict: Verdict | None = None
+    picture: str | None = None
+    replay: str | None = None
+    downloads: Sequence[Download] = ()
+
+
+def write_crash_page(page: CrashPage) -> bytes:
+    """The page of one crash, ``crashes/<key>.html`` of the site."""
+    template = templates().get_template("site_crash.html.jinja")
+    return template.render(
+        page=page,
+        rights=page.rights,
+        sentence=in_one_sentence(page.record) if page.record else "",
+        grade=page.verdict.grade if page.verdict and page.verdict.accepted else None,
+        numbers=_numbers(page.verdict) if page.verdict else [],
+        clocks=_clocks(page.verdict) if page.verdict else [],
+        hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
+        reasons=_reasons(page),
+        facts=_facts(page.crash),
+        links=[] if page.rights.fictional else _elsewhere(page.crash),
+        crash_types=_crash_types(page.record),
+        picture_alt=_picture_alt(page),
+        version=__version__,
+    ).encode()
+
+
+def _facts(crash: Row) -> list[tuple[str, str]]:
+    """What the report says of the crash as a whole, the parts it says."""
+    date = "-".join(f"{crash[part]:02d}" for part in ("year", "month", "day") if crash.get(part) is not None)
+    hour = f", {crash['hour']:02d} h local time" if crash.get("hour") is not None else ""
+    position = ""
+    if crash.get("latitude_deg") is not None:
+        position = f"{crash['latitude_deg']:.6f}, {crash['longitude_deg']:.6f}"
+    facts = {
+        "Place": crash.get("place") or crash.get("state_name"),
+        "Date": date + hour,
+        "Reported position (WGS84)": position,
+        "Roads": " and ".join(name for column in ("trafficway_1", "trafficway_2") if (name := crash.get(column))),
+        "Kind of crash": words(crash.get("kind")),
+        "Collision type": words(crash.get("collision_type")),
+        "Road topology": words(crash.get("road_topology")),
+        "Vehicle trajectory": words(crash.get("vehicle_trajectory")),
+        "Vehicles": crash.get("vehicles"),
+        "Persons killed": crash.get("fatalities"),
+        "Cohort": crash.get("cohort"),
+    }
+    return [(label, str(value)) for label, value in facts.items() if value not in (None, "")]
+
+
+def _picture_alt(page: CrashPage) -> str:
+    drawn = "The road with its lanes seen from above, with the reported point"
+    if page.estimate is None:
+        return f"{drawn}."
+    vehicles = ", ".join(
+        f"vehicle {each.vehicle_number} ({words(each.manoeuvre)})" for each in page.estimate.hypotheses[0].participants
+    )
+    return f"{drawn}, and the paths and bodies at contact and at rest of {vehicles}."
+
+
+def _elsewhere(crash: Row) -> list[tuple[str, str]]:
+    """Where else one can look at the place: label and address. Nothing is asked of them until somebody follows one."""
+    latitude_deg, longitude_deg = crash.get("latitude_deg"), crash.get("longitude_deg")
+    if latitude_deg is None or longitude_deg is None:
+        return []
+    place = f"{latitude_deg:.6f}", f"{longitude_deg:.6f}"
+    return [
+        ("OpenStreetMap", "https://www.openstreetmap.org/?mlat={0}&mlon={1}#map=19/{0}/{1}".format(*place)),
+        ("street-level pictures", "https://www.mapillary.com/app/?lat={}&lng={}&z=18".format(*place)),
+    ]
+
+
+def _crash_types(record: CrashRecord | None) -> dict[int, str]:
+    """What the crash type of each vehicle means, by the number of the vehicle."""
+    vehicles = record.vehicles if record else ()
+    return {vehicle.number: ACC_TYPE.meaning(vehicle.crash_type_code) for vehicle in vehicles}
+
+
+def _numbers(verdict: Verdict) -> list[tuple[str, str]]:
+    """The four numbers of a verdict, as value and what it is; those that were measured."""
+    distance, closing = verdict.criterion("contact_distance"), verdict.criterion("closing_speed")
+    clock_error_h = verdict.worst("clock_error")
+    numbers = []
+    if distance and distance.value is not None:
+        numbers.append((f"{distance.value:.1f} m", "from the reported place to the first contact"))
+    if clock_error_h is not None:
+        numbers.append((f"{clock_error_h:.1f}", "clock positions at most between reported and simulated impact"))
+    if closing and closing.value is not None:
+        numbers.append((f"{mps_to_mph(closing.value):.0f} mph", "closing speed at the first contact"))
+    if verdict.support:
+        numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
+    return numbers
+
+
+_CLOCK_RADIUS, _HOURS_RADIUS = 44.0, 56.0  # of the dials and of the hours around them, in units of their drawing
+
+
+@dataclass(frozen=True)
+class Dial:
+    """Where a vehicle was struck, in hours of a clock whose 12 is its front, and the points to draw on a dial."""
+
+    vehicle_number: int
+    colour: str
+    reported_h: float | None
+    simulated_h: float
+
+    @property
+    def reported_xy(self) -> tuple[float, float] | None:
+        """Where the reported position is on the dial, x to the right and y down."""
+        return None if self.reported_h is None else _on_dial(self.reported_h)
+
+    @property
+    def simulated_xy(self) -> tuple[float, float]:
+        """Where the simulated position is on the dial, x to the right and y down."""
+        return _on_dial(self.simulated_h)
+
+
+def _on_dial(clock_h: float, radius: float = _CLOCK_RADIUS) -> tuple[float, float]:
+    angle_rad = clock_h * math.tau / 12.0
+    return round(radius * math.sin(angle_rad), 1), round(-radius * math.cos(angle_rad), 1)
+
+
+def _clocks(verdict: Verdict) -> list[Dial]:
+    """A dial for every vehicle whose impact was measured."""
+    dials: list[Dial] = []
+    for clock in verdict.criteria:
+        if clock.name == "clock" and clock.value is not None and clock.vehicle_number is not None:
+            reported = verdict.criterion("reported_clock", clock.vehicle_number)
+            colour = vehicle_colour(len(dials))
+            dials.append(Dial(clock.vehicle_number, colour, reported.value if reported else None, clock.value))
+    return dials
+
+
+@dataclass(frozen=True)
+class Reasons:
+    """What speaks for a crash, what against it, and what the report does not tell, as sentences."""
+
+    for_it: Sequence[str]
+    against: Sequence[str]
+    untold: Sequence[str]
+
+
+def _reasons(page: CrashPage) -> Reasons:
+    verdict = page.verdict
+    deciding = [each for each in verdict.criteria if each.reason] if verdict else []
+    facts = sorted(verdict.support.facts, key=lambda fact: -abs(fact.weight)) if verdict and verdict.support else []
+    contradictions = page.record.contradictions if page.record else ()
+    detail = verdict.support.detail if verdict and verdict.support and verdict.grade is not Grade.CORROBORATED else ""
+    return Reasons(
+        [_criterion_in_words(each) for each in deciding if each.passed]
+        + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
+        [_criterion_in_words(each) for each in deciding if each.passed is False]
+        + ([f"Not corroborated: {detail}"] if detail else [])
+        + [
+            _fact_in_words(fact)
+            for fact in facts
+            if (fact.agreement is not Agreement.AGREES and fact.weight < 0.0) or fact.refutes
+        ]
+        + [f"The report contradicts itself: {line}" for line in contradictions],
+        [_criterion_in_words(each) for each in deciding if each.passed is None],
+    )
+
+
+_CRITERIA = {
+    "contact": "the reported parties touch",
+    "contact_distance": "distance of the first contact from the reported place",
+    "clock_error": "struck where the report says",
+    "direction_error": "course as reported",
+    "relation_error": "angle between the courses as reported",
+    "initial_speed_error": "speed as reported",
+}
+_UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off", "m": " m"}
+
+
+def _criterion_in_words(criterion: Criterion) -> str:
+    whose = f"vehicle {criterion.vehicle_number} " if criterion.vehicle_number is not None else ""
+    what = _CRITERIA.get(criterion.name, words(criterion.name))
+    sentence = f"{whose}{what}"
+    if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
+        sentence += f": {abs(criterion.value):.1f}{_UNITS[criterion.unit]}, {criterion.threshold:g} allowed"
+    elif criterion.detail and criterion.passed is not True:
+        sentence += f": {criterion.detail}"
+    return sentence[0].upper() + sentence[1:]
+
+
+def _fact_in_words(fact: Fact) -> str:
+    whose = f" of vehicle {fact.vehicle_number}" if fact.vehicle_number is not None else ""
+    how = {Agreement.AGREES: "agrees", Agreement.NEAR: "nearly agrees", Agreement.DIFFERS: "differs"}[fact.agreement]
+    sentence = f"{fact.name}{whose} {how} with the {fact.against}: {fact.reported} – {fact.found}"
+    return sentence[0].upper() + sentence[1:]

@@ -1,0 +1,65 @@
+"""What the pages of the site share: the templates, and how values are written in them."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from trace_dag.crash.parties import is_vehicle, party_in_words
+from trace_dag.crash.summary import place_in_words
+from trace_dag.units import mps_to_mph
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def words(value: object) -> str:
+    """``"two_vehicles"`` as ``"two vehicles"``."""
+    return str(value).replace("_", " ") if value else ""
+
+
+def _party(number: int | None) -> str:
+    """``V2``, ``person 1``: a party as tables name it."""
+    if number is None:
+        return "–"
+    return f"V{number}" if is_vehicle(number) else party_in_words(number)
+
+
+def _fixed(value: float | None, digits: int = 2) -> str:
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
+
+
+def _holds(passed: bool | None, threshold: float | None) -> str:
+    if passed is None:
+        return "reported only" if threshold is None else "not evaluated"
+    return "yes" if passed else "no"
+
+
+@cache
+def templates() -> Environment:
+    """The environment of all pages. It escapes everything: reports and maps are not trusted."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("trace_dag.scenario", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["words"] = lambda value: words(value) or "–"
+    environment.filters["holds"] = _holds
+    environment.filters["party"] = _party
+    environment.filters["place"] = place_in_words
+    environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
+    environment.filters["fixed"] = _fixed
+    environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
+    environment.filters["kilobytes"] = lambda size: f"{max(1, round(size / 1024)):,} kB"
+    return environment
+
+
+def read(name: str) -> str:
+    """A file of the folder of templates as it is."""
+    from importlib import resources
+
+    return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")
