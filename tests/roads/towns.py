@@ -27,6 +27,7 @@ class Town:
         self._ids = count(1)
         self._nodes: dict[tuple[float, float, str], OsmNode] = {}
         self._ways: list[OsmWay] = []
+        self._walkways: list[OsmWay] = []
 
     def street(self, points: Points, *, highway: str = "residential", level: str = "", **tags: str) -> int:
         """A way through points in metres; ``__`` in a key stands for a colon. Returns its id."""
@@ -34,6 +35,12 @@ class Town:
         named = {key.replace("__", ":"): value for key, value in tags.items()}
         self._ways.append(OsmWay(len(self._ways) + 1, refs, {"highway": highway, **named}))
         return self._ways[-1].id
+
+    def walkway(self, points: Points, **tags: str) -> int:
+        """A footway that is a way of its own: ``footway="sidewalk"`` or ``"crossing"``. Returns its id."""
+        refs = tuple(self._node(x, y, "").id for x, y in points)
+        self._walkways.append(OsmWay(1001 + len(self._walkways), refs, {"highway": "footway", **tags}))
+        return self._walkways[-1].id
 
     def sign(self, x_m: float, y_m: float, **tags: str) -> int:
         """Tags on the node at a place."""
@@ -44,7 +51,8 @@ class Town:
     def extract(self) -> OsmExtract:
         """What the converter takes."""
         nodes = {node.id: node for node in self._nodes.values()}
-        return OsmExtract(BoundingBox(36.99, -77.01, 37.01, -76.99), nodes, tuple(self._ways))
+        box = BoundingBox(36.99, -77.01, 37.01, -76.99)
+        return OsmExtract(box, nodes, tuple(self._ways), walkways=tuple(self._walkways))
 
     def network(self) -> RoadNetwork:
         """What the converter makes of it."""

@@ -142,6 +142,7 @@ def _cut(file: MapFile, found: FilePass, index: int, box: BoundingBox) -> OsmExt
         nodes=roads.nodes,
         ways=roads.ways,
         relations=roads.relations,
+        walkways=roads.walkways,
         source=file.path.name,
         data_timestamp=file.header.timestamp,
         attribution=file.header.attribution,

@@ -13,6 +13,7 @@ import numpy as np
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.extraction import RawWay
 from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.osm.walkways import is_walkway
 
 _ID: Final = attrgetter("id")
 _RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
@@ -20,11 +21,13 @@ _RESOLUTION_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 deg
 
 @dataclass(frozen=True)
 class CutRoads:
-    """What lies in the box: nodes by id, ways by ascending id, the restrictions whose members are all there."""
+    """What lies in the box: nodes by id, roads and walkways by ascending id, the restrictions whose members are all
+    there."""
 
     nodes: dict[int, OsmNode]
     ways: tuple[OsmWay, ...]
     relations: tuple[OsmRelation, ...]
+    walkways: tuple[OsmWay, ...] = ()
 
 
 def cut_roads(
@@ -39,20 +42,36 @@ def cut_roads(
     several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
     ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
     """
-    cutter = _Cutter(box, sorted(ways, key=_ID), node_tags)
-    cutter.cut()
-    return CutRoads(cutter.nodes, tuple(sorted(cutter.ways, key=_ID)), cutter.relations(restrictions))
+    ordered = sorted(ways, key=_ID)
+    roads = _Cutter(box, [way for way in ordered if not is_walkway(way.tags)], node_tags)
+    roads.cut()
+    # After the roads, so that the ids made for those do not depend on what is mapped beside them.
+    walkways = _Cutter(box, [way for way in ordered if is_walkway(way.tags)], node_tags, after=roads)
+    walkways.cut()
+    return CutRoads(
+        {**roads.nodes, **walkways.nodes},
+        tuple(sorted(roads.ways, key=_ID)),
+        roads.relations(restrictions),
+        tuple(sorted(walkways.ways, key=_ID)),
+    )
 
 
 class _Cutter:
     """Cuts the ways of one box. Their nodes lie in one row, way after way, so that numpy sees them all at once."""
 
-    def __init__(self, box: BoundingBox, ways: Sequence[RawWay], node_tags: Mapping[int, Mapping[str, str]]) -> None:
+    def __init__(
+        self,
+        box: BoundingBox,
+        ways: Sequence[RawWay],
+        node_tags: Mapping[int, Mapping[str, str]],
+        *,
+        after: _Cutter | None = None,
+    ) -> None:
         self.ways: list[OsmWay] = []
         self._raw_ways = ways
         self._parts: dict[int, list[OsmWay]] = {}
-        self._made_nodes = 0
-        self._made_ways = 0
+        self._made_nodes: int = after._made_nodes if after else 0
+        self._made_ways: int = after._made_ways if after else 0
         ids = np.concatenate([way.node_ids for way in ways] or [np.empty(0, np.int64)])
         x_deg = np.concatenate([way.longitudes_deg for way in ways] or [np.empty(0)])
         y_deg = np.concatenate([way.latitudes_deg for way in ways] or [np.empty(0)])

@@ -38,6 +38,7 @@ from trace_dag.osm import opl
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, SERVICE_HIGHWAYS, is_drivable
 from trace_dag.osm.rights import OSM_ATTRIBUTION, read_attribution
 from trace_dag.osm.types import BoundingBox, OsmRelation
+from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 
 # Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
 # addresses and trees that share a node with a way say nothing about the road.
@@ -52,7 +53,7 @@ _IntArray = npt.NDArray[np.int64]
 
 
 class RawWay(NamedTuple):
-    """A drivable way as the file has it: (n,) nodes, WGS84 degrees, NaN where the file lacks the node."""
+    """A drivable way or a walkway as the file has it: (n,) nodes, WGS84 degrees, NaN where the file lacks the node."""
 
     id: int
     node_ids: _IntArray
@@ -171,7 +172,7 @@ def _check_room(path: Path) -> None:
 
 def _road_classes(*, service_roads: bool) -> list[tuple[str, str]]:
     highways = DRIVABLE_HIGHWAYS if service_roads else DRIVABLE_HIGHWAYS - SERVICE_HIGHWAYS
-    return [("highway", highway) for highway in sorted(highways)]
+    return [*(("highway", highway) for highway in sorted(highways)), *WALKWAY_TAGS]
 
 
 def _only_with(tags: Sequence[str] | Sequence[tuple[str, str]], entity: Any) -> Any:
@@ -267,7 +268,7 @@ class _Collector:
                 self._ways[site][way.id] = way
 
     def _read_ways(self, lines: Sequence[bytes], nodes: opl.WayNodes, wanted: _IntArray) -> dict[int, RawWay]:
-        """Those of the wanted ways that are drivable, by their number among the lines."""
+        """Those of the wanted ways that are drivable or walkways, by their number among the lines."""
         is_wanted = np.zeros(len(lines), dtype=bool)
         is_wanted[wanted] = True
         of_wanted = np.repeat(is_wanted, nodes.counts)
@@ -278,7 +279,7 @@ class _Collector:
         ways = {}
         for index, start, end in zip(wanted.tolist(), starts.tolist(), ends.tolist(), strict=True):
             tags = opl.read_tags(lines[index])
-            if is_drivable(tags, service_roads=self._service_roads):
+            if is_drivable(tags, service_roads=self._service_roads) or is_walkway(tags):
                 way_id = opl.read_id(lines[index])
                 ways[index] = RawWay(way_id, ids[start:end], x_deg[start:end], y_deg[start:end], tags)
         return ways

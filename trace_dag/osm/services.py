@@ -22,6 +22,7 @@ from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
 from trace_dag.osm.extraction import RawWay
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 from trace_dag.osm.xml import read_osm
 from trace_dag.settings import OsmSettings, ServiceSettings
 
@@ -113,12 +114,13 @@ class _Download(Protocol):
 
 
 def overpass_query(box: BoundingBox) -> str:
-    """Overpass QL for the drivable ways of a box, their nodes, and the restrictions they are in."""
+    """Overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are in."""
     corners = (box.south_deg, box.west_deg, box.north_deg, box.east_deg)
     bbox = ",".join(f"{corner:.7f}" for corner in corners)
     classes = "|".join(sorted(DRIVABLE_HIGHWAYS))
+    walkways = "".join(f'way["{key}"="{value}"]({bbox});' for key, value in WALKWAY_TAGS)
     return (
-        f'[out:xml][timeout:{_OVERPASS_TIMEOUT_S}];way["highway"~"^({classes})$"]({bbox})->.roads;'
+        f'[out:xml][timeout:{_OVERPASS_TIMEOUT_S}];(way["highway"~"^({classes})$"]({bbox});{walkways})->.roads;'
         '(node(w.roads);.roads;rel(bw.roads)["type"="restriction"];);out body;'
     )
 
@@ -155,6 +157,7 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
         nodes=roads.nodes,
         ways=roads.ways,
         relations=roads.relations,
+        walkways=roads.walkways,
         source=name,
         data_timestamp=data.data_timestamp,
         attribution=data.attribution,
@@ -163,8 +166,8 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
 
 def _raw_ways(data: OsmExtract, *, service_roads: bool) -> list[RawWay]:
     ways = []
-    for way in data.ways:
-        if not is_drivable(way.tags, service_roads=service_roads):
+    for way in (*data.ways, *data.walkways):
+        if not (is_drivable(way.tags, service_roads=service_roads) or is_walkway(way.tags)):
             continue
         x_deg = np.array([data.nodes[node_id].longitude_deg for node_id in way.node_ids])
         y_deg = np.array([data.nodes[node_id].latitude_deg for node_id in way.node_ids])

@@ -82,6 +82,7 @@ class OsmExtract:
     nodes: dict[int, OsmNode]
     ways: tuple[OsmWay, ...]
     relations: tuple[OsmRelation, ...] = ()
+    walkways: tuple[OsmWay, ...] = ()  # sidewalks and crossings that are ways of their own, for people only
     source: str = ""
     data_timestamp: str = ""
     attribution: str = OSM_ATTRIBUTION

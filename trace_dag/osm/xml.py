@@ -19,6 +19,7 @@ from lxml import etree
 from trace_dag.errors import UserError
 from trace_dag.osm.rights import read_attribution
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.osm.walkways import is_walkway
 
 _GENERATOR: Final = "trace-dag"
 _MEMBER_TYPES: Final = ("node", "way", "relation")
@@ -50,7 +51,7 @@ def write_osm(extract: OsmExtract) -> bytes:
         if node.clipped:
             element.set("clipped", "true")
         _write_tags(element, node.tags)
-    for way in sorted(extract.ways, key=lambda way: way.id):
+    for way in sorted((*extract.ways, *extract.walkways), key=lambda way: way.id):
         element = etree.SubElement(root, "way", id=str(way.id), version="1")
         for node_id in way.node_ids:
             etree.SubElement(element, "nd", ref=str(node_id))
@@ -106,10 +107,12 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
                 members = tuple(_member(member, name) for member in element.iterchildren("member"))
                 relation = OsmRelation(_integer(element, "id", name), members, _read_tags(element))
                 relations[relation.id] = relation
+    present = _present_ways(ways, nodes)
     return OsmExtract(
         box=box or _box_of(nodes),
         nodes=nodes,
-        ways=_present_ways(ways, nodes),
+        ways=tuple(way for way in present if not is_walkway(way.tags)),
+        walkways=tuple(way for way in present if is_walkway(way.tags)),
         relations=tuple(relations[key] for key in sorted(relations)),
         source=root.get("source", ""),
         data_timestamp=timestamp,

@@ -4,7 +4,8 @@ Every street between two junctions becomes one road per stretch of one name, cla
 in it; every junction gets a connecting road per permitted movement. The parts are beside this module:
 :mod:`~trace_dag.roads.from_osm.street_graph`, :mod:`~trace_dag.roads.from_osm.lanes`,
 :mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.movements` and
-:mod:`~trace_dag.roads.from_osm.connecting_roads`.
+:mod:`~trace_dag.roads.from_osm.connecting_roads`; what people walk and ride on is laid beside the finished roads by
+:mod:`~trace_dag.roads.from_osm.beside` and across them by :mod:`~trace_dag.roads.from_osm.crosswalks`.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
+from trace_dag.roads.from_osm.beside import with_lanes_beside
 from trace_dag.roads.from_osm.connecting_roads import build_connections
 from trace_dag.roads.from_osm.controllers import with_controllers
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
+from trace_dag.roads.from_osm.crosswalks import with_crosswalks
 from trace_dag.roads.from_osm.elevation import elevate
 from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, end_profile, lay_out
 from trace_dag.roads.from_osm.movements import (
@@ -127,19 +130,23 @@ def convert(
             if (arm.road_id, arm.contact) in used:
                 links[end.street, end.at_start] = junction_id
     signs = place_signs(extract, graph, plans, built, crossings)
-    roads_out: list[Road] = []
+    linked: list[Road] = []
     for index, street_roads in built.items():
         for road in _linked(street_roads.roads, links.get((index, True)), links.get((index, False))):
-            roads_out.append(replace(road, signals=signs[road.id]) if road.id in signs else road)
+            linked.append(replace(road, signals=signs[road.id]) if road.id in signs else road)
     network = RoadNetwork(
         frame=frame,
-        roads=(*roads_out, *connecting),
+        roads=(*linked, *connecting),
         junctions=tuple(junctions),
         converter=CONVERTER,
         attribution=extract.attribution,
     )
     network = with_controllers(network)
-    return elevate(network, extract) if settings.elevation else network
+    if settings.elevation:
+        network = elevate(network, extract)
+    # Last, so that nothing that traffic drives on depends on what is mapped for people.
+    roads_out = with_lanes_beside(network.roads, extract, graph, plans, built)
+    return replace(network, roads=with_crosswalks(roads_out, extract, graph, plans, built))
 
 
 def _least_radius_m(street: Street) -> float:

@@ -35,6 +35,8 @@ class MapLimits:
     ramp_grade: float = 0.12
     clearance_m: float = 4.5
     crash_outside_m: float = 0.01
+    crosswalk_m: float = 3.0  # of its crossing in OpenStreetMap from a crosswalk's outline
+    lanes_beside_on_roadway: float = 0.05  # share of sidewalks and cycle lanes
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from trace_dag.geometry import arc_lengths
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG
 from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.people import crosswalks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -214,7 +215,7 @@ class MapComparison:
         stations = np.union1d(line.stations(_SAMPLE_M), starts)
         points = line.sample(stations)
         yield points[:, :2]
-        if all(lane.id <= 0 for section in road.lane_sections for lane in section.lanes):
+        if not any(lane.id > 0 and lane.type.drivable for section in road.lane_sections for lane in section.lanes):
             t = self._middle_of_lanes(road, stations)
             yield np.column_stack([points[:, 0] - t * np.sin(points[:, 2]), points[:, 1] + t * np.cos(points[:, 2])])
 
@@ -232,6 +233,14 @@ class MapComparison:
             if borders:
                 middle[here] = (np.max(borders, axis=0) + np.min(borders, axis=0)) / 2
         return middle
+
+    def crosswalk_distances(self) -> list[tuple[float, int]]:
+        """How far outside its outline (m) the node of OpenStreetMap is that a crosswalk was made at, and its id."""
+        return [
+            (place.distance_m(*self._node_xy[node_id]), node_id)
+            for place in crosswalks(self.network)
+            if (node_id := place.crosswalk.osm_node_id) in self._node_xy
+        ]
 
     def lanes_against_tags(self) -> tuple[int, int, list[str]]:
         """Roads whose lane count is tagged, how many of them differ, and how.

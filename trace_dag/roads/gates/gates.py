@@ -60,6 +60,7 @@ def check_map(
         *_neighbours(stored),
         _geodesics(comparison, limits),
         *_heights(stored, limits),
+        *_for_people(stored, comparison, limits),
         _crash(stored, placement, limits),
         _carla(stored_map),
     )
@@ -227,6 +228,29 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     detail = "; ".join(filter(None, [f"{len(separated)} crossings of levels, lowest {where}", level]))
     passed = lowest.clearance_m >= limits.clearance_m - 1e-3
     yield MapGate("clearance", lowest.clearance_m, limits.clearance_m, "m", passed, detail)
+
+
+def _for_people(stored: RoadNetwork, comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:
+    """Crosswalks lie at OpenStreetMap's crossings; nobody walks or cycles where other roads' traffic drives."""
+    distances = comparison.crosswalk_distances()
+    worst = max(distances, key=lambda row: row[0], default=None)
+    name, unit = "crosswalk_place", "m"
+    if worst is None:
+        yield MapGate(name, None, limits.crosswalk_m, unit, True, "the map has no crosswalk at a node of OpenStreetMap")
+    else:
+        yield _at_most(
+            name, worst[0], limits.crosswalk_m, unit, f"{len(distances)} crosswalks, worst at node {worst[1]}"
+        )
+    beside = measures.lanes_beside(stored)
+    name, unit = "lanes_beside_on_roadway", "of places"
+    if not beside.length_m:
+        detail = "the map has no sidewalk and no cycle lane"
+        yield MapGate(name, None, limits.lanes_beside_on_roadway, unit, True, detail)
+        return
+    detail = f"{beside.length_m:.0f} m of sidewalks and cycle lanes"
+    if beside.share_on_roadway:
+        detail += f", worst road {beside.worst_road_id}"
+    yield _at_most(name, beside.share_on_roadway, limits.lanes_beside_on_roadway, unit, detail)
 
 
 def _crash(stored: RoadNetwork, placement: CrashPlacement | None, limits: MapLimits) -> MapGate:

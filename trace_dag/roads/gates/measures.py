@@ -7,11 +7,12 @@ The network is that read back from the file. Measurements against OpenStreetMap 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.separations import find_separations
 from trace_dag.units import wrap_angle
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from trace_dag.roads.map.network import RoadNetwork
 
 _TURN_STEP_M: Final = 0.25
+_BESIDE_STEP_M: Final = 5.0
+_THERE_M: Final = 0.3  # a lane narrower than this is only beginning or ending
 
 
 class LinkGap(NamedTuple):
@@ -53,6 +56,34 @@ def link_gaps(network: RoadNetwork) -> list[LinkGap]:
                 )
             )
     return gaps
+
+
+class LanesBeside(NamedTuple):
+    """Sidewalks and cycle lanes: how long they are in all, the share of places of their middle where vehicles drive at
+    the same level, and the road with most of those."""
+
+    length_m: float
+    share_on_roadway: float
+    worst_road_id: str | None
+
+
+def lanes_beside(network: RoadNetwork) -> LanesBeside:
+    """The sidewalks and cycle lanes of a map, looked at every five metres."""
+    length_m, places = 0.0, 0
+    wrong: Counter[str] = Counter()
+    for ref in network.lanes():
+        if network.lane(ref).type not in (LaneType.SIDEWALK, LaneType.BIKING):
+            continue
+        geometry = network.geometry(ref)
+        stations = geometry.road.line.stations(_BESIDE_STEP_M, geometry.begin_m, geometry.end_m)
+        stations = stations[geometry.width.sample(stations) >= _THERE_M]
+        length_m += _BESIDE_STEP_M * max(len(stations) - 1, 0)
+        places += len(stations)
+        for x, y, z, _ in geometry.sample(stations).tolist() if len(stations) else ():
+            matches = network.nearest_lanes(x, y, 0.0, z_m=z)
+            wrong[ref.road_id] += any(match.outside_m <= 0.0 for match in matches)
+    worst = wrong.most_common(1)
+    return LanesBeside(length_m, wrong.total() / places if places else 0.0, worst[0][0] if worst else None)
 
 
 def one_sided_links(network: RoadNetwork) -> list[str]:

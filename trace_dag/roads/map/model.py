@@ -22,6 +22,7 @@ class LaneType(StrEnum):
     PARKING = "parking"
     MEDIAN = "median"
     SIDEWALK = "sidewalk"
+    BIKING = "biking"
     BORDER = "border"
     ENTRY = "entry"
     EXIT = "exit"
@@ -137,6 +138,22 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Crosswalk:
+    """Where people cross a road: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
+
+    It may lie beyond the end of the road, which a junction cuts back behind its crosswalks. ``marked``: lines are
+    painted; ``signals``: it has lights for those who walk.
+    """
+
+    id: str
+    s_m: float
+    outline_m: tuple[tuple[float, float], ...]
+    marked: bool = True
+    signals: bool = False
+    osm_node_id: int | None = None
+
+
+@dataclass(frozen=True)
 class Road:
     """A stretch of road between junctions, or a connecting road inside one (``junction_id`` set).
 
@@ -155,6 +172,7 @@ class Road:
     predecessor: RoadLink | None = None
     successor: RoadLink | None = None
     signals: tuple[Signal, ...] = ()
+    crosswalks: tuple[Crosswalk, ...] = ()
     highway: str = ""
     names: tuple[str, ...] = ()
     osm_way_ids: tuple[int, ...] = ()

@@ -1,9 +1,9 @@
 """OpenDRIVE to :class:`~trace_dag.roads.map.network.RoadNetwork`: our own maps and other converters'.
 
 Reads versions 1.4 to 1.8 as far as the road model goes: plan view (line, arc, ``paramPoly3``; spirals as arcs,
-``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals,
-links, junctions. Superelevation, objects, railways and controllers are left aside. XML is parsed without entities or
-network access.
+``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals
+and their controllers, links, junctions, and crosswalks among the objects. Superelevation, other objects and railways
+are left aside. XML is parsed without entities or network access.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from trace_dag.roads.map.model import (
     Connection,
     ContactPoint,
     Controller,
+    Crosswalk,
     Cubic,
     Junction,
     Lane,
@@ -189,6 +190,11 @@ class _Reader:
             predecessor=None if link is None else self._road_link(link, "predecessor"),
             successor=None if link is None else self._road_link(link, "successor"),
             signals=tuple(self._signal(child) for child in parts.get("signals", ()) if child.tag == "signal"),
+            crosswalks=tuple(
+                self._crosswalk(child)
+                for child in parts.get("objects", ())
+                if child.tag == "object" and child.get("type") == "crosswalk" and _corners(child)
+            ),
             highway=_first(notes, "highway"),
             names=tuple(notes.get("altName", ())),
             osm_way_ids=self._note_integers(element, notes, "osmWays"),
@@ -285,6 +291,27 @@ class _Reader:
             height_m=self._number(element, "height", 0.0),
             width_m=self._number(element, "width", 0.0),
             osm_node_id=next(iter(self._note_integers(element, _notes(element), "osmNode")), None),
+        )
+
+    def _crosswalk(self, element: etree._Element) -> Crosswalk:
+        """Corners of the object's own frame turned into the road's; those given by s and t as if it were straight."""
+        s_m, t_m, turn = (self._number(element, key, 0.0) for key in ("s", "t", "hdg"))
+        cosine, sine = math.cos(turn), math.sin(turn)
+        outline: list[tuple[float, float]] = []
+        for corner in _corners(element):
+            if corner.tag == "cornerRoad":
+                outline.append((self._number(corner, "s") - s_m, self._number(corner, "t")))
+            else:
+                u, v = self._number(corner, "u"), self._number(corner, "v")
+                outline.append((u * cosine - v * sine, t_m + u * sine + v * cosine))
+        notes = _notes(element)
+        return Crosswalk(
+            id=self._text(element, "id"),
+            s_m=s_m,
+            outline_m=tuple(outline),
+            marked=_first(notes, "marked") != "false",
+            signals=_first(notes, "signals") == "true",
+            osm_node_id=next(iter(self._note_integers(element, notes, "osmNode")), None),
         )
 
     # --- lanes -----------------------------------------------------------------------------------------------
@@ -402,6 +429,14 @@ class _Reader:
             contact_point=contact,
             lane_links=tuple(links),
         )
+
+
+def _corners(element: etree._Element) -> list[etree._Element]:
+    """Corners of an object's first outline, in whichever of the two places OpenDRIVE allows; fewer than three enclose
+    nothing."""
+    outline = next(element.iter("outline"), None)
+    corners = [] if outline is None else [corner for corner in outline if corner.tag in ("cornerLocal", "cornerRoad")]
+    return corners if len(corners) >= 3 else []
 
 
 def _children(element: etree._Element) -> dict[str, etree._Element]:

@@ -2,8 +2,8 @@
 
 The official schema may not be redistributed and the official checker needs seconds per map, so the rules a road map of
 this project could break are checked here in milliseconds: element order and attributes as the schema has them, ids,
-``s`` coordinates, plan view continuity, lane numbering and widths, links, junctions, signals (ASAM OpenDRIVE 1.7.0,
-sections 6 to 14). The tests hold them against the official checker.
+``s`` coordinates, plan view continuity, lane numbering and widths, links, junctions, signals, objects (ASAM OpenDRIVE
+1.7.0, sections 6 to 14). The tests hold them against the official checker.
 """
 
 from __future__ import annotations
@@ -36,6 +36,11 @@ _CHILDREN: Final[dict[str, _Order]] = {
     "lanes": ("laneOffset", "laneSection", *_TAIL),
     "laneSection": ("left", "center", "right", *_TAIL),
     "lane": ("link", "border", "width", "roadMark", "material", "speed", "access", "height", "rule", *_TAIL),
+    "objects": ("object", "objectReference", "tunnel", "bridge", *_TAIL),
+    "object": (
+        *("repeat", "outline", "outlines", "material", "validity", "parkingSpace", "markings", "borders", *_TAIL),
+        "surface",
+    ),
     "junction": ("connection", "priority", "controller", "surface", "planView", *_TAIL),
     "connection": ("predecessor", "successor", "laneLink", *_TAIL),
     "controller": ("control", *_TAIL),
@@ -51,6 +56,8 @@ _REQUIRED: Final[dict[str, _Order]] = {
     "width": ("sOffset", "a", "b", "c", "d"),
     "roadMark": ("sOffset", "type", "color"),
     "signal": ("id", "s", "t", "dynamic", "orientation", "type", "subtype", "zOffset"),
+    "object": ("id", "s", "t", "zOffset"),
+    "cornerLocal": ("u", "v", "z", "height"),
     "junction": ("id",),
     "connection": ("id",),
     "controller": ("id",),
@@ -81,6 +88,7 @@ _ENUMERATED: Final[dict[tuple[str, str], frozenset[str]]] = {
     ("roadMark", "laneChange"): frozenset({"increase", "decrease", "both", "none"}),
     ("road", "rule"): frozenset({"RHT", "LHT"}),
     ("signal", "orientation"): frozenset({"+", "-", "none"}),
+    ("object", "orientation"): frozenset({"+", "-", "none"}),
     ("signal", "dynamic"): frozenset({"yes", "no"}),
     ("connection", "contactPoint"): frozenset({"start", "end"}),
     ("predecessor", "contactPoint"): frozenset({"start", "end"}),
@@ -151,8 +159,8 @@ def _schema(root: etree._Element) -> Iterator[str]:
 _NUMBERS: Final[dict[str, _Order]] = {
     tag: tuple(key for key in keys if key not in ("type", "color", "dynamic", "orientation", "subtype", "code"))
     for tag, keys in _REQUIRED.items()
-    if tag not in ("road", "signal", "junction", "connection", "controller", "control")
-} | {"road": ("length",), "signal": ("s", "t", "zOffset")}
+    if tag not in ("road", "signal", "object", "junction", "connection", "controller", "control")
+} | {"road": ("length",), "signal": ("s", "t", "zOffset"), "object": ("s", "t", "zOffset", "length", "width")}
 
 
 @dataclass(frozen=True)
@@ -194,7 +202,7 @@ def _header(root: etree._Element) -> Iterator[str]:
 
 
 def _ids(root: etree._Element) -> Iterator[str]:
-    for path in ("road", "junction", "road/signals/signal", "controller"):
+    for path in ("road", "junction", "road/signals/signal", "road/objects/object", "controller"):
         for key, count in Counter(e.get("id") for e in root.iterfind(path)).items():
             if count > 1:
                 yield f"{count} of {path} have the id {key}"
@@ -436,6 +444,20 @@ def _signals(root: etree._Element) -> Iterator[str]:
                 yield f"signal {signal.get('id')} with a value but no unit ({_place(road)})"
 
 
+def _objects(root: etree._Element) -> Iterator[str]:
+    for road in root.iterfind("road"):
+        length = _float(road, "length")
+        for each in road.iterfind("objects/object"):
+            where = f"object {each.get('id')} ({_place(road)})"
+            if not 0.0 <= _float(each, "s") <= length + 1e-9:
+                yield f"s={each.get('s')}, beyond the road: {where}"
+            if any(not _float(each, key) > 0.0 for key in ("length", "width") if key in each.attrib):
+                yield f"length {each.get('length')}, width {each.get('width')}, expected above 0: {where}"
+            for outline in each.iter("outline"):
+                if outline.get("closed") == "true" and len(outline) < 3:
+                    yield f"closed outline of {len(outline)} corners, expected 3 or more: {where}"
+
+
 def _controllers(root: etree._Element) -> Iterator[str]:
     signals = {signal.get("id") for signal in root.iterfind("road/signals/signal")}
     controllers = {controller.get("id") for controller in root.iterfind("controller")}
@@ -458,6 +480,7 @@ _RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
     _profiles,
     _lanes,
     _signals,
+    _objects,
     _controllers,
 )
 _LINK_RULES: Final[tuple[Callable[[_Ends], Iterator[str]], ...]] = (_road_links, _lane_links, _junctions)

@@ -15,6 +15,7 @@ from typing import Final, Literal
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import (
     Controller,
+    Crosswalk,
     Cubic,
     Junction,
     Lane,
@@ -107,7 +108,9 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     out.extend(_cubics("laneOffset", "s", road.lane_offset))
     for section in road.lane_sections:
         _write_section(out, section, marks)
-    out.append("</lanes>\n<objects/>\n<signals>\n")
+    out.append("</lanes>\n<objects>\n")
+    out.extend(map(_crosswalk, road.crosswalks))
+    out.append("</objects>\n<signals>\n")
     out.extend(map(_signal, road.signals))
     out.append("</signals>\n")
     out.append(_user_data("highway", road.highway))
@@ -219,6 +222,26 @@ def _signal(signal: Signal) -> str:
         f'subtype="{_text(signal.subtype)}"{value}{unit} hOffset="0" pitch="0" roll="0" '
         f'height="{_number(signal.height_m)}" width="{_number(signal.width_m)}">\n'
         f"{_user_data('osmNode', signal.osm_node_id)}</signal>\n"
+    )
+
+
+def _crosswalk(crosswalk: Crosswalk) -> str:
+    """As an object with its outline inside it: CARLA does not look into ``<outlines>``, and 1.7 allows both."""
+    ahead, left = zip(*crosswalk.outline_m, strict=True)
+    corners = "".join(
+        f'<cornerLocal u="{_number(u)}" v="{_number(v)}" z="0" height="0" id="{number}"/>'
+        for number, (u, v) in enumerate(crosswalk.outline_m)
+    )
+    notes = (
+        ("marked", "" if crosswalk.marked else "false"),
+        ("signals", "true" if crosswalk.signals else ""),
+        ("osmNode", crosswalk.osm_node_id),
+    )
+    return (
+        f'<object type="crosswalk" id="{crosswalk.id}" name="crosswalk" s="{_number(crosswalk.s_m)}" t="0" zOffset="0" '
+        f'orientation="none" hdg="0" pitch="0" roll="0" height="0" length="{_number(max(ahead) - min(ahead))}" '
+        f'width="{_number(max(left) - min(left))}">\n<outline id="0" closed="true" outer="true">'
+        f"{corners}</outline>\n{''.join(_user_data(code, value) for code, value in notes)}</object>\n"
     )
 
 

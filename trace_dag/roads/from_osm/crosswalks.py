@@ -1,0 +1,194 @@
+"""Crosswalks: from OSM's crossings, nodes of a road or ways across it, to outlines from edge to edge of that road.
+
+A crossing leads the way its own way does, if it has one, and otherwise straight across. Those close to a junction lie
+where the road is cut back for the turns: they belong to the road all the same, beyond its end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count, pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.geometry import arc_lengths
+from trace_dag.osm.types import OsmExtract
+from trace_dag.osm.walkways import is_crossing
+from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
+from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.from_osm.tags import parse_length_m
+from trace_dag.roads.map.cubic_profile import CubicProfile
+from trace_dag.roads.map.curves import PlanView, Point, plan_pose
+from trace_dag.roads.map.model import Crosswalk, LaneType, Road
+
+_WIDTH_M: Final = 3.05  # 10 ft; MUTCD 2009, 3B.18, asks for 6 ft at least
+_WIDTHS_M: Final = (1.8, 8.0)
+_SAME_M: Final = 5.0  # a crossing's node and its way where they are not joined
+_MOST_SKEWED: Final = math.tan(math.radians(50))  # from straight across
+_NOT_CARRIAGEWAY: Final = frozenset({LaneType.SIDEWALK, LaneType.NONE})
+_LEAST_ACROSS_M: Final = 2.0
+
+
+@dataclass
+class _Crossing:
+    """A crossing of one street: where, the direction it leads in (its unit vector, if known), what its tags say."""
+
+    street: int
+    s_m: float
+    node_id: int | None = None
+    direction: Point | None = None
+    tags: dict[str, str] = field(default_factory=dict)
+
+
+def with_crosswalks(
+    roads: Sequence[Road],
+    extract: OsmExtract,
+    graph: StreetGraph,
+    plans: Sequence[PlanView],
+    built: Mapping[int, StreetRoads],
+) -> tuple[Road, ...]:
+    """``roads``, finished, with the crosswalks that OpenStreetMap has across them.
+
+    ``built`` has the roads of each street as they were before heights and links.
+    """
+    crossings = _at_nodes(extract, graph, plans, built)
+    _add_ways(crossings, extract, graph, plans, built)
+    by_id = {road.id: road for road in roads}
+    made: dict[str, list[Crosswalk]] = defaultdict(list)
+    ids = count()
+    for crossing in sorted(crossings, key=lambda each: (each.street, each.s_m)):
+        if crossing.tags.get("crossing") == "no":
+            continue
+        of_street = built[crossing.street]
+        number = max((k for k, begin_m in enumerate(of_street.begins_m) if begin_m <= crossing.s_m), default=0)
+        road = by_id[of_street.roads[number].id]
+        crosswalk = _crosswalk(crossing, plans[crossing.street], road, of_street.begins_m[number], str(next(ids)))
+        if crosswalk is not None:
+            made[road.id].append(crosswalk)
+    return tuple(replace(road, crosswalks=tuple(made[road.id])) if road.id in made else road for road in roads)
+
+
+def _at_nodes(
+    extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
+) -> list[_Crossing]:
+    """Crossings that are nodes of a street, but for those on a junction: which arm they cross is not said."""
+    tagged = {
+        graph.aliases.get(node.id, node.id): node
+        for node in extract.nodes.values()
+        if node.tags.get("highway") == "crossing"
+        or ("crossing" in node.tags and node.tags.get("highway") == "traffic_signals")
+    }
+    found = []
+    for index in built:
+        street = graph.streets[index]
+        for number, node_id in enumerate(street.node_ids):
+            if node_id in tagged and not _is_junction(street, number):
+                node = tagged[node_id]
+                found.append(_Crossing(index, plans[index].vertex_s_m[number], node.id, tags=dict(node.tags)))
+    return found
+
+
+def _is_junction(street: Street, number: int) -> bool:
+    at_start, at_end = number == 0, number == len(street.node_ids) - 1
+    return (at_start and street.start_node is not None) or (at_end and street.end_node is not None)
+
+
+def _add_ways(
+    crossings: list[_Crossing],
+    extract: OsmExtract,
+    graph: StreetGraph,
+    plans: Sequence[PlanView],
+    built: Mapping[int, StreetRoads],
+) -> None:
+    """What the ways of crossings say: the direction of those there are nodes of, and those there are no nodes of."""
+    ways = [way for way in extract.walkways if is_crossing(way.tags)]
+    numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
+    if not ways or not numbers:
+        return
+    tree = shapely.STRtree([shapely.LineString(graph.streets[index].points) for index in numbers])
+    of_street: dict[int, list[_Crossing]] = defaultdict(list)
+    for crossing in crossings:
+        of_street[crossing.street].append(crossing)
+    for way in ways:
+        points = [graph.positions[node] for node in way.node_ids if node in graph.positions]
+        for (one, two), ids in zip(pairwise(points), pairwise(way.node_ids), strict=False):
+            piece = shapely.LineString([one, two])
+            if piece.length < 1e-6:
+                continue
+            for hit in tree.query(piece, predicate="intersects").tolist():
+                index = numbers[hit]
+                place = shapely.get_coordinates(tree.geometries[hit].intersection(piece))
+                if not len(place) or _other_level(graph.streets[index], way.tags):
+                    continue
+                line = np.array(graph.streets[index].points)
+                along_m = float(shapely.line_locate_point(tree.geometries[hit], shapely.Point(place[0])))
+                s_m = float(np.interp(along_m, arc_lengths(line), plans[index].vertex_s_m))
+                direction = ((two[0] - one[0]) / piece.length, (two[1] - one[1]) / piece.length)
+                known = next((c for c in of_street[index] if abs(c.s_m - s_m) <= _SAME_M), None)
+                if known is None:
+                    node_id = next((i for i in ids if i in graph.streets[index].node_ids and i > 0), None)
+                    if node_id is not None and _is_junction(
+                        graph.streets[index], graph.streets[index].node_ids.index(node_id)
+                    ):
+                        continue
+                    known = _Crossing(index, s_m, node_id)
+                    crossings.append(known)
+                    of_street[index].append(known)
+                known.direction = known.direction or direction
+                known.tags = {**way.tags, **known.tags}
+
+
+def _other_level(street: Street, tags: Mapping[str, str]) -> bool:
+    """Whether a crossing's way passes over or under a street instead of across it."""
+    raised = any(tags.get(key, "no") != "no" for key in ("bridge", "tunnel"))
+    profile = street.spans[0].profile
+    return raised and not (profile.bridge or profile.tunnel)
+
+
+def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, crosswalk_id: str) -> Crosswalk | None:
+    s_m = min(max(crossing.s_m - begin_m, 0.0), road.length_m)
+    at, node = plan_pose(plan, begin_m + s_m), plan_pose(plan, crossing.s_m)
+    cosine, sine = math.cos(at.heading_rad), math.sin(at.heading_rad)
+    dx, dy = node.x_m - at.x_m, node.y_m - at.y_m
+    ahead_m, left_m = dx * cosine + dy * sine, dy * cosine - dx * sine
+    skew = 0.0  # metres ahead per metre to the left
+    if crossing.direction is not None:
+        x, y = crossing.direction
+        ahead, left = x * cosine + y * sine, y * cosine - x * sine
+        skew = ahead / left if abs(left) > 1e-6 else math.inf
+        if abs(skew) > _MOST_SKEWED:
+            return None  # it runs along this street and crosses another
+    right_edge_m, left_edge_m = _edges(road, s_m)
+    if left_edge_m - right_edge_m < _LEAST_ACROSS_M:
+        return None
+    tagged_m = parse_length_m(crossing.tags.get("width"))
+    half_m = min(max(tagged_m or _WIDTH_M, _WIDTHS_M[0]), _WIDTHS_M[1]) / 2 * math.hypot(1.0, skew)
+    corners = tuple(
+        (ahead_m + skew * (v - left_m) + u, v)
+        for v, u in ((right_edge_m, -half_m), (right_edge_m, half_m), (left_edge_m, half_m), (left_edge_m, -half_m))
+    )
+    tags = crossing.tags
+    return Crosswalk(
+        crosswalk_id,
+        s_m,
+        corners,
+        marked=tags.get("crossing") != "unmarked" and tags.get("crossing:markings", "yes") != "no",
+        signals=tags.get("crossing") == "traffic_signals" or tags.get("crossing:signals") == "yes",
+        osm_node_id=crossing.node_id,
+    )
+
+
+def _edges(road: Road, s_m: float) -> tuple[float, float]:
+    """Right and left edge of what a crosswalk crosses, metres left of the reference line."""
+    section = max((s for s in road.lane_sections if s.s_m <= s_m), key=lambda s: s.s_m, default=road.lane_sections[0])
+    middle_m = CubicProfile.of(road.lane_offset).at(s_m)
+    reach = {1: 0.0, -1: 0.0}
+    for lane in section.lanes:
+        if lane.id and lane.type not in _NOT_CARRIAGEWAY:
+            reach[1 if lane.id > 0 else -1] += CubicProfile.of(lane.widths, origin_m=section.s_m).at(s_m)
+    return middle_m - reach[-1], middle_m + reach[1]
