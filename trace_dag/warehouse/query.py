@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     import duckdb
 
 WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
+MAX_ROWS = 5_000_000
+"""Of one answer: some 2 GB of memory. A national year has 40,000 crashes, and its largest table some 100 rows for each."""
+
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
 
 
@@ -22,17 +25,24 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
     """A read-only connection to the warehouse as it was built. A rebuild does not disturb it.
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not what was built: damaged,
-    or changed by hand. The connection reaches nothing but the warehouse: no other file, no network.
+    or changed by hand. The connection reads the warehouse and reaches nothing else: no file is opened or written, its own
+    neither, no network is used, and no setting can be changed.
     """
     import duckdb
 
     check_warehouse(path)
     try:
-        return duckdb.connect(
+        connection = duckdb.connect(
             str(path), read_only=True, config={"enable_external_access": "false", "autoload_known_extensions": "false"}
         )
+        # Without external access DuckDB still allows COPY TO the open file itself and to its log. It reads on through
+        # the handle it has when no file can be opened any more. Who connects a second time finds it locked already.
+        if connection.execute("SELECT current_setting('lock_configuration')").fetchone() != (True,):
+            connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
+            connection.execute("SET lock_configuration = true")
     except duckdb.Error as error:
         raise DamagedFile(str(path), f"DuckDB cannot open it ({_first_line(error)})", _BUILT_AGAIN) from error
+    return connection
 
 
 def check_warehouse(path: Path) -> None:
@@ -66,17 +76,27 @@ def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
 
 
 def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Column names and rows of one query; :class:`UserError` for what DuckDB refuses."""
+    """Column names and rows of one query; :class:`UserError` for what DuckDB refuses, and for more rows than can be
+    held."""
     import duckdb
 
+    try:
+        sql.encode()
+    except UnicodeEncodeError as error:
+        raise UserError("sql: the question is not UTF-8; expected a query in SQL") from error
     with open_warehouse(path) as connection:
         try:
             connection.execute(sql)
             if connection.description is None:
                 raise UserError("sql: there is no query in it")
-            return [column[0] for column in connection.description], connection.fetchall()
+            found = connection.fetchmany(MAX_ROWS + 1)
         except duckdb.Error as error:
             raise UserError(f"sql: {str(error).strip()}") from error
+        except (OverflowError, ValueError) as error:  # DuckDB's values go further than Python's
+            raise UserError(f"sql: a value that cannot be shown ({error}); cast it to VARCHAR") from error
+        if len(found) > MAX_ROWS:
+            raise UserError(f"sql: more than {MAX_ROWS:,} rows; ask for fewer with LIMIT or count them")
+        return [column[0] for column in connection.description], found
 
 
 def rows(path: Path, table: str) -> list[dict[str, Any]]:
