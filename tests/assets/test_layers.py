@@ -16,7 +16,7 @@ PACKAGE = Path(trace_dag.__file__).parent
 
 LAYERS = (
     # the contracts
-    {"units", "stage"},
+    {"units", "stage", "markdown"},
     {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
     {"plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},

@@ -20,6 +20,7 @@ from dagster import (
 )
 from pydantic import Field
 
+from trace_dag import markdown
 from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
 from trace_dag.assets.metadata import materialization
 from trace_dag.assets.reports import REPORTS
@@ -39,6 +40,7 @@ COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"
 STEP_PROCESS_TAG = "trace_dag/step_process"  # that runs the step: if it is gone, so is the run
 _FAILURES_NAMED = 20
+_DETAIL_SHOWN = 300  # characters
 _TRACEBACKS_SHOWN = 3
 CRASHES_PER_RUN: int = ExecutionSettings().batch_size
 
@@ -111,10 +113,10 @@ def _summary(failed: dict[str, StageEvent], total: int) -> str:
 
 def _table(failed: dict[str, StageEvent]) -> str:
     rows = [
-        f"| {key} | {_stage(event)} | {_one_line(event.record.detail if event.record else 'has not run')} |"
+        (key, _stage(event), (event.record.detail if event.record else "has not run")[:_DETAIL_SHOWN])
         for key, event in failed.items()
     ]
-    return "\n".join(["| crash | stage | what happened |", "|---|---|---|", *rows])
+    return markdown.table(["crash", "stage", "what happened"], rows)
 
 
 def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:
@@ -124,14 +126,10 @@ def _tracebacks(failed: dict[str, StageEvent]) -> dict[str, MetadataValue[Any]]:
         if event.record is not None and event.record.error:
             first.setdefault(event.record.error.strip().rpartition("\n")[2], event)
     return {
-        f"traceback of {event.key}": MetadataValue.md(f"```\n{event.record.error if event.record else ''}\n```")
+        f"traceback of {event.key}": MetadataValue.md(markdown.code_block(event.record.error if event.record else ""))
         for event in list(first.values())[:_TRACEBACKS_SHOWN]
     }
 
 
 def _stage(event: StageEvent) -> Stage:
     return event.record.stage if event.record else event.stage
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")[:300]

@@ -8,7 +8,7 @@ from typing import Any
 
 from dagster import AssetCheckExecutionContext, AssetCheckResult, AssetCheckSeverity, MetadataValue, asset_check
 
-from trace_dag.assets.metadata import markdown_table
+from trace_dag import markdown
 from trace_dag.assets.summaries import warehouse
 from trace_dag.flow.workspace import Workspace
 from trace_dag.warehouse.query import query
@@ -22,7 +22,7 @@ def _ask(context: AssetCheckExecutionContext, sql: str) -> list[tuple[Any, ...]]
 
 
 def _listing(names: list[str], rows: list[tuple[Any, ...]]) -> MetadataValue:
-    return MetadataValue.md(markdown_table(names, rows[:_NAMED]))
+    return MetadataValue.md(markdown.table(names, rows[:_NAMED]))
 
 
 @asset_check(

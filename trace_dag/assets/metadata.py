@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from dagster import AssetMaterialization, MetadataValue
@@ -88,10 +88,3 @@ def picture_metadata(record: OutcomeRecord, storage: Storage) -> dict[str, Any]:
         "picture": MetadataValue.md(f"![{record.key} from above](data:image/webp;base64,{inline})"),
         "picture file": MetadataValue.path(storage.path(large.name)),
     }
-
-
-def markdown_table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table as the UI shows it; nothing for None."""
-    lines = [" | ".join(names), " | ".join("---" for _ in names)]
-    lines += [" | ".join("" if value is None else str(value).replace("|", "\\|") for value in row) for row in rows]
-    return "\n".join(f"| {line} |" for line in lines)

@@ -12,7 +12,7 @@ from typing import Any
 from dagster import AssetExecutionContext, AssetsDefinition, Config, Failure, MaterializeResult, MetadataValue, asset
 from pydantic import Field
 
-from trace_dag.assets.metadata import markdown_table
+from trace_dag import markdown
 from trace_dag.assets.specs import OWNERS
 from trace_dag.benchmark.release import build_release
 from trace_dag.errors import Failure as BrokenPart
@@ -136,7 +136,7 @@ def _cases(workspace: Workspace, cohort: str, left_out: list[str]) -> list[Store
 
 def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> MaterializeResult[Any]:
     metadata: dict[str, Any] = {
-        "table": MetadataValue.md(markdown_table(table.names, table.rows)),
+        "table": MetadataValue.md(markdown.table(table.names, table.rows)),
         "dagster/row_count": len(table.rows),
         **figures,
     }

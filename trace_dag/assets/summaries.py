@@ -4,7 +4,7 @@ from typing import Any
 
 from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataValue, TableColumn, TableSchema, asset
 
-from trace_dag.assets.metadata import markdown_table
+from trace_dag import markdown
 from trace_dag.assets.specs import OWNERS, as_markdown
 from trace_dag.benchmark.build import INDEX, build_benchmark
 from trace_dag.flow.workspace import Workspace
@@ -40,7 +40,7 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     if report.damaged:
         metadata[DAMAGED] = MetadataValue.json([str(damaged) for damaged in report.damaged])
     for view in _SHOWN:
-        metadata[view] = MetadataValue.md(markdown_table(*query(workspace.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
+        metadata[view] = MetadataValue.md(markdown.table(*query(workspace.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
     with open_warehouse(workspace.warehouse) as connection:
         columns = [
             TableColumn(f"{table}.{name}", type=kind.lower(), description=as_markdown(comment))

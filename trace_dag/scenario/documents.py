@@ -1,28 +1,46 @@
-"""The documents beside scenarios, in words: templates of Markdown and the like, filled in."""
+"""The documents beside scenarios, in words: templates of Markdown and the like, filled in.
+
+What a template of Markdown is given is escaped for it; ``| code`` makes it code within a line.
+"""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.markdown import code_span, escaped
+
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+class _Markdown(str):
+    """Text that is Markdown already."""
+
+    __slots__ = ()
+
+
 def render_document(template: str, **values: Any) -> bytes:
     """A template of ours, filled in, UTF-8. A value that a template wants and does not get is an error."""
-    return _templates().get_template(template).render(**values).encode()
+    markdown = template.endswith(".md.jinja")
+    return _templates(markdown=markdown).get_template(template).render(**values).encode()
+
+
+def _shown(value: object) -> object:
+    return escaped(value) if isinstance(value, str) and not isinstance(value, _Markdown) else value
 
 
 @cache
-def _templates() -> Environment:
+def _templates(*, markdown: bool) -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("trace_dag.scenario", "templates"),
         undefined=StrictUndefined,
         keep_trailing_newline=True,
-        autoescape=False,  # noqa: S701 - Markdown
+        autoescape=False,  # noqa: S701 - no HTML
+        finalize=_shown if markdown else None,
     )
+    environment.filters["code"] = lambda value: _Markdown(code_span(str(value)))
     environment.filters["words"] = lambda value: str(value).replace("_", " ")
     return environment

@@ -99,6 +99,7 @@ def _lettering(text: str) -> tuple[Path, float]:
     from matplotlib.path import Path
     from matplotlib.textpath import TextPath
 
-    path = TextPath((0.0, 0.0), text, size=_SIZE_PT)
+    # Between two dollar signs matplotlib would read a formula.
+    path = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=_SIZE_PT)
     length_pt = float(path.vertices[:, 0].max())
     return Path(path.vertices - (length_pt / 2, _MIDDLE * _SIZE_PT), path.codes), length_pt

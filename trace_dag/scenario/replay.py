@@ -79,9 +79,8 @@ def write_html_player(
             for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
         ),
         outcome=_outcome(verdict),
-        attribution=network.attribution,
         map_svg=f"data:image/svg+xml;base64,{svg}",
-        data=_script_safe({**_data(record, log, windows), "map": [round(value, 2) for value in map_window]}),
+        data=_script_safe({**_data(record, network, log, windows), "map": [round(value, 2) for value in map_window]}),
     )
     return page.encode("utf-8")
 
@@ -123,7 +122,7 @@ def _map_svg(network: RoadNetwork, window: Window) -> bytes:
     return stream.getvalue()
 
 
-def _data(record: CrashRecord, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:
+def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:
     contact = log.first_contact
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
     vehicles = []
@@ -154,6 +153,7 @@ def _data(record: CrashRecord, log: SimulationLog, windows: ReplayWindows) -> di
             "closing": round(contact.closing_speed_mps, 2),
         },
         "contact_colour": CONTACT_COLOUR,
+        "attribution": network.attribution,
         "termination": log.termination.replace("_", " "),
         "overview": [round(value, 2) for value in windows.overview],
         "impact": [round(value, 2) for value in windows.impact],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
 MAX_ROWS = 5_000_000
-"""Of one answer: some 2 GB of memory. A national year has 40,000 crashes, and its largest table some 100 rows for each."""
+"""Of one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for each."""
 
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
 
@@ -25,8 +25,8 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
     """A read-only connection to the warehouse as it was built. A rebuild does not disturb it.
 
     Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not what was built: damaged,
-    or changed by hand. The connection reads the warehouse and reaches nothing else: no file is opened or written, its own
-    neither, no network is used, and no setting can be changed.
+    or changed by hand. The connection reads the warehouse and reaches nothing else: no file is opened or written, its
+    own neither, no network is used, and no setting can be changed.
     """
     import duckdb
 
