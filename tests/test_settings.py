@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trace_dag.errors import UserError
+from trace_dag.errors import UserError, UserErrors
 from trace_dag.settings import Settings, load_settings
 
 
@@ -29,6 +29,9 @@ def test_null_in_the_environment_is_no_limit(monkeypatch):
 @pytest.mark.parametrize(
     ("file", "said"),
     [
+        (b"[execution]\nworkers = -1", r"setting execution.workers = -1 .*greater than or equal to 1"),
+        (b"[execution]\nworkers = 0", r"setting execution.workers = 0 .*greater than or equal to 1"),
+        pytest.param(b"a = " + b"[" * 100_000, "settings.toml: not TOML", id="nested"),
         (b"[sim]\nfriction = -1", r"setting sim.friction = -1 .*greater than 0"),
         (b"[sim]\nfrictoin = 1", r"setting sim.frictoin = 1 .*not permitted"),
         (b"[sim\n", "settings.toml: not TOML"),
@@ -38,3 +41,36 @@ def test_null_in_the_environment_is_no_limit(monkeypatch):
 def test_mistakes_are_named(file, said):
     with pytest.raises(UserError, match=said):
         load_settings(file)
+
+
+def test_every_mistake_has_its_line():
+    file = b"[sim]\nfriction = -1\nfrictoin = 1\n[osm]\nradius_m = 'far'\n"
+    with pytest.raises(UserErrors) as raised:
+        load_settings(file)
+    assert sorted(said.split()[1] for said in raised.value.messages) == ["osm.radius_m", "sim.friction", "sim.frictoin"]
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "said"),
+    [
+        ("TRACE_DAG_EXECUTION__WORKERS", "-1", "execution.workers"),
+        ("TRACE_DAG_EXECUTION__WORKERS", "many", "execution.workers"),
+        ("TRACE_DAG_CRASH__FILTERS", "{broken", "TRACE_DAG_CRASH__FILTERS = '{broken': expected JSON"),
+        ("TRACE_DAG_CRASH__FILTERS", "[" * 100_000, "TRACE_DAG_CRASH__FILTERS"),
+        ("TRACE_DAG_CRASH", "{broken", "TRACE_DAG_CRASH = '{broken': expected JSON"),
+        (
+            "TRACE_DAG_SIMM__FRICTION",
+            "0.5",
+            "TRACE_DAG_SIMM__FRICTION: there is no section simm; did you mean TRACE_DAG_SIM__",
+        ),
+        ("TRACE_DAG_XYZ__FRICTION", "0.5", "sections are crash, osm"),
+        ("TRACE_DAG_SIM_FRICTION", "0.5", "expected TRACE_DAG_SIM__FRICTION"),
+        ("TRACE_DAG_SIM__FRICTOIN", "0.5", "sim.frictoin"),
+    ],
+)
+def test_mistakes_in_the_environment_are_named(monkeypatch, variable, value, said):
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(UserError) as raised:
+        load_settings()
+    assert said in str(raised.value)
+    assert len(str(raised.value)) < 1000

@@ -10,6 +10,7 @@ of the published paper (TRACE, FSE Companion '26) it belongs to.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -249,3 +250,14 @@ class DamagedFile(Failure):
 
 class UserError(Exception):
     """What was asked for cannot be done; the message names what was found, expected and to be done."""
+
+
+class UserErrors(UserError):  # noqa: N818 - several of them
+    """Several at once, each a line of its own."""
+
+    def __init__(self, messages: Iterable[str]) -> None:
+        self.messages = tuple(messages)
+        super().__init__("; ".join(self.messages))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (type(self), (self.messages,))

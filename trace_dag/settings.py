@@ -9,14 +9,20 @@ and never stored.
 
 from __future__ import annotations
 
+import difflib
+import json
+import os
 import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from trace_dag.errors import UserError
+from trace_dag.errors import UserError, UserErrors
 from trace_dag.plugins import PluginKind, offered
+
+_PREFIX = "TRACE_DAG_"
+_SHOWN = 80  # characters of a value that is wrong
 
 RuleSetName = Literal["trace-dag", "strict", "published"]
 
@@ -208,7 +214,7 @@ class ExecutionSettings(_Section):
     """How a batch runs; never part of any provenance."""
 
     executor: Literal["in_process", "processes", "dask"] = Field("processes", description="Where the work runs.")
-    workers: int | None = Field(None, description="Processes; null is one per core.")
+    workers: int | None = Field(None, ge=1, le=1024, description="Processes; null is one per core.")
     chunk_size: int = Field(8, ge=1, description="Crashes handed to a worker at a time.")
     dask_address: str | None = Field(None, description="Address of a running Dask scheduler, tcp://host:port.")
     batch_size: int = Field(250, ge=1, description="Crashes in one Dagster run.")
@@ -239,27 +245,81 @@ def load_settings(
     the setting, the value found and what was expected.
     """
     from pydantic_settings import BaseSettings, EnvSettingsSource
+    from pydantic_settings.exceptions import SettingsError
 
     try:
         from_file = tomllib.loads(toml.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
+    misnamed = _misnamed(os.environ)
+    if misnamed:
+        raise UserErrors(misnamed)
 
     class Sources(BaseSettings, Settings):  # type: ignore[misc] # its model_config is BaseSettings', the fields are ours
         """The same sections, readable from the environment."""
 
     try:
         environment = EnvSettingsSource(
-            Sources, env_prefix="TRACE_DAG_", env_nested_delimiter="__", env_parse_none_str="null"
+            Sources, env_prefix=_PREFIX, env_nested_delimiter="__", env_parse_none_str="null"
         )
         merged = _merge(_merge(from_file, environment()), overrides or {})
         return Settings.model_validate(merged)
+    except (SettingsError, RecursionError) as error:
+        raise UserErrors(_not_json(os.environ) or [f"a variable {_PREFIX}...: {error}; expected JSON"]) from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise UserError(
-            f"setting {where} = {first['input']!r} (from {name}, TRACE_DAG_... or the command line): {first['msg']}"
+        raise UserErrors(
+            f"setting {'.'.join(map(str, each['loc']))} = {_shortened(each['input'])} "
+            f"(from {name}, {_PREFIX}... or the command line): {each['msg']}"
+            for each in error.errors()
         ) from error
+
+
+def _misnamed(environment: Mapping[str, str]) -> list[str]:
+    """What is wrong with the names of variables that look like settings; a typing error would go unnoticed."""
+    wrong = []
+    for variable in sorted(environment):
+        section, separator, field = variable.upper().removeprefix(_PREFIX).partition("__")
+        if not variable.upper().startswith(_PREFIX) or section.lower() in Settings.model_fields:
+            continue
+        if separator:
+            near = difflib.get_close_matches(section.lower(), Settings.model_fields, n=1)
+            expected = (
+                f"did you mean {_PREFIX}{near[0].upper()}__{field}"
+                if near
+                else "sections are " + ", ".join(Settings.model_fields)
+            )
+            wrong.append(f"environment variable {variable}: there is no section {section.lower()}; {expected}")
+        else:
+            before, _, after = section.partition("_")
+            if before.lower() in Settings.model_fields:
+                wrong.append(
+                    f"environment variable {variable}: expected {_PREFIX}{before}__{after}, with two underscores"
+                )
+    return wrong
+
+
+def _not_json(environment: Mapping[str, str]) -> list[str]:
+    """Which variables hold a broken list or table."""
+    wrong = []
+    for variable, value in sorted(environment.items()):
+        if not variable.upper().startswith(_PREFIX):
+            continue
+        section, _, field = variable.lower().removeprefix(_PREFIX.lower()).partition("__")
+        if section not in Settings.model_fields:
+            continue
+        try:
+            json.loads(value)
+        except (ValueError, RecursionError) as error:
+            annotation = Settings.model_fields[section].annotation
+            fields = getattr(annotation, "model_fields", {})
+            if not field or "[" in str(fields[field].annotation if field in fields else ""):
+                wrong.append(f"environment variable {variable} = {_shortened(value)}: expected JSON ({error})")
+    return wrong
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
 def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

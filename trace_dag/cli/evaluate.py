@@ -45,21 +45,23 @@ _FAULTS_SHOWN = 5
 @click.option(
     "--hz", "rate_hz", type=click.FloatRange(20, 100), default=20.0, show_default=True, help="How often it acts."
 )
-@click.option("--range-m", type=click.FloatRange(min=0), default=150.0, show_default=True, help="How far it sees.")
+@click.option(
+    "--range-m", type=click.FloatRange(min=0, max=10_000), default=150.0, show_default=True, help="How far it sees."
+)
 @click.option(
     "--noise",
     "noise_m",
-    type=click.FloatRange(min=0),
+    type=click.FloatRange(min=0, max=1_000),
     default=0.0,
     show_default=True,
     help="Standard deviation of the positions it sees, m; of velocities the same number in m/s.",
 )
 @click.option("--occlusion", is_flag=True, help="It does not see whom another body hides.")
-@click.option("--seed", default=1, show_default=True, help="Seed of the noise.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the noise.")
 @click.option(
     "--time-limit",
     "time_limit_s",
-    type=click.FloatRange(min=0.1),
+    type=click.FloatRange(min=0.1, max=86_400),
     default=20.0,
     show_default=True,
     help="Seconds one evaluation may take; an agent that takes longer is faulty there.",

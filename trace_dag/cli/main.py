@@ -28,7 +28,7 @@ from trace_dag.cli.status import status
 from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
-from trace_dag.errors import Failure, UserError
+from trace_dag.errors import Failure, UserError, UserErrors
 from trace_dag.logs import configure_logging
 
 EXIT_FAILED = 1
@@ -93,10 +93,11 @@ def main() -> None:
         click.echo("interrupted; what was finished is kept, run again for the rest", err=True)
         sys.exit(130)
     except UserError as error:
-        click.echo(f"trace-dag: {_one_line(error)}", err=True)
+        for said in error.messages if isinstance(error, UserErrors) else (str(error),):
+            click.echo(f"trace-dag: {_one_line(said)}", err=True)
         sys.exit(EXIT_USAGE)
     except Failure as error:
-        click.echo(f"trace-dag: failed: {_one_line(error)}", err=True)
+        click.echo(f"trace-dag: failed: {_one_line(str(error))}", err=True)
         sys.exit(EXIT_FAILED)
     except BrokenPipeError:
         # The reader (head, less) has had enough.
@@ -104,5 +105,5 @@ def main() -> None:
         sys.exit(0)
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
