@@ -45,7 +45,10 @@ class Reason(StrEnum):
     NO_FEASIBLE_STATE = "no_feasible_state"
     NO_COLLISION = "no_collision"
     WRONG_LOCATION = "wrong_location"
+    WRONG_PARTY = "wrong_party"
     WRONG_IMPACT = "wrong_impact"
+    WRONG_SEQUENCE = "wrong_sequence"
+    WRONG_ZONE = "wrong_zone"
     WRONG_DIRECTION = "wrong_direction"
     WRONG_SPEED = "wrong_speed"  # only under the rule set "strict"
 
@@ -107,7 +110,7 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.INCOMPLETE_TRAJECTORY: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "No field of the report says how one of the vehicles moved.",
+        "No field of the report says how one of the vehicles moved, or where a person was.",
         "Nothing: the motion is not known.",
     ),
     Reason.OUTSIDE_COHORT: _ReasonFacts(
@@ -119,13 +122,13 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.NOT_MODELLED: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
-        "The crash is of a kind that cannot be judged yet, such as one with a pedestrian; the detail names the event.",
-        "Nothing: crashes in which two vehicles in transport touched are modelled so far.",
+        "The crash is of a kind that cannot be judged yet, such as one with a tree; the detail names the event.",
+        "Nothing: modelled are crashes in which two vehicles in transport touched, or vehicles struck people.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "The events of the report do not say which two vehicles met first, or whether any did.",
+        "The events of the report do not say which two vehicles met first, or which vehicle struck which person.",
         "Nothing: who met whom is not known.",
     ),
     Reason.NO_MAP_COVERAGE: _ReasonFacts(
@@ -155,13 +158,13 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.NO_FEASIBLE_STATE: _ReasonFacts(
         Stage.STATE_ESTIMATE,
         _PAPER.NOT_REPRODUCED,
-        "No pair of paths on this map brings the vehicles together as reported.",
+        "No paths on this map bring the parties together as reported.",
         "Look at the map picture: often a lane or a side road is missing.",
     ),
     Reason.NO_COLLISION: _ReasonFacts(
         Stage.SIMULATION_LOG,
         _PAPER.NOT_REPRODUCED,
-        "The vehicles do not touch in any simulated hypothesis.",
+        "The parties do not touch in any simulated hypothesis.",
         "Watch the replay; the log says how near they came.",
     ),
     Reason.WRONG_LOCATION: _ReasonFacts(
@@ -170,17 +173,35 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         "The first contact is too far from the reported point.",
         "See the criterion contact_distance; verdict.max_contact_distance_m is the limit.",
     ),
+    Reason.WRONG_PARTY: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "Another vehicle than reported strikes the person, or another person is struck.",
+        "Watch the replay; the contacts are in the simulation log.",
+    ),
     Reason.WRONG_IMPACT: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
         "A vehicle is struck at another place of its body than reported.",
         "See the criterion clock_error; verdict.max_clock_error_h is the limit.",
     ),
+    Reason.WRONG_SEQUENCE: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A reported strike does not happen, happens in another order, or parties touch that no event has touch.",
+        "See the criteria strike and unreported_contact.",
+    ),
+    Reason.WRONG_ZONE: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A person is struck in another zone of the road than reported: on the carriageway, beside it, on a sidewalk.",
+        "See the criterion zone_error; verdict.max_zone_error_m is the limit.",
+    ),
     Reason.WRONG_DIRECTION: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "A vehicle went another way than reported, or the two met at another angle.",
-        "See the criteria direction_error and relation_error.",
+        "A vehicle or a person went another way than reported, or the two met at another angle.",
+        "See the criteria direction_error, relation_error, course_error and compass_error.",
     ),
     Reason.WRONG_SPEED: _ReasonFacts(
         Stage.VERDICT,

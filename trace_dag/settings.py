@@ -191,6 +191,7 @@ class VerdictSettings(_Section):
     max_direction_error_deg: float = Field(
         45.0, ge=0, le=180, description="Each turn, and the angle between the approaches, against the reported ones."
     )
+    max_zone_error_m: float = Field(1.0, ge=0, description="Of a person, outside the reported zone of the road.")
     max_speed_error_rel: float = Field(0.1, ge=0, description='Against reported speeds; rejects only under "strict".')
 
 

@@ -141,12 +141,19 @@ def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
 
 
 def test_a_kind_that_cannot_be_judged_names_its_event() -> None:
-    record = read(report(ONE, [{}], [STRUCK], {"NPersons": [("Person", PERSON)]}))
+    record = read(report(ONE | {"HARM_EV": 42}, [{}], [STRUCK | {"SOE": 42}]))
     found = rejection(record, CrashSettings())
     assert found is not None
     assert found.reason is Reason.NOT_MODELLED
-    assert "vehicle 1 struck a pedestrian, person 1 (at 12 o'clock (front)) (SOE 8)" in found.detail
-    assert "the kind of crash is pedestrian" in found.detail
+    assert "vehicle 1 struck a tree (at 12 o'clock (front)) (SOE 42)" in found.detail
+    assert "the kind of crash is fixed_object" in found.detail
+
+
+@pytest.mark.parametrize(("code", "kind"), [(8, "pedestrian"), (15, "pedestrian"), (9, "cyclist")])
+def test_a_strike_of_a_person_is_judged(code: int, kind: str) -> None:
+    record = read(report(ONE | {"HARM_EV": code}, [{}], [STRUCK | {"SOE": code}]))
+    assert record.kind == kind
+    assert rejection(record, CrashSettings()) is None
 
 
 def test_a_collision_after_another_event_is_judged_as_before() -> None:
@@ -197,14 +204,21 @@ def test_who_stood_or_was_struck_from_behind_needs_no_course(own: dict[str, int]
 
 
 def test_what_a_crash_with_a_person_needs() -> None:
-    def of(vehicle: dict[str, object], person: dict[str, object], event: dict[str, object]) -> list[str]:
-        data = report(ONE, [vehicle], [STRUCK | event], {"NPersons": [("Person", PERSON | person)]})
+    def of(vehicle: dict[str, object], person: dict[str, object], zone: int = 1) -> list[str]:
+        data = report(ONE | {"REL_ROAD": zone}, [vehicle], [STRUCK], {"NPersons": [("Person", PERSON | person)]})
         return lacks(read(data))
 
-    assert of({}, {}, {}) == []
-    (course,) = of(SILENT, {}, {})
+    assert of({}, {}) == []
+    (course,) = of(SILENT, {})
     assert course.startswith("nothing tells how vehicle 1 moved")
-    (place,) = of({}, {"LOCATION": 99}, {})
-    assert place == "nothing tells where person 1 was: neither LOCATION nor PEDPOS nor BIKEPOS is known"
-    (nobody,) = of({}, {}, {"VNUMBER1": 7})
-    assert nobody == "no event says which vehicle struck the person"
+    assert of({}, {"LOCATION": 99}) == []  # on the roadway, by REL_ROAD
+    (place,) = of({}, {"LOCATION": 99}, zone=99)
+    assert place == "nothing tells where person 1 was: neither LOCATION nor PEDPOS nor BIKEPOS nor REL_ROAD is known"
+
+
+def test_who_struck_the_person_has_to_be_told() -> None:
+    record = read(report(ONE, [{}], [STRUCK | {"VNUMBER1": 7}], {"NPersons": [("Person", PERSON)]}))
+    found = rejection(record, CrashSettings())
+    assert found is not None
+    assert found.reason is Reason.INCOMPLETE_SEQUENCE
+    assert found.detail == "event 1 does not say which vehicle struck the person"

@@ -17,6 +17,7 @@ from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query, rows
 
+JUDGED = {"two_vehicles", "pedestrian", "cyclist"}
 CONTACTS = {12, 14, 45, 55}
 NO_HARM = {*range(60, 72), 79, 98, 99}
 MALFORMED = ("crash_510030", "crash_510108", "crash_510150")
@@ -100,7 +101,7 @@ def test_the_funnel_by_kind_adds_up(root: Path, expected: dict[str, str]) -> Non
     for step in ("registered", "complete", "mapped", "estimated", "collided", "verified"):
         assert sum(row[step] for row in by_kind.values()) == whole[step]
     assert sum(row["share_pct"] for row in by_kind.values()) == pytest.approx(100, abs=0.05)
-    assert {name for name, row in by_kind.items() if row["complete"]} == {"two_vehicles"}
+    assert {name for name, row in by_kind.items() if row["complete"]} <= JUDGED
 
 
 def test_coverage_by_kind_adds_up(root: Path) -> None:
@@ -118,19 +119,17 @@ def test_usable_information_is_of_the_kinds_that_are_judged(root: Path, expected
         usable[row["kind"]] += row["crashes"]
     unusable = query(
         path,
-        "SELECT kind, count(*) FROM crashes WHERE kind = 'two_vehicles' AND "
+        "SELECT kind, count(*) FROM crashes WHERE kind IN ('two_vehicles', 'pedestrian', 'cyclist') AND "
         "(reason IN ('not_modelled', 'incomplete_sequence') OR stage_reached IS NULL) GROUP BY kind",
     )[1]
-    judged = {
-        name: expected_count for name, expected_count in Counter(expected.values()).items() if name == "two_vehicles"
-    }
+    judged = {name: count for name, count in Counter(expected.values()).items() if name in JUDGED}
     assert usable + Counter(dict(unusable)) == Counter(judged)
 
 
 def test_what_to_run_next_is_of_kinds_that_are_judged(root: Path, expected: dict[str, str]) -> None:
     path = root / "warehouse.duckdb"
     judged = {row["kind"] for row in rows(path, "crash_kinds") if row["judged"]}
-    assert judged == {"two_vehicles"}
+    assert judged == JUDGED
     pending = {row["key"] for row in rows(path, "crashes") if row["final_state"] == "pending"}
     suggested = {row["key"] for row in rows(path, "cohort_gaps")}
     assert suggested == {key for key in pending if expected.get(key, "two_vehicles") in judged}

@@ -12,14 +12,14 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from trace_dag.crash.codes.crash import TYP_INT
+from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
-from trace_dag.crash.kind import JUDGED_KINDS, OF_PERSONS, CrashKind
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.modelled import another_kind, untold_meeting
-from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
+from trace_dag.crash.strikes import is_of_strikes, strikes_of, untold_strike
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.schemas import Column, ColumnType
@@ -194,23 +194,20 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
-    of_vehicles = record.kind not in OF_PERSONS or (record.colliding_vehicles and record.kind not in JUDGED_KINDS)
-    return _course_of_vehicles(record) if of_vehicles else _course_of_persons(record)
+    return _course_of_persons(record) if is_of_strikes(record) else _course_of_vehicles(record)
 
 
 def _course_of_persons(record: CrashRecord) -> str | None:
-    """A person was struck by a vehicle whose course is known, from a place that is known."""
-    strike = next((event for event in record.events if event.kind is EventKind.PERSON_STRUCK), None)
-    if strike is None or strike.party_1 is None:
-        return "no event says which vehicle struck the person"
-    vehicle = next((each for each in record.vehicles if each.number == strike.party_1), None)
-    if vehicle is None or not trajectory_known(record, vehicle, None):
-        return _untold_course(vehicle) if vehicle else f"the report lists no vehicle {strike.party_1}"
-    struck = [each for each in record.non_motorists if strike.party_2 in (None, each.party)]
-    if any(person.place_code is not None for person in struck):
+    """Every person was struck by a vehicle whose course is known, the first one at a place that is known."""
+    strikes = strikes_of(record)
+    for strike in strikes:
+        if not trajectory_known(record, strike.vehicle, None):
+            return _untold_course(strike.vehicle)
+    zone_told = REL_ROAD.known(record.road_relation_code) is not None
+    if not strikes or strikes[0].person.place_code is not None or zone_told:
         return None
-    who = f"person {struck[0].number}" if len(struck) == 1 else "any person outside the vehicles"
-    return f"nothing tells where {who} was: neither LOCATION nor PEDPOS nor BIKEPOS is known"
+    who = f"person {strikes[0].person.number}"
+    return f"nothing tells where {who} was: neither LOCATION nor PEDPOS nor BIKEPOS nor REL_ROAD is known"
 
 
 def _course_of_vehicles(record: CrashRecord) -> str | None:
@@ -243,6 +240,7 @@ KINDS: Final[tuple[Rule, ...]] = (
     Rule(
         "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
     ),
+    Rule("strikes", Reason.INCOMPLETE_SEQUENCE, "which vehicle struck which person is known", untold_strike),
     Rule("modelled", Reason.NOT_MODELLED, "a kind of crash that can be judged", another_kind),
 )
 """What kind of crash it has to be."""

@@ -31,6 +31,7 @@ from trace_dag.crash.record import (
     first_vehicle_contact,
 )
 from trace_dag.crash.summary import event_in_words
+from trace_dag.crash.zones import ZONES_OF_BIKEPOS, ZONES_OF_LOCATION, ZONES_OF_PEDPOS
 from trace_dag.units import mps_to_mph
 
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
@@ -59,29 +60,6 @@ _SHOWN_SIDE_H: Final[Mapping[Side, float]] = {Side.RIGHT: 2.0, Side.LEFT: 10.0}
 """The middle of what a vehicle shows another one that it has on one side or ahead."""
 _SHOWN_REACH_H: Final = 3.5
 """From the front and a side's middle: the other corner of the front, and all of that side."""
-_CARRIAGEWAY, _BESIDE, _WALKED, _OUTSIDE = "carriageway", "beside", "walked", "outside"
-_ZONES_OF_LOCATION: Final[Mapping[int, frozenset[str]]] = {
-    **dict.fromkeys((1, 2, 3, 9, 10, 11, 13), frozenset({_CARRIAGEWAY})),
-    **dict.fromkeys((14, 16, 20), frozenset({_BESIDE})),
-    22: frozenset({_BESIDE, _CARRIAGEWAY}),
-    **dict.fromkeys((21, 23, 24), frozenset({_WALKED})),
-    25: frozenset({_OUTSIDE}),
-}
-_ZONES_OF_PEDPOS: Final[Mapping[int, frozenset[str]]] = {
-    **dict.fromkeys((1, 3), frozenset({_CARRIAGEWAY})),
-    2: frozenset({_CARRIAGEWAY, _WALKED}),  # in a crosswalk, of a shared-use path too
-    **dict.fromkeys((4, 6), frozenset({_BESIDE})),
-    5: frozenset({_WALKED, _BESIDE}),
-    **dict.fromkeys((7, 8), frozenset({_OUTSIDE, _WALKED})),
-}
-_ZONES_OF_BIKEPOS: Final[Mapping[int, frozenset[str]]] = {
-    1: frozenset({_CARRIAGEWAY}),
-    2: frozenset({_BESIDE}),
-    3: frozenset({_WALKED, _CARRIAGEWAY}),
-    4: frozenset({_WALKED, _OUTSIDE}),
-    **dict.fromkeys((5, 6), frozenset({_OUTSIDE, _WALKED})),
-}
-"""Where a person was, coarsely enough that codes of two tables that mean the same place share a zone."""
 _STOPPED_MAX_MPS: Final = 2.3
 """A vehicle coded as stopped may still have been rolling at walking pace (5 mph)."""
 
@@ -365,10 +343,10 @@ def _places_of_persons(record: CrashRecord) -> Iterator[str]:
     """``LOCATION`` and the typing's position of the same person that cannot both be."""
     for person in record.non_motorists:
         for element, table, code, zones in (
-            ("PEDPOS", PEDPOS, person.pedestrian_position_code, _ZONES_OF_PEDPOS),
-            ("BIKEPOS", BIKEPOS, person.cyclist_position_code, _ZONES_OF_BIKEPOS),
+            ("PEDPOS", PEDPOS, person.pedestrian_position_code, ZONES_OF_PEDPOS),
+            ("BIKEPOS", BIKEPOS, person.cyclist_position_code, ZONES_OF_BIKEPOS),
         ):
-            by_location = _ZONES_OF_LOCATION.get(person.location_code or 0)
+            by_location = ZONES_OF_LOCATION.get(person.location_code or 0)
             if by_location and code is not None and code in zones and not by_location & zones[code]:
                 yield (
                     f"person {person.number}: LOCATION says {LOCATION.meaning(person.location_code)} "

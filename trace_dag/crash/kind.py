@@ -30,7 +30,7 @@ class CrashKind(StrEnum):
 COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
 """Kinds whose vehicles touched."""
 OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
-JUDGED_KINDS: Final = frozenset({CrashKind.TWO_VEHICLES})
+JUDGED_KINDS: Final = frozenset({CrashKind.TWO_VEHICLES, *OF_PERSONS})
 """Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map. Of three vehicles
 and more only the first contact could be judged so far, and that is not all that happened."""
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
-from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, CrashKind
+from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_PERSONS, CrashKind
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.crash.summary import event_in_words
 
@@ -23,9 +23,13 @@ def another_kind(record: CrashRecord) -> str | None:
     or if that cannot be told."""
     kind = record.kind
     met = record.colliding_vehicles is not None
-    if untold_meeting(record) is not None or (kind in JUDGED_KINDS and (met or kind not in COLLISIONS)):
+    if untold_meeting(record) is not None or (met and record.moving_vehicles == 2):
         return None
-    if met and record.moving_vehicles == 2:
+    if (
+        kind in JUDGED_KINDS
+        and not (kind in COLLISIONS and not met)
+        and not (kind in OF_PERSONS and _several_met(record))
+    ):
         return None
     numbers = [str(vehicle.number) for vehicle in record.vehicles]
     if len(numbers) > 1 and not met:
@@ -56,8 +60,15 @@ def untold_meeting(record: CrashRecord) -> str | None:
     )
 
 
+def _several_met(record: CrashRecord) -> bool:
+    """Whether vehicles in transport touched each other besides striking a person: more than the strikes is to be
+    reconstructed then. A parked vehicle that was struck is shown as a later event."""
+    moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
+    return any(event.is_vehicle_contact and {event.party_1, event.party_2} <= moving for event in record.events)
+
+
 def _judged() -> str:
-    return " and ".join(kind for kind in CrashKind if kind in JUDGED_KINDS)
+    return ", ".join(kind for kind in CrashKind if kind in JUDGED_KINDS)
 
 
 def _what_happened(record: CrashRecord) -> str:

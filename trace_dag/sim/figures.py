@@ -15,8 +15,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from trace_dag.sim.anthropometry import BICYCLE_LENGTH_M, ridden_kg
+from trace_dag.sim.anthropometry import ridden_kg
 from trace_dag.sim.types import Body, BodyKind
+from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
 
 _HIP, _KNEE, _LUMBAR, _SHOULDER, _NECK = 0.530, 0.285, 0.620, 0.800, 0.825  # heights, of the stature
 _ARM_LENGTH = 0.36

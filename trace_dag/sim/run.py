@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
-from trace_dag.sim.types import Backend, Body, BodyKind, Participant, SimulationLog, Termination
+from trace_dag.sim.types import AfterStriking, Backend, Body, BodyKind, Participant, SimulationLog, Termination
 from trace_dag.states.types import Hypothesis, ParticipantState, StateEstimate
 
 _RELATIVE_FRICTION = {
@@ -24,6 +26,10 @@ _RELATIVE_FRICTION = {
 in Accident Reconstruction, SAE 830612. Surfaces the report does not name count as dry."""
 
 
+_DRIVES_ON = AfterStriking(math.inf, 0.0)
+"""Who left by the report does not stop for whom it struck."""
+
+
 def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:
     """Friction of tyres on the reported surface; where vehicles report different ones, the more slippery."""
     codes = [vehicle.surface_condition_code for vehicle in record.vehicles] if record else []
@@ -32,11 +38,11 @@ def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float
 
 
 def participant(state: ParticipantState) -> Participant:
-    """A vehicle of a hypothesis as the simulation takes it."""
+    """A party of a hypothesis as the simulation takes it."""
     return Participant(
         number=state.vehicle_number,
         body=Body(
-            kind=BodyKind.MOTOR_VEHICLE,
+            kind=BodyKind(state.kind),
             vehicle_class=state.vehicle_class,
             length_m=state.length_m,
             width_m=state.width_m,
@@ -46,11 +52,12 @@ def participant(state: ParticipantState) -> Participant:
         initial_pose=state.initial_pose,
         initial_speed_mps=state.initial_speed_mps,
         trajectory=state.trajectory,
+        after_striking=_DRIVES_ON if state.drives_on else None,
     )
 
 
 def participants(hypothesis: Hypothesis) -> tuple[Participant, ...]:
-    """All vehicles of a hypothesis, in its order."""
+    """All parties of a hypothesis, in its order."""
     return tuple(participant(state) for state in hypothesis.participants)
 
 

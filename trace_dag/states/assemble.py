@@ -78,10 +78,9 @@ def _participant(
     backing = placed.option.backing
     if backing:
         heading, speeds = heading + math.pi, -speeds
-    heading = heading - math.tau * round(float(heading[0]) / math.tau)
-    trajectory = Trajectory(*(np.round(values, _DECIMALS) for values in (time, x, y, z, heading, speeds)))
+    trajectory = rounded(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
-    initial_pose, impact_pose = _pose(trajectory, 0), _pose(trajectory, impact)
+    initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
     return ParticipantState(
         vehicle_number=vehicle.number,
         vehicle_class=vehicle.vehicle_class,
@@ -103,7 +102,21 @@ def _participant(
     )
 
 
-def _pose(trajectory: Trajectory, index: int) -> Pose:
+def rounded(
+    time_s: FloatArray,
+    x_m: FloatArray,
+    y_m: FloatArray,
+    z_m: FloatArray,
+    heading_rad: FloatArray,
+    speed_mps: FloatArray,
+) -> Trajectory:
+    """A trajectory to the micrometre, its first heading within half a turn."""
+    heading_rad = heading_rad - math.tau * round(float(heading_rad[0]) / math.tau)
+    return Trajectory(*(np.round(values, _DECIMALS) for values in (time_s, x_m, y_m, z_m, heading_rad, speed_mps)))
+
+
+def pose_of(trajectory: Trajectory, index: int) -> Pose:
+    """The pose at one of its times."""
     values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
     x, y, heading, z = (float(value[index]) for value in values)
     return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import estimate_analytic
-from trace_dag.states.types import StateEstimate
+from trace_dag.states.strikes import estimate_strikes
+from trace_dag.states.types import EstimatorRun, StateEstimate
 
 if TYPE_CHECKING:
     from trace_dag.states.llm.client import LlmClient
@@ -28,7 +31,7 @@ def estimate(
     *,
     llm: LlmClient | None = None,
 ) -> StateEstimate:
-    """States of the vehicles of one crash: ranked hypotheses, at least one.
+    """States of the vehicles and people of one crash: ranked hypotheses, at least one.
 
     ``llm`` is the client to ask with where the settings name the LLM estimator; without one, answers are kept in
     memory and the budget is this call's own.
@@ -36,11 +39,20 @@ def estimate(
     Raises :class:`trace_dag.errors.Rejection` with ``no_feasible_state``; the LLM estimator also
     :class:`trace_dag.errors.Failure` and :class:`trace_dag.errors.TransientFailure`.
     """
+    if is_of_strikes(record):
+        made = estimate_strikes(record, network, report, settings)
+        return made if settings.estimator == "analytic" else replace(made, run=_in_place_of(settings, made.run))
     if settings.estimator == "analytic":
         return estimate_analytic(record, network, report, settings)
     from trace_dag.states.llm.estimator import estimate_llm
 
     return estimate_llm(record, network, report, settings, llm or llm_client(settings))
+
+
+def _in_place_of(settings: StateSettings, run: EstimatorRun) -> EstimatorRun:
+    """Says that the language model was not asked: its questions are about two vehicles."""
+    reason = "language models are asked about collisions of two vehicles only"
+    return replace(run, model=settings.llm_model, attempts=0, fallback_from="llm", fallback_reason=reason)
 
 
 def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger: str = "run") -> LlmClient:

@@ -13,13 +13,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import PlainSerializer, PlainValidator
 
+from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneMatch
 
 
 class Manoeuvre(StrEnum):
-    """How a vehicle got from its initial lane to the crash."""
+    """How a vehicle got from its initial lane to the crash, and how a person moved."""
 
     STRAIGHT = "straight"
     CURVE = "curve"
@@ -37,6 +38,11 @@ class Manoeuvre(StrEnum):
     BACKING = "backing"
     ENTER_FROM_DRIVEWAY = "enter_from_driveway"
     LEAVE_ROAD = "leave_road"
+    CROSS_FROM_LEFT = "cross_from_left"  # from here on: people, seen from the vehicle that strikes them
+    CROSS_FROM_RIGHT = "cross_from_right"
+    GO_ALONG = "go_along"
+    COME_TOWARDS = "come_towards"
+    STAND = "stand"
 
 
 class SpeedSource(StrEnum):
@@ -46,6 +52,7 @@ class SpeedSource(StrEnum):
     INFERRED_LIMIT = "inferred_limit"
     INFERRED_MANOEUVRE = "inferred_manoeuvre"
     INFERRED_CLASS = "inferred_class"
+    INFERRED_GAIT = "inferred_gait"  # of a person
 
 
 def _as_array(values: object) -> FloatArray:
@@ -77,7 +84,11 @@ class Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class ParticipantState:
-    """One vehicle of a hypothesis: its body, impact and initial state, and the motion between them."""
+    """One party of a hypothesis: its body, impact and initial state, and the motion between them.
+
+    ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person. Of a person ``height_m`` is the
+    stature, ``mass_kg`` includes what it rides, and ``vehicle_class`` says nothing.
+    """
 
     vehicle_number: int
     vehicle_class: VehicleClass
@@ -96,11 +107,30 @@ class ParticipantState:
     impact_lane: LaneMatch | None = None
     impact_clock_h: float | None = None  # planned contact on this body
     braking: bool = False  # the record says it braked before the impact
+    kind: PartyKind = PartyKind.MOTOR_VEHICLE
+    drives_on: bool = False  # after striking a person: the record says that the driver left
+
+    @property
+    def is_person(self) -> bool:
+        """Whether it is a person outside motor vehicles."""
+        return self.kind is not PartyKind.MOTOR_VEHICLE
+
+
+@dataclass(frozen=True)
+class PlannedEvent:
+    """What is to happen between two parties, in a hypothesis: the number of the record's event, when (s) and where."""
+
+    event_number: int
+    party_1: int
+    party_2: int
+    time_s: float
+    xy_m: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One way it can have happened. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
+    """One way it can have happened: participants (vehicles that drive, people who move or stand) and what is planned to
+    happen between them, in order. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
 
     name: str
     score: float
@@ -109,6 +139,7 @@ class Hypothesis:
     impact_time_s: float
     impact_point_xy_m: tuple[float, float]
     checks: tuple[EstimateCheck, ...] = ()
+    planned: tuple[PlannedEvent, ...] = ()  # strikes of persons, in order; a collision of two vehicles has none
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -15,6 +16,7 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.metrics import FirstContact, compare, observe
 from trace_dag.verdict.rules import criteria, judgement
+from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
 
@@ -30,7 +32,8 @@ def judge(
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
     The verdict is graded by what else of the report the map, the course and the report itself bear out
-    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map.
+    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. One
+    with people is graded no higher than consistent: what facts are worth was measured on collisions of two vehicles.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -41,6 +44,8 @@ def judge(
         for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
     ]
     verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
+    if is_of_strikes(record):  # the weights of facts are fitted to collisions of two vehicles
+        return verdict
     observation = observe(network, estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
     support = supported(facts_of(record, network, report, observation))
     return replace(verdict, grade=grade_of(verdict.accepted, support), support=support)
@@ -58,6 +63,9 @@ def judge_hypothesis(
     of: int = 1,
 ) -> Verdict:
     """Judge one simulated hypothesis against a record."""
+    if is_of_strikes(record):
+        observed = observe_strikes(network, hypothesis, log)
+        return judge_strikes(record, observed, log, settings, report=report, index=index, of=of)
     return judge_observation(
         record, observe(network, hypothesis, log), log, settings, report=report, index=index, of=of
     )
@@ -76,10 +84,39 @@ def judge_observation(
     """Judge a contact that was observed already, as when one simulation is set beside many reports."""
     measures = compare(observation, record) if observation else None
     found = criteria(measures, log, settings)
+    at = (measures.contact_x_m, measures.contact_y_m) if measures is not None else None
+    return _verdict(record, found, at, settings, report, index, of)
+
+
+def judge_strikes(
+    record: CrashRecord,
+    observed: ObservedStrikes,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge the strikes of a simulation, as :func:`judge_observation` a contact of two vehicles."""
+    found = strike_criteria(observed, record, log, settings)
+    at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
+    return _verdict(record, found, at, settings, report, index, of)
+
+
+def _verdict(
+    record: CrashRecord,
+    found: tuple[Criterion, ...],
+    contact_xy_m: tuple[float, float] | None,
+    settings: VerdictSettings,
+    report: MapReport | None,
+    index: int,
+    of: int,
+) -> Verdict:
     result = judgement(found)
-    if measures is not None and report is not None:
+    if contact_xy_m is not None and report is not None:
         placed = report.placement
-        distance_m = math.hypot(measures.contact_x_m - placed.x_m, measures.contact_y_m - placed.y_m)
+        distance_m = math.hypot(contact_xy_m[0] - placed.x_m, contact_xy_m[1] - placed.y_m)
         found += (Criterion("placed_distance", distance_m, None, "m", None),)
     return Verdict(
         key=record.key,

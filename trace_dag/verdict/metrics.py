@@ -119,8 +119,8 @@ def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) ->
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {vehicle.number: vehicle for vehicle in log.vehicles}
     one, two = (
-        _observed(network, side, states[side.number], logs[side.number], log.bodies[side.number], contact)
-        for side in _sides(contact)
+        observed_vehicle(network, side, states[side.number], logs[side.number], log.bodies[side.number], contact)
+        for side in sides_of(contact)
     )
     later = sorted((other for other in log.contacts if other is not contact), key=lambda other: other.time_s)
     return FirstContact(contact, tuple(later), (one, two))
@@ -141,12 +141,13 @@ def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
         closing_speed_mps=contact.closing_speed_mps,
         approach_angle_deg=abs(math.degrees(wrap_angle(contact.pose_1.heading_rad - contact.pose_2.heading_rad))),
         relation_error_deg=_relation_error_deg(relation, first, second, record) if first and second else None,
-        vehicles=(_compared(one, first, record), _compared(two, second, record)),
+        vehicles=(compared_vehicle(one, first, record), compared_vehicle(two, second, record)),
         later_events=_later_events(record, observation.later_contacts),
     )
 
 
-def _compared(seen: ObservedVehicle, reported: VehicleRecord | None, record: CrashRecord) -> VehicleMeasures:
+def compared_vehicle(seen: ObservedVehicle, reported: VehicleRecord | None, record: CrashRecord) -> VehicleMeasures:
+    """What one vehicle did beside what the report says of it."""
     area = reported.impact if reported else None
     return VehicleMeasures(
         number=seen.number,
@@ -203,7 +204,7 @@ def _turn_error_deg(seen: ObservedVehicle, reported: VehicleRecord, topology: Ro
 
 
 @dataclass(frozen=True)
-class _Side:
+class Side:
     """What one body of a contact had and got."""
 
     number: int
@@ -213,17 +214,19 @@ class _Side:
     delta_v_mps: tuple[float, float]
 
 
-def _sides(contact: Contact) -> tuple[_Side, _Side]:
+def sides_of(contact: Contact) -> tuple[Side, Side]:
+    """Both bodies of a contact, the first one first."""
     c = contact
     return (
-        _Side(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
-        _Side(c.number_2, c.pose_2, c.pose_1, c.velocity_2_mps, c.delta_v_2_mps),
+        Side(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
+        Side(c.number_2, c.pose_2, c.pose_1, c.velocity_2_mps, c.delta_v_2_mps),
     )
 
 
-def _observed(
-    network: RoadNetwork, side: _Side, state: ParticipantState, log: VehicleLog, body: Body, contact: Contact
+def observed_vehicle(
+    network: RoadNetwork, side: Side, state: ParticipantState, log: VehicleLog, body: Body, contact: Contact
 ) -> ObservedVehicle:
+    """What one body of a contact did up to it."""
     ahead, left = side.pose.to_body(side.other.xy_m)
     forward = side.pose.forward
     dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))

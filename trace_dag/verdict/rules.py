@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from trace_dag.crash.parties import party_in_words
 from trace_dag.errors import Reason
 from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.types import SimulationLog
@@ -23,7 +24,16 @@ from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
 from trace_dag.verdict.types import Criterion
 
 _REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
-_REJECTING = (*_REQUIRED, Reason.WRONG_SPEED)
+_REJECTING = (
+    Reason.NO_COLLISION,
+    Reason.WRONG_PARTY,
+    Reason.WRONG_LOCATION,
+    Reason.WRONG_IMPACT,
+    Reason.WRONG_SEQUENCE,
+    Reason.WRONG_ZONE,
+    Reason.WRONG_DIRECTION,
+    Reason.WRONG_SPEED,
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,7 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     limits = rules.limits or settings
     rejecting = [
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
-        _at_most(
+        at_most(
             "contact_distance", measures.contact_distance_m, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION
         ),
     ]
@@ -75,11 +85,11 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     for vehicle in measures.vehicles:
         error = rules.clock_error(vehicle)
         rejecting.append(
-            _at_most("clock_error", error, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, vehicle.number)
+            at_most("clock_error", error, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, vehicle.number)
         )
     for vehicle in measures.vehicles:
         rejecting.append(
-            _at_most(
+            at_most(
                 "direction_error",
                 vehicle.turn_error_deg,
                 limits.max_direction_error_deg,
@@ -89,12 +99,10 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
             )
         )
     relation = measures.relation_error_deg
-    rejecting.append(
-        _at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION)
-    )
+    rejecting.append(at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION))
     wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
     speeds = [
-        _at_most(
+        at_most(
             "initial_speed_error",
             vehicle.initial_speed_error_rel,
             limits.max_speed_error_rel,
@@ -107,48 +115,59 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     return (*rejecting, *speeds, *_reported(measures, limits))
 
 
-def _at_most(
-    name: str, value: float | None, threshold: float, unit: str, reason: Reason | None, number: int | None = None
+def at_most(
+    name: str,
+    value: float | None,
+    threshold: float,
+    unit: str,
+    reason: Reason | None,
+    number: int | None = None,
+    event: int | None = None,
 ) -> Criterion:
+    """A criterion on the size of a value, not evaluated where there is none."""
     if value is None:
-        return Criterion(name, None, threshold, unit, None, reason, "not reported", number)
-    return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number)
+        return Criterion(name, None, threshold, unit, None, reason, "not reported", number, event)
+    return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number, event)
 
 
 def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterion]:
-    shown = [
-        _shown("approach_angle", measures.approach_angle_deg, "deg"),
-        _shown("closing_speed", measures.closing_speed_mps, "mps"),
+    found = [
+        shown("approach_angle", measures.approach_angle_deg, "deg"),
+        shown("closing_speed", measures.closing_speed_mps, "mps"),
     ]
     for vehicle in measures.vehicles:
-        shown += _reported_of(vehicle, limits)
+        found += reported_of(vehicle, limits)
     for event in measures.later_events:
         value = None if event.occurred is None else float(event.occurred)
         detail = f"event {event.number}, SOE {event.code}" + ("" if value is not None else ": not simulated")
-        shown.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail))
-    return shown
+        found.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail))
+    return found
 
 
-def _reported_of(vehicle: VehicleMeasures, limits: VerdictSettings) -> list[Criterion]:
+def reported_of(vehicle: VehicleMeasures, limits: VerdictSettings, event: int | None = None) -> list[Criterion]:
+    """What is shown of one vehicle of a contact."""
     number = vehicle.number
     return [
-        _at_most("impact_speed_error", vehicle.impact_speed_error_rel, limits.max_speed_error_rel, "rel", None, number),
-        _shown("clock", vehicle.clock_h, "h", number),
-        _shown("reported_clock", vehicle.reported_clock_h, "h", number),
-        _shown("bearing_clock", vehicle.bearing_clock_h, "h", number),
-        _shown("turn", vehicle.turn_deg, "deg", number),
-        _shown("initial_speed", vehicle.initial_speed_mps, "mps", number),
-        _shown("impact_speed", vehicle.impact_speed_mps, "mps", number),
-        _shown("delta_v", vehicle.delta_v_mps, "mps", number),
-        _shown("pdof", vehicle.pdof_deg, "deg", number),
-        _shown("arrival_error", vehicle.arrival_error_m, "m", number),
-        _shown("path_error_p99", vehicle.path_error_p99_m, "m", number),
-        _shown("tracked_speed_error_p99", vehicle.tracked_speed_error_p99_rel, "rel", number),
+        at_most(
+            "impact_speed_error", vehicle.impact_speed_error_rel, limits.max_speed_error_rel, "rel", None, number, event
+        ),
+        shown("clock", vehicle.clock_h, "h", number, event),
+        shown("reported_clock", vehicle.reported_clock_h, "h", number, event),
+        shown("bearing_clock", vehicle.bearing_clock_h, "h", number, event),
+        shown("turn", vehicle.turn_deg, "deg", number, event),
+        shown("initial_speed", vehicle.initial_speed_mps, "mps", number, event),
+        shown("impact_speed", vehicle.impact_speed_mps, "mps", number, event),
+        shown("delta_v", vehicle.delta_v_mps, "mps", number, event),
+        shown("pdof", vehicle.pdof_deg, "deg", number, event),
+        shown("arrival_error", vehicle.arrival_error_m, "m", number, event),
+        shown("path_error_p99", vehicle.path_error_p99_m, "m", number, event),
+        shown("tracked_speed_error_p99", vehicle.tracked_speed_error_p99_rel, "rel", number, event),
     ]
 
 
-def _shown(name: str, value: float | None, unit: str, number: int | None = None) -> Criterion:
-    return Criterion(name, value, None, unit, None, None, "", number)
+def shown(name: str, value: float | None, unit: str, number: int | None = None, event: int | None = None) -> Criterion:
+    """A measure that is shown and judges nothing."""
+    return Criterion(name, value, None, unit, None, None, "", number, event)
 
 
 def judgement(judged: tuple[Criterion, ...]) -> Judgement:
@@ -168,7 +187,8 @@ def judgement(judged: tuple[Criterion, ...]) -> Judgement:
 
 def _name(criterion: Criterion) -> str:
     name = criterion.name.replace("_", " ")
-    return name if criterion.vehicle_number is None else f"{name} of vehicle {criterion.vehicle_number}"
+    who = "" if criterion.vehicle_number is None else f" of {party_in_words(criterion.vehicle_number)}"
+    return f"{name}{who}" if criterion.event_number is None else f"{name}{who} in event {criterion.event_number}"
 
 
 def _sentence(criterion: Criterion) -> str:

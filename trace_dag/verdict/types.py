@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
 
 from trace_dag.errors import Reason
 
@@ -13,6 +16,8 @@ class Criterion:
     """``passed`` is None where the report gives nothing to compare with: shown as not evaluated, never as a pass.
 
     ``reason`` is what a crash is rejected for if this criterion fails; None for criteria that are only reported.
+    ``vehicle_number`` is the number of the party, ``event_number`` that of the record's event; a collision of two
+    vehicles is judged as a whole and has none.
     """
 
     name: str
@@ -23,6 +28,7 @@ class Criterion:
     reason: Reason | None = None
     detail: str = ""
     vehicle_number: int | None = None
+    event_number: Annotated[int | None, Field(exclude_if=lambda number: number is None)] = None
 
 
 class Grade(StrEnum):

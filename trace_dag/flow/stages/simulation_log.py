@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.sim.backends import backend
@@ -39,8 +40,12 @@ def simulation_log(
     if not collided:
         rejection = Rejection(
             Reason.NO_COLLISION,
-            f"The vehicles do not touch in any of {len(logs)} simulated hypotheses ({shown.reason}).",
+            f"{_who(record)} do not touch in any of {len(logs)} simulated hypotheses ({shown.reason}).",
             measured=0.0,
             threshold=1.0,
         )
     return StageProduct({"parquet": steps, "json": summary}, figures, rejection)
+
+
+def _who(record: CrashRecord) -> str:
+    return "Vehicle and person" if is_of_strikes(record) else "The vehicles"

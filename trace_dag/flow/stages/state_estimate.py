@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trace_dag.crash.parties import party_in_words
+from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_to_json, run_to_json
@@ -22,7 +24,7 @@ def state_estimate(
     record: CrashRecord, road_map: RoadNetwork, map_report: MapReport, settings: StateSettings, services: Services
 ) -> StageProduct:
     """Where the vehicles came from and how fast: hypotheses, best first."""
-    llm = services.language_model(settings) if settings.estimator == "llm" else None
+    llm = services.language_model(settings) if settings.estimator == "llm" and not is_of_strikes(record) else None
     try:
         made = estimate(record, road_map, map_report, settings, llm=llm)
     except UnusableAnswers as unusable:
@@ -37,7 +39,7 @@ def state_estimate(
         "impact_time_s": best.impact_time_s,
     }
     for state in best.participants:
-        figures[f"vehicle_{state.vehicle_number}"] = (
+        figures[party_in_words(state.vehicle_number).replace(" ", "_")] = (
             f"{state.manoeuvre}, {state.initial_speed_mps:.1f} m/s ({state.speed_source})"
         )
     return StageProduct({"json": estimate_to_json(made)}, figures)

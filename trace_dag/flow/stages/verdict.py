@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trace_dag.crash.parties import party_in_words
 from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.verdict.json_io import verdict_to_json
@@ -42,7 +43,8 @@ def verdict(
     for criterion in found.criteria:
         if criterion.threshold is None:  # reported only; the artefact and the warehouse have it
             continue
-        vehicle = f" of vehicle {criterion.vehicle_number}" if criterion.vehicle_number is not None else ""
+        vehicle = f" of {party_in_words(criterion.vehicle_number)}" if criterion.vehicle_number is not None else ""
+        vehicle += f" in event {criterion.event_number}" if criterion.event_number is not None else ""
         held = {True: "pass", False: "fail", None: "not judged"}[criterion.passed]
         value = "not evaluated"
         if criterion.value is not None:

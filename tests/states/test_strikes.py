@@ -1,0 +1,195 @@
+"""Strikes of people: planned by the analytic estimator, simulated and judged, on a street made by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.crash.crash_types import Turn
+from trace_dag.crash.parties import PartyKind, person_party
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
+from trace_dag.crash.strikes import strikes_of, untold_strike
+from trace_dag.errors import Rejection
+from trace_dag.roads.report import CrashPlacement, MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.courses import Course, readings, told_courses
+from trace_dag.states.estimate import estimate
+from trace_dag.states.types import Manoeuvre, StateEstimate
+from trace_dag.units import wrap_angle
+
+PLACE = MapReport("by hand", CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "nearest road"), ())
+
+
+def walker(**fields: object) -> NonMotorist:
+    """A man of 40 who is struck in a travel lane, away from an intersection."""
+    person = NonMotorist(1, 5, 1, 40, 1, location_code=13, pedestrian_position_code=3)
+    return replace(person, **fields)  # type: ignore[arg-type]
+
+
+def rider(**fields: object) -> NonMotorist:
+    person = NonMotorist(1, 6, 1, 40, 1, location_code=13, cyclist_position_code=1)
+    return replace(person, **fields)  # type: ignore[arg-type]
+
+
+def struck(
+    person: NonMotorist, *, clock_h: int = 12, speed_mps: float = 15.0, code: int = 8, vehicles: int = 1
+) -> CrashRecord:
+    """Cars that go straight strike a person one after the other, the first one in the reported area."""
+    cars = tuple(vehicle(number, clock_h, 13, speed_mps=speed_mps) for number in range(1, vehicles + 1))
+    events = tuple(
+        EventRecord(car.number, code, car.number, car.impact, person_party(person.number), None) for car in cars
+    )
+    made = record(cars[0], cars[0], events=events)
+    return replace(
+        made,
+        vehicles=cars,
+        first_harmful_event_code=code,
+        vehicles_in_transport=vehicles,
+        non_motorists=(person,),
+        road_relation_code=1,
+    )
+
+
+def estimated(crash: CrashRecord) -> StateEstimate:
+    return estimate(crash, STREET, PLACE, StateSettings())
+
+
+def relative_deg(found: StateEstimate) -> float:
+    """Heading of the person less that of the vehicle, at the strike, in the best hypothesis."""
+    car, person = found.best.participants
+    return math.degrees(wrap_angle(person.impact_pose.heading_rad - car.impact_pose.heading_rad))
+
+
+# --- who struck whom -------------------------------------------------------------------------------------------------
+def test_a_report_without_persons_still_says_that_somebody_was_struck() -> None:
+    crash = replace(struck(walker()), non_motorists=(), events=())
+    (strike,) = strikes_of(crash)
+    assert strike.pair == (1, 1001)
+    assert (strike.person.kind, strike.person.age_years) == (PartyKind.PEDESTRIAN, None)
+
+
+def test_which_of_two_vehicles_is_not_guessed() -> None:
+    crash = replace(struck(walker(), vehicles=2), non_motorists=(), events=())
+    assert strikes_of(crash) == ()
+    assert "which of 2 vehicles" in (untold_strike(crash) or "")
+    with pytest.raises(Rejection, match="which of 2 vehicles"):
+        estimated(crash)
+
+
+def test_running_over_whom_one_has_struck_is_the_same_strike() -> None:
+    crash = struck(walker(), vehicles=2)
+    first, last = crash.events
+    events = (first, replace(first, number=2, area_1=None), replace(last, number=3))
+    found = strikes_of(replace(crash, events=events))
+    assert [(each.event_number, each.pair, each.going_on) for each in found] == [
+        (1, (1, 1001), (2,)),
+        (3, (2, 1001), ()),
+    ]
+
+
+# --- which way the person went ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("person", "turn", "courses"),
+    [
+        # PEDSNR: a from the motorist's left, b from the right; of turns at the far side a goes the motorist's way.
+        (walker(scenario="1a", pedestrian_group_code=750), None, {Course.FROM_LEFT}),
+        (walker(scenario="4b", pedestrian_group_code=750), None, {Course.FROM_RIGHT}),
+        (walker(scenario="11a", pedestrian_group_code=790), Turn.LEFT, {Course.FROM_LEFT}),
+        (walker(scenario="11b", pedestrian_group_code=790), Turn.LEFT, {Course.FROM_RIGHT}),
+        (walker(scenario="7a", pedestrian_group_code=790), Turn.RIGHT, {Course.FROM_RIGHT}),
+        (walker(scenario="5a", pedestrian_group_code=790), Turn.RIGHT, {Course.FROM_LEFT}),
+        # Motorist southbound, pedestrian eastbound: towards the motorist's left, so from the right.
+        (
+            walker(pedestrian_direction_code=2, motorist_direction_code=3, pedestrian_type_code=760),
+            None,
+            {Course.FROM_RIGHT},
+        ),
+        (walker(pedestrian_type_code=410), None, {Course.ALONG}),
+        (walker(pedestrian_type_code=440), None, {Course.TOWARDS}),
+        (walker(pedestrian_type_code=610), None, {Course.STANDING}),
+        (walker(pedestrian_type_code=760), None, {Course.FROM_LEFT, Course.FROM_RIGHT}),
+        (walker(actions=(3,)), None, {Course.FROM_LEFT, Course.FROM_RIGHT}),
+        (walker(), None, set()),
+        (rider(cyclist_type_code=231), None, {Course.ALONG}),
+        (rider(cyclist_type_code=250), None, {Course.TOWARDS}),
+        (rider(cyclist_direction_code=2), None, {Course.TOWARDS}),
+        # Oncoming cyclist, motorist turns left: it comes from the right of where the motorist then goes.
+        (rider(cyclist_type_code=212), Turn.LEFT, {Course.FROM_RIGHT}),
+        (rider(cyclist_type_code=213), Turn.RIGHT, {Course.FROM_RIGHT}),
+    ],
+)
+def test_courses_are_those_of_the_typing_manual(person: NonMotorist, turn: Turn | None, courses: set[Course]) -> None:
+    assert told_courses(person, turn) == courses
+
+
+def test_what_is_open_is_shared_out() -> None:
+    """Without any typing every course stays, and the shares add up to one; the sides by 524 to 463 of the typing."""
+    shares = {reading.course: math.exp(reading.log_prior) for reading in readings(walker(), None, None)}
+    assert set(shares) == set(Course)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares[Course.FROM_LEFT] / shares[Course.FROM_RIGHT] == pytest.approx(0.53 / 0.47)
+    assert not any(reading.told for reading in readings(walker(), None, None))
+
+
+# --- estimates -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("person", "code", "expected_deg"),
+    [
+        (walker(scenario="1a", pedestrian_type_code=760), 8, -90.0),
+        (walker(scenario="1b", pedestrian_type_code=760), 8, 90.0),
+        (walker(pedestrian_type_code=410), 8, 0.0),
+        (walker(pedestrian_type_code=440), 8, 180.0),
+        (rider(cyclist_type_code=231), 9, 0.0),
+        (rider(cyclist_type_code=250), 9, 180.0),
+    ],
+)
+def test_the_person_comes_from_where_the_report_says(person: NonMotorist, code: int, expected_deg: float) -> None:
+    found = estimated(struck(person, code=code))
+    assert abs(math.remainder(relative_deg(found) - expected_deg, 360.0)) < 1.0
+    assert math.hypot(*found.best.impact_point_xy_m) < 5.0
+    (planned,) = found.best.planned
+    assert (planned.event_number, planned.party_1, planned.party_2) == (1, 1, 1001)
+    assert planned.time_s == StateSettings().lead_time_s
+
+
+def test_speeds_are_those_of_the_sources() -> None:
+    """Carson 2024: 4.3 ft/s in crosswalks; Gates et al. 2006: 3.81 ft/s from 65 on; Attalla and Kodsi 2013: 20 % faster
+    away from crosswalks; Twisk et al.: cyclists 17.8 km/h."""
+    crossing = {"pedestrian_type_code": 760}
+    for person, code, speed_mps in (
+        (walker(pedestrian_position_code=2, **crossing), 8, 4.3 * 0.3048),
+        (walker(age_years=70, pedestrian_position_code=2, **crossing), 8, 3.81 * 0.3048),
+        (walker(**crossing), 8, 1.2 * 4.3 * 0.3048),
+        (rider(cyclist_type_code=231), 9, 17.8 / 3.6),
+    ):
+        state = next(each for each in estimated(struck(person, code=code)).best.participants if each.is_person)
+        assert state.impact_speed_mps == pytest.approx(speed_mps)
+
+
+def test_who_dashes_out_stands_beside_the_road_before() -> None:
+    state = estimated(struck(walker(scenario="1b", pedestrian_type_code=741))).best.participants[1]
+    assert state.initial_speed_mps == 0.0
+    assert abs(state.initial_pose.y_m) > 3.5  # the carriageway is 7 m wide
+    assert state.impact_speed_mps > 3.0
+
+
+def test_both_sides_are_hypotheses_where_the_report_leaves_it_open() -> None:
+    found = estimated(struck(walker(pedestrian_type_code=760)))
+    manoeuvres = {state.manoeuvre for hypothesis in found.hypotheses for state in hypothesis.participants[1:]}
+    assert {Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT} <= manoeuvres
+
+
+def test_the_vehicle_leaves_the_carriageway_for_whom_it_struck_on_the_shoulder() -> None:
+    found = estimated(struck(walker(pedestrian_position_code=4, location_code=20, pedestrian_type_code=410)))
+    car, person = found.best.participants
+    assert car.manoeuvre is Manoeuvre.LEAVE_ROAD
+    assert abs(person.impact_pose.y_m) > 3.5
+
+
+def test_a_language_model_is_not_asked_and_the_estimate_says_so() -> None:
+    made = estimate(struck(walker()), STREET, PLACE, StateSettings(estimator="llm"))
+    assert (made.run.estimator, made.run.fallback_from, made.run.attempts) == ("analytic", "llm", 0)
+    assert "two vehicles only" in made.run.fallback_reason

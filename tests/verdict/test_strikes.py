@@ -1,0 +1,163 @@
+"""Verdicts of crashes with people: estimated, simulated and judged on a street made by hand; and wrong reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from tests.states.test_strikes import PLACE, estimated, rider, struck, walker
+from tests.verdict.crashes import STREET, area, vehicle
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
+from trace_dag.crash.zones import Zone
+from trace_dag.errors import Reason
+from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.run import participants
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import SimulationLog
+from trace_dag.states.types import Hypothesis
+from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
+from trace_dag.verdict.judge import judge, judge_hypothesis
+from trace_dag.verdict.strikes import compass_error_deg, zone_error_m
+from trace_dag.verdict.types import Grade, Verdict
+
+FROM_RIGHT = walker(scenario="1b", pedestrian_group_code=750, pedestrian_type_code=760)
+
+
+def simulated(hypothesis: Hypothesis) -> SimulationLog:
+    settings = SimSettings()
+    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
+    return simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
+
+
+@cache
+def crossing() -> tuple[CrashRecord, Hypothesis, SimulationLog]:
+    """A pedestrian who crosses from the right, struck by the front of a car at 15 m/s."""
+    crash = struck(FROM_RIGHT)
+    hypothesis = estimated(crash).best
+    return crash, hypothesis, simulated(hypothesis)
+
+
+def judged_by(crash: CrashRecord) -> Verdict:
+    _, hypothesis, log = crossing()
+    return judge_hypothesis(crash, STREET, hypothesis, log, VerdictSettings(), report=PLACE)
+
+
+def with_person(**fields: object) -> CrashRecord:
+    person: NonMotorist = replace(FROM_RIGHT, **fields)  # type: ignore[arg-type]
+    return replace(struck(FROM_RIGHT), non_motorists=(person,))
+
+
+def test_a_strike_as_reported_is_accepted_and_graded_consistent() -> None:
+    crash, hypothesis, log = crossing()
+    verdict = judge(crash, STREET, PLACE, replace(estimated(crash), hypotheses=(hypothesis,)), [log], VerdictSettings())
+    assert verdict.accepted
+    assert (verdict.grade, verdict.support) == (Grade.CONSISTENT, None)
+    of_event = {criterion.name for criterion in verdict.criteria if criterion.event_number == 1}
+    assert {"contact", "contact_distance", "clock_error", "zone_error", "course_error", "throw_distance"} <= of_event
+    assert verdict_from_json(verdict_to_json(verdict)) == verdict
+
+
+def test_measures_are_those_of_the_motion() -> None:
+    """15 m/s is kept to the strike; from the edge of a carriageway 7 m wide to a lane's middle are 1.75 m, walked at
+    1.57 m/s. Thrown farther than the least of Searle's bounds at a friction of 0.66 (12.1 m), since the driver brakes
+    a reaction time later, and nearer than where a car comes to a stop that brakes at 0.6 g after 1.1 s (35.6 m)."""
+    verdict = judged_by(struck(FROM_RIGHT))
+    values = {(each.name, each.vehicle_number): each.value for each in verdict.criteria}
+    assert values["impact_speed", 1] == pytest.approx(15.0, abs=0.1)
+    exposed = values["time_on_carriageway", 1001]
+    assert exposed is not None
+    assert exposed == pytest.approx(1.75 / 1.573, abs=0.35)  # within half a body of the middle
+    thrown = values["throw_distance", 1001]
+    assert thrown is not None
+    assert 12.1 < thrown < 35.6
+
+
+@pytest.mark.parametrize(
+    ("crash", "reason"),
+    [
+        (with_person(scenario="1a"), Reason.WRONG_DIRECTION),  # from the left
+        (with_person(pedestrian_type_code=410, scenario=""), Reason.WRONG_DIRECTION),  # along the road
+        (with_person(pedestrian_position_code=5, location_code=21), Reason.WRONG_ZONE),  # on a sidewalk
+        (replace(struck(FROM_RIGHT), vehicles=(vehicle(1, 6, 13, speed_mps=15.0),)), None),
+    ],
+)
+def test_another_report_is_refused_for_what_it_says(crash: CrashRecord, reason: Reason | None) -> None:
+    verdict = judged_by(crash)
+    if reason is None:  # the event's area counts, not the vehicle's
+        assert verdict.accepted
+    else:
+        assert (verdict.accepted, verdict.reason) == (False, reason)
+
+
+def test_the_area_is_that_of_the_event() -> None:
+    crash = struck(FROM_RIGHT)
+    (event,) = crash.events
+    assert judged_by(replace(crash, events=(replace(event, area_1=area(6)),))).reason is Reason.WRONG_IMPACT
+
+
+def test_a_turn_that_was_not_made_is_refused() -> None:
+    crash = struck(FROM_RIGHT)
+    car = vehicle(1, 12, 13, PreCrashMovement.TURNING_LEFT, 15.0)
+    assert judged_by(replace(crash, vehicles=(car,))).reason is Reason.WRONG_DIRECTION
+
+
+def test_a_second_strike_that_does_not_happen_is_refused() -> None:
+    crash = struck(FROM_RIGHT, vehicles=2)
+    verdict = judged_by(crash)
+    assert verdict.reason is Reason.WRONG_SEQUENCE
+    assert "vehicle 2 and person 1 do not touch" in verdict.detail
+
+
+def test_another_vehicle_than_reported_is_refused() -> None:
+    crash = struck(FROM_RIGHT)
+    other = vehicle(2, 12, 13, speed_mps=15.0)
+    events = (EventRecord(1, 8, 2, area(12), 1001, None),)
+    verdict = judged_by(replace(crash, vehicles=(*crash.vehicles, other), events=events))
+    assert verdict.reason is Reason.WRONG_PARTY
+
+
+def test_an_overtaken_cyclist_is_judged() -> None:
+    crash = struck(rider(cyclist_type_code=231, cyclist_group_code=230), code=9)
+    hypothesis = estimated(crash).best
+    verdict = judge_hypothesis(crash, STREET, hypothesis, simulated(hypothesis), VerdictSettings())
+    assert verdict.accepted
+    assert judged_by(crash).reason is Reason.WRONG_DIRECTION  # of one that crosses
+
+
+def test_two_vehicles_strike_one_person_in_order() -> None:
+    crash = struck(FROM_RIGHT, vehicles=2)
+    made = estimated(crash)
+    assert [(event.event_number, event.party_1) for event in made.best.planned] == [(1, 1), (2, 2)]
+    logs = [simulated(hypothesis) for hypothesis in made.hypotheses[:3]]
+    verdict = judge(crash, STREET, PLACE, replace(made, hypotheses=made.hypotheses[:3]), logs, VerdictSettings())
+    assert verdict.accepted
+    times = {each.event_number: each.value for each in verdict.criteria if each.name == "strike_time"}
+    assert times[1] is not None
+    assert times[2] is not None
+    assert times[1] < times[2]
+
+
+@pytest.mark.parametrize(
+    ("outside_m", "zones", "error_m"),
+    [
+        (-2.0, {Zone.CARRIAGEWAY}, 0.0),
+        (1.5, {Zone.CARRIAGEWAY}, 1.5),
+        (0.6, {Zone.BESIDE}, 0.0),
+        (-1.5, {Zone.BESIDE}, 1.0),  # the edge is drawn no better than half a metre
+        (-0.5, {Zone.WALKED}, 0.5),
+        (1.5, {Zone.CARRIAGEWAY, Zone.WALKED}, 0.0),
+        (1.5, set(), None),
+    ],
+)
+def test_zones_are_strips_along_the_edge(outside_m: float, zones: set[Zone], error_m: float | None) -> None:
+    assert zone_error_m(outside_m, frozenset(zones)) == error_m
+
+
+def test_a_coded_direction_is_a_quarter_of_the_compass() -> None:
+    assert compass_error_deg(0.0, 2) == 0.0  # due east, coded east
+    assert compass_error_deg(0.7, 2) == 0.0  # 40 degrees off
+    assert compass_error_deg(0.0, 1) == pytest.approx(45.0)
+    assert compass_error_deg(0.0, None) is None

@@ -1,0 +1,117 @@
+"""Which vehicle struck which person, in order: what a crash with people outside vehicles is reconstructed from.
+
+A strike is an event with a person, as the record has it. Tables before 2016 often say less: a report without events
+and persons still tells by its first harmful event that the only vehicle struck somebody, and a report with events but
+without persons that somebody of that kind was struck; such a person has number 1 and nothing else is known of it. What
+several vehicles or persons leave open is never settled here: :func:`untold_strike` says it in words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trace_dag.crash.codes import events as codes
+from trace_dag.crash.kind import OF_PERSONS
+from trace_dag.crash.parties import EventKind
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
+from trace_dag.crash.struck import ORDER_OF_STRIKES
+
+_PERSON_TYPE: Final = {codes.PEDESTRIAN: 5, codes.CYCLIST: 6, codes.PERSON_ON_CONVEYANCE: 8}
+"""``PER_TYP`` of who was struck in an event with that code."""
+
+
+@dataclass(frozen=True)
+class Strike:
+    """A vehicle struck a person. ``event_number`` is that of the record's event, 1 where the report lists none.
+
+    ``going_on`` are the numbers of the events that follow at once between the same two: the vehicle ran over whom it
+    had struck. ``area`` is where the vehicle was struck, None if that is not known.
+    """
+
+    event_number: int
+    vehicle: VehicleRecord
+    person: NonMotorist
+    area: ImpactArea | None
+    going_on: tuple[int, ...] = ()
+
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Party numbers of the vehicle and the person."""
+        return self.vehicle.number, self.person.party
+
+
+def is_of_strikes(record: CrashRecord) -> bool:
+    """Whether the crash is reconstructed by its strikes: of a kind with people, and no two vehicles in transport
+    collided in it alone (such a crash is one of two vehicles, whatever came first)."""
+    return record.kind in OF_PERSONS and not (record.colliding_vehicles and record.moving_vehicles == 2)
+
+
+def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
+    """The strikes in the order of their events; empty where :func:`untold_strike` says what is missing."""
+    if untold_strike(record) is not None:
+        return ()
+    vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
+    found: list[Strike] = []
+    for event in strike_events(record):
+        assert event.party_1 is not None
+        vehicle, person = vehicles[event.party_1], _struck(record, event)
+        assert person is not None
+        area = event.area_1
+        if area is None and not any(each.vehicle.number == vehicle.number for each in found):
+            area = vehicle.impact
+        if found and found[-1].pair == (vehicle.number, person.party):
+            found[-1] = replace(found[-1], going_on=(*found[-1].going_on, event.number))
+        else:
+            found.append(Strike(event.number, vehicle, person, area))
+    return tuple(found)
+
+
+def order_is_told(record: CrashRecord) -> bool:
+    """Whether the report says in which order its strikes happened."""
+    return ORDER_OF_STRIKES not in record.implied
+
+
+def untold_strike(record: CrashRecord) -> str | None:
+    """What the report leaves open of who struck whom, as a sentence; None if nothing, or if it is no such crash."""
+    if not is_of_strikes(record):
+        return None
+    events = strike_events(record)
+    if not events:
+        moving = sum(vehicle.in_transport for vehicle in record.vehicles)
+        return (
+            f"nothing tells which of {moving} vehicles in transport struck the person: the report lists no such event"
+        )
+    listed = {vehicle.number for vehicle in record.vehicles}
+    for event in events:
+        if event.party_1 not in listed:
+            return f"event {event.number} does not say which vehicle struck the person"
+        if _struck(record, event) is None:
+            return f"event {event.number} does not say which of {len(record.non_motorists)} persons was struck"
+    return None
+
+
+def strike_events(record: CrashRecord) -> tuple[EventRecord, ...]:
+    """The events in which a person was struck; what the first harmful event implies where the report lists none."""
+    events = tuple(event for event in record.events if event.kind is EventKind.PERSON_STRUCK)
+    moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
+    code = record.first_harmful_event_code
+    if events or code not in _PERSON_TYPE or len(moving) != 1 or record.moving_vehicles != 1:
+        return events
+    (vehicle,) = moving
+    return (EventRecord(1, code, vehicle.number, vehicle.impact, None, None, ("code", "party_1", "area_1")),)
+
+
+def _struck(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
+    """The person an event was with: the one named, or one not listed; None if that cannot be told."""
+    named = next((person for person in record.non_motorists if person.party == event.party_2), None)
+    if named is not None or record.non_motorists:
+        return named if named is not None else _only(record, event)
+    codes_struck = list(dict.fromkeys(each.code for each in strike_events(record)))
+    return NonMotorist(1 + codes_struck.index(event.code), _PERSON_TYPE[event.code])
+
+
+def _only(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
+    """The only person of the kind that was struck, of a report without events."""
+    of_kind = [person for person in record.non_motorists if person.person_type_code == _PERSON_TYPE[event.code]]
+    return of_kind[0] if len(of_kind) == 1 and not record.events else None

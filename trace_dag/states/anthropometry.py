@@ -1,0 +1,69 @@
+"""How tall and heavy people are, and how big what they ride, from their age and sex.
+
+Stature and mass are the middle of the population: children by the 50th percentile of the CDC growth charts (Kuczmarski
+et al., Vital and Health Statistics 11(246), 2002), adults by the means of the National Health and Nutrition
+Examination Survey 2011-2014 (Fryar et al., Vital and Health Statistics 3(39), 2016). Where the sex is not known the
+mean of both is taken, where the age is not known an adult.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.parties import PartyKind
+
+_AGES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20)
+_MALE_STATURE_CM = (
+    *(76.0, 86.5, 95.0, 102.2, 109.0, 115.5, 121.9, 128.0, 133.5, 138.6, 143.5, 149.1, 156.2),
+    *(163.8, 170.1, 173.6, 175.3, 175.7, 175.7),
+)
+_FEMALE_STATURE_CM = (
+    *(74.0, 85.0, 94.0, 101.0, 107.9, 115.0, 121.5, 127.5, 133.0, 138.2, 144.0, 151.2, 157.0),
+    *(160.4, 161.8, 161.8, 161.8, 161.8, 161.8),
+)
+_MALE_MASS_KG = (
+    *(10.3, 12.7, 14.4, 16.3, 18.5, 20.7, 23.1, 25.6, 28.6, 32.1, 36.1, 40.7, 45.8),
+    *(51.2, 56.5, 61.1, 64.7, 67.3, 88.8),
+)
+_FEMALE_MASS_KG = (
+    *(9.5, 12.1, 13.9, 15.9, 18.0, 20.3, 22.9, 25.8, 29.1, 33.0, 37.1, 41.8, 46.1),
+    *(49.4, 52.0, 53.9, 55.2, 56.2, 76.4),
+)
+_ADULT_YEARS = 35.0
+_WIDTH = 0.29  # of the stature: across the shoulders with the arms (Drillis and Contini, 1966)
+_STRIDE = 0.34  # of the stature: from the heel behind to the toe in front, in the middle of a step
+BICYCLE_LENGTH_M, BICYCLE_WIDTH_M, BICYCLE_KG = 1.75, 0.60, 15.0
+"""Of an adult's bicycle; a child's is smaller as the child is, and lighter as its length."""
+CONVEYANCE_LENGTH_M, CONVEYANCE_KG = 0.9, 8.0
+"""Of a kick scooter or a board, the most usual personal conveyances."""
+
+
+@dataclass(frozen=True)
+class PersonSize:
+    """Length and width of the outline on the road until the person is touched, stature (m), and the mass with what the
+    person rides (kg)."""
+
+    length_m: float
+    width_m: float
+    stature_m: float
+    mass_kg: float
+
+
+def person_size(kind: PartyKind, age_years: float | None = None, *, female: bool | None = None) -> PersonSize:
+    """The size of a person of an age (years) and sex, with what the person rides."""
+    years = _ADULT_YEARS if age_years is None else age_years
+    share = 0.5 if female is None else float(female)
+
+    def middle(male: tuple[float, ...], women: tuple[float, ...]) -> float:
+        return float((1 - share) * np.interp(years, _AGES, male) + share * np.interp(years, _AGES, women))
+
+    stature_m = middle(_MALE_STATURE_CM, _FEMALE_STATURE_CM) / 100
+    mass_kg = middle(_MALE_MASS_KG, _FEMALE_MASS_KG)
+    if kind is PartyKind.CYCLIST:
+        size = min(1.0, stature_m / 1.6)
+        return PersonSize(BICYCLE_LENGTH_M * size, BICYCLE_WIDTH_M * size, stature_m, mass_kg + BICYCLE_KG * size)
+    if kind is PartyKind.CONVEYANCE:
+        return PersonSize(CONVEYANCE_LENGTH_M, _WIDTH * stature_m, stature_m, mass_kg + CONVEYANCE_KG)
+    return PersonSize(_STRIDE * stature_m, _WIDTH * stature_m, stature_m, mass_kg)

@@ -1,0 +1,416 @@
+"""One vehicle strikes one person: every way the vehicle can have come, with every course of the person.
+
+Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place fix
+the vehicle's pose at the strike; the person is then where that spot of the vehicle is, and both go backward from there.
+Frame: the local frame; stations along the vehicle's path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.crash.codes.events import RAN_OFF_LEFT
+from trace_dag.crash.parties import PartyKind
+from trace_dag.crash.record import CrashRecord, ImpactArea, NonMotorist
+from trace_dag.crash.strikes import Strike
+from trace_dag.crash.zones import Zone, reported_zones
+from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
+from trace_dag.states import evidence
+from trace_dag.states.anthropometry import PersonSize, person_size
+from trace_dag.states.courses import COMPASS_DEG, CROSSING, RELATIVE_DEG, Course, CourseReading, readings
+from trace_dag.states.encounters import Party, party
+from trace_dag.states.gaits import Gait, dashes, gait_of, usual_speed_mps
+from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane, make_turn, steepest_slope
+from trace_dag.states.pairs import speed_of, turning_streams
+from trace_dag.states.paths import LateralShift, Path, shifted, straight
+from trace_dag.states.scene import Scene
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.streams import Stream
+from trace_dag.states.types import Manoeuvre
+from trace_dag.units import GRAVITY_MPS2
+
+_MEETS_MPS: Final = 0.3  # slower than this nobody comes to touch a face
+_FRONT_RAD: Final = math.radians(45)
+_REAR_RAD: Final = math.radians(135)
+_EDGE: Final = 0.85  # of half the width: who goes along and is struck at a side is caught by the corner
+_REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
+_STATION_STEP_M: Final = 0.25
+_COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
+_WIDEST_M: Final = 30.0
+_BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
+"""How far beyond the carriageway's edge a person is taken to have been: the middle of a narrow shoulder, of a sidewalk
+behind its curb, beside both."""
+_OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
+_DRIFT_G: Final = 0.08  # a driver who drifts off the road
+_DASH_BEYOND_M: Final = 0.8  # who runs out starts so far beyond the edge
+_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR: the near side of a turning motorist's intersection
+_TURNED: Final = 0.4  # share of the turn from which on a vehicle struck at the far side has turned
+_KINDS: Final = {PartyKind.CYCLIST: PartyKind.CYCLIST, PartyKind.CONVEYANCE: PartyKind.CONVEYANCE}
+_MANOEUVRES: Final = {
+    Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
+    Course.FROM_RIGHT: Manoeuvre.CROSS_FROM_RIGHT,
+    Course.ALONG: Manoeuvre.GO_ALONG,
+    Course.TOWARDS: Manoeuvre.COME_TOWARDS,
+    Course.STANDING: Manoeuvre.STAND,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """The vehicle's part: its path, where along it the strike is, and how it came there."""
+
+    party: Party
+    option: Option
+    path: Path
+    station_m: float
+    pose: Pose
+    speed: TravelSpeed
+    profile: SpeedProfile
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """Velocity at the strike, shape (2,)."""
+        ahead = -1.0 if self.option.backing else 1.0
+        return np.asarray(ahead * self.profile.impact_mps * self.pose.forward)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """The person's part: path, station and pose at the strike, speed, and how far before it the person set off."""
+
+    person: NonMotorist
+    kind: PartyKind
+    size: PersonSize
+    reading: CourseReading
+    gait: Gait
+    path: Path
+    station_m: float
+    pose: Pose
+    speed_mps: float
+    set_off_m: float = math.inf
+
+    @property
+    def manoeuvre(self) -> Manoeuvre:
+        """The course as a manoeuvre."""
+        return _MANOEUVRES[self.reading.course]
+
+    def along_m(self, until_s: FloatArray) -> FloatArray:
+        """Stations at times before the strike (negative after it)."""
+        return np.asarray(self.station_m - np.minimum(self.speed_mps * until_s, self.set_off_m))
+
+
+@dataclass(frozen=True, eq=False)
+class StrikePlan:
+    """One way one strike can have happened. ``terms`` are log-likelihoods."""
+
+    strike: Strike
+    drive: Drive
+    walk: Walk
+    contact_xy_m: tuple[float, float]
+    terms: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def score(self) -> float:
+        """Log-likelihood, rounded so that its order does not depend on the last bits."""
+        return round(sum(self.terms.values()), 6)
+
+    @property
+    def name(self) -> str:
+        """Says what distinguishes this plan from the others of its crash."""
+        number = self.strike.person.number
+        return (
+            f"vehicle {self.strike.vehicle.number}: {self.drive.option.name}; person {number}: "
+            f"{self.walk.manoeuvre}, {self.walk.gait}"
+        )
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """Plans of one group differ in detail only."""
+        option = self.drive.option
+        return option.stream.name, option.manoeuvre.value, self.walk.reading.course.value
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """Where on the vehicle the person is touched: in its own axes, with the outward normal of the face."""
+
+    ahead_m: float
+    left_m: float
+    normal: tuple[float, float]
+
+
+def person_kind_of(person: NonMotorist) -> PartyKind:
+    """What the person is simulated as: whoever rides nothing that is known walks."""
+    return _KINDS.get(person.kind, PartyKind.PEDESTRIAN)
+
+
+def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
+    """Every way the strike can have happened, likeliest first."""
+    who = party(scene.record, strike.vehicle)
+    courses = readings(strike.person, who.turn, strike.area)
+    found = []
+    for option, speed, terms in ways_of(scene, who):
+        for reading in courses:
+            plan = _plan(scene, strike, who, option, speed, terms, reading)
+            if plan is not None:
+                found.append(plan)
+    return sorted(found, key=lambda plan: (-plan.score, plan.name))
+
+
+def ways_of(scene: Scene, who: Party) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
+    """The ways a vehicle can have come by itself, each with its speed and the evidence for it."""
+    for stream in _streams(scene, who):
+        speed = speed_of(who, stream)
+        for option in _options(who, stream, speed.speed_mps):
+            yield option, speed, _way_terms(scene, who, option, speed)
+
+
+def _streams(scene: Scene, who: Party) -> list[Stream]:
+    if who.turn is None or who.backing:
+        return scene.on_road(scene.through)
+    following = [stream for stream in scene.streams if follows_turn(stream, who.turn)]
+    turning = turning_streams(scene.streams, who.turn)
+    return following + turning or scene.on_road(scene.through)
+
+
+def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
+    if who.backing:
+        return [back_up(stream, speed_mps)]
+    if who.turn is None or follows_turn(stream, who.turn):
+        return [keep_lane(stream, who.vehicle, speed_mps, turn=who.turn)]
+    return make_turn(stream, who.vehicle, speed_mps, who.turn, slides=True)
+
+
+def _way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
+    stream, number = option.stream, who.vehicle.number
+    terms = {
+        **evidence.street_terms(scene.network, scene.placement, scene.record, stream),
+        **evidence.road_terms(who.vehicle, stream),
+        **evidence.lane_terms(who.vehicle, stream, who.turn),
+        **evidence.speed_terms(who.vehicle, stream, who.turn),
+        **evidence.driveway_speed_terms(stream, speed.speed_mps),
+        **option.costs,
+    }
+    return {f"{name} (vehicle {number})": value for name, value in terms.items()}
+
+
+def _plan(
+    scene: Scene,
+    strike: Strike,
+    who: Party,
+    option: Option,
+    speed: TravelSpeed,
+    terms: dict[str, float],
+    reading: CourseReading,
+) -> StrikePlan | None:
+    person = strike.person
+    gait = Gait.STANDING if reading.course is Course.STANDING else gait_of(person)
+    speed_mps = usual_speed_mps(person, gait)
+    profile = speed_profile(who.vehicle, speed.speed_mps)
+    spot = _spot(strike, option, profile.impact_mps, reading.course, speed_mps)
+    if spot is None:
+        return None
+    option, path = _onto_person(scene, strike, option, spot)
+    station_m = _station(scene, path, option, spot, _far_side(person, option))
+    pose = path.pose(station_m)
+    if option.backing:
+        pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
+    drive = Drive(who, option, path, station_m, pose, speed, profile)
+    walk = _walk(scene, drive, spot, reading, gait, speed_mps, person)
+    contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
+    contact_xy_m = (float(contact[0]), float(contact[1]))
+    terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
+    return StrikePlan(strike, drive, walk, contact_xy_m, terms)
+
+
+# --- where on the vehicle ------------------------------------------------------------------------------------------
+def _spot(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> _Spot | None:
+    """The spot of the reported area, or the nearest one that the two can come to touch at; None if there is none."""
+    half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
+    ahead = -impact_mps if option.backing else impact_mps
+    closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
+    for spot in _faces(strike.area, half_length, half_width):
+        if float(closing @ np.array(spot.normal)) < -_MEETS_MPS:
+            return spot
+    return None
+
+
+def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
+    """Velocity of the person in the vehicle's axes, as planned."""
+    if course is Course.STANDING:
+        return np.zeros(2)
+    angle = math.radians(RELATIVE_DEG[course] + (180.0 if backing else 0.0))
+    return np.array([speed_mps * math.cos(angle), speed_mps * math.sin(angle)])
+
+
+def _faces(area: ImpactArea | None, half_length: float, half_width: float) -> list[_Spot]:
+    """Spots to try: that of the area, then the corner of the front or the rear beside it, then the front's middle."""
+    bearing = 0.0 if area is None else area.centre_rad
+    side = math.copysign(1.0, bearing)
+
+    def front(share: float) -> _Spot:
+        return _Spot(half_length, share * half_width, (1.0, 0.0))
+
+    def rear(share: float) -> _Spot:
+        return _Spot(-half_length, share * half_width, (-1.0, 0.0))
+
+    if abs(bearing) <= _FRONT_RAD:
+        first = front(max(-_EDGE, min(_EDGE, math.tan(bearing))))
+        return [first, rear(0.0)] if area is None else [first]
+    if abs(bearing) >= _REAR_RAD:
+        return [rear(max(-_EDGE, min(_EDGE, -math.tan(bearing))))]
+    along = half_length / math.tan(abs(bearing))
+    beside = _Spot(along, side * half_width, (0.0, side))
+    return [beside, front(side * _EDGE) if along >= 0 else rear(side * _EDGE), front(side * _EDGE)]
+
+
+# --- the way of the vehicle ------------------------------------------------------------------------------------------
+def _onto_person(scene: Scene, strike: Strike, option: Option, spot: _Spot) -> tuple[Option, Path]:
+    """The vehicle's way: its own, or off the carriageway where the person was not on it."""
+    zones = reported_zones(scene.record, strike.person)
+    zone = next((each for each in _OUTWARD if each in zones), None)
+    if zone is None or Zone.CARRIAGEWAY in zones or option.turn is not None or option.backing:
+        return option, option.path()
+    side = 1.0 if _leaves_left(scene.record, strike) else -1.0
+    here = option.stream.path.pose(option.station_m)
+    person_m = side * (edge_m(scene, here, side) + _BEYOND_EDGE_M[zone])
+    off_m = person_m - spot.left_m
+    if off_m * side <= 0:
+        return option, option.path()
+    slope = steepest_slope(off_m, max(option.speed_mps, 7.0), _DRIFT_G * GRAVITY_MPS2)
+    ramp_m = min(max(1.5 * slope * option.speed_mps**2 / (_DRIFT_G * GRAVITY_MPS2), 4.0), abs(off_m) / slope)
+    shift = LateralShift(off_m, off_m, slope, ramp_m)
+    moved = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=shift)
+    return moved, moved.path()
+
+
+def _leaves_left(record: CrashRecord, strike: Strike) -> bool:
+    own = [event.code for event in record.events if event.party_1 == strike.vehicle.number]
+    return RAN_OFF_LEFT in own
+
+
+def edge_m(scene: Scene, here: Pose, side: float) -> float:
+    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
+    away = np.arange(0.0, _WIDEST_M, 0.25)
+    x = here.x_m - math.sin(here.heading_rad) * side * away
+    y = here.y_m + math.cos(here.heading_rad) * side * away
+    inside = shapely.contains_xy(scene.network.drivable_area, x, y)
+    return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
+
+
+def _far_side(person: NonMotorist, option: Option) -> bool:
+    """Whether a turning vehicle struck the person where it left the intersection."""
+    if option.turn is None:
+        return False
+    return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
+
+
+def _station(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool) -> float:
+    """Where along the path the spot comes nearest to the place; in a turn, where that fits how far it has turned."""
+    x, y = scene.place_xy_m
+    near, _ = path.project(x, y)
+    stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)
+    px, py, heading = path.plan(stations)
+    if option.backing:
+        heading = heading + math.pi
+    contact_x = px + spot.ahead_m * np.cos(heading) - spot.left_m * np.sin(heading)
+    contact_y = py + spot.ahead_m * np.sin(heading) + spot.left_m * np.cos(heading)
+    score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
+    if option.turn is not None:
+        before = float(path.plan(np.array([path.s_m[0]]))[2][0])
+        start = float(path.plan(np.array([option.turn_start_m]))[2][0])
+        share = (heading - (start if math.isfinite(start) else before)) / option.turn.angle_rad
+        short = np.maximum(_TURNED - share, 0.0) if far_side else np.maximum(share - _TURNED, 0.0)
+        score = score - 2.0 * short / _TURNED
+    return float(stations[int(np.argmax(np.round(score, 6)))])
+
+
+# --- the way of the person -------------------------------------------------------------------------------------------
+def _walk(
+    scene: Scene,
+    drive: Drive,
+    spot: _Spot,
+    reading: CourseReading,
+    gait: Gait,
+    speed_mps: float,
+    person: NonMotorist,
+) -> Walk:
+    kind = person_kind_of(person)
+    female = {1: False, 2: True}.get(person.sex_code or 0)
+    size = person_size(kind, person.age_years, female=female)
+    heading = _heading(drive, reading.course, person)
+    angle = heading - drive.pose.heading_rad
+    half = np.array([size.length_m, size.width_m]) / 2
+    reach = np.abs([[math.cos(angle), math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ half
+    centre = np.array([spot.ahead_m, spot.left_m]) + np.array(spot.normal) * reach
+    x, y = drive.pose.to_world(centre)
+    pose = Pose(float(x), float(y), math.remainder(heading, math.tau), drive.pose.z_m)
+    path, station = _line(scene, drive, pose, reading.course)
+    set_off = math.inf
+    if dashes(person) and reading.course in CROSSING:
+        back = Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)
+        set_off = edge_m(scene, back, 1.0) + _DASH_BEYOND_M
+    return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
+
+
+def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
+    """Heading of the person at the strike. Across a road is at right angles to it: to the one a turning vehicle came
+    along or turns into, whichever the person crossed."""
+    backing = math.pi if drive.option.backing else 0.0
+    if course is Course.STANDING:
+        return drive.pose.heading_rad + math.pi / 2
+    if drive.option.turn is None:
+        return drive.pose.heading_rad + backing + math.radians(RELATIVE_DEG[course])
+    stream = drive.option.stream
+    road = stream.path.pose(max(drive.option.turn_start_m - 1.0, 0.0)).heading_rad
+    if _far_side(person, drive.option):
+        road += drive.option.turn.angle_rad
+    return road + math.radians(RELATIVE_DEG[course])
+
+
+def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
+    """The path of the person and where along it the strike is: straight across, or along the road."""
+    back_m = 60.0
+    if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
+        base = drive.option.stream.path
+        station, offset = base.project(pose.x_m, pose.y_m, near_s_m=drive.option.station_m)
+        line = shifted(base, None, anchor_s_m=station, constant_m=offset)
+        if course is Course.TOWARDS:
+            line = line.reversed()
+        return line, line.project(pose.x_m, pose.y_m)[0]
+    return straight(pose, back_m=back_m, ahead_m=back_m), back_m
+
+
+# --- what speaks for it ----------------------------------------------------------------------------------------------
+def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tuple[float, float]) -> dict[str, float]:
+    x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
+    along, across = drive.option.stream.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0
+    if drive.option.manoeuvre is not Manoeuvre.LEAVE_ROAD:
+        across = math.sqrt(max(x * x + y * y - float(along) ** 2, 0.0))
+    terms = {"place of the impact": float(evidence.place_log_likelihood(np.array(math.hypot(float(along), across))))}
+    vehicle = replace(strike.vehicle, impact=strike.area)
+    bearing = body_bearing_rad(drive.pose, vehicle.length_m, vehicle.width_m, np.array(contact_xy_m))
+    if strike.area is not None:
+        area = float(evidence.impact_area_log_likelihood(vehicle, np.array([bearing]))[0])
+        terms[f"impact area (vehicle {vehicle.number})"] = area
+    motorist = COMPASS_DEG.get(strike.person.motorist_direction_code or 0)
+    if motorist is not None:
+        went = drive.option.stream.heading_rad + (math.pi if drive.option.backing else 0.0)
+        apart = abs(math.remainder(went - math.radians(motorist), math.tau))
+        terms["compass direction of the motorist"] = -0.5 * (max(apart - _COMPASS_RAD, 0.0) / (_COMPASS_RAD / 2)) ** 2
+    return terms
+
+
+def best_of_groups(plans: Sequence[StrikePlan]) -> list[StrikePlan]:
+    """The best plan of each group, then the others, each in the order of their scores."""
+    leaders: dict[tuple[str, ...], StrikePlan] = {}
+    for plan in plans:
+        leaders.setdefault(plan.group, plan)
+    first = list(leaders.values())
+    return first + [plan for plan in plans if plan not in first]
