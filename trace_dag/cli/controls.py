@@ -57,10 +57,11 @@ def controls(
     executor: str | None,
     workers: int | None,
 ) -> None:
-    """Judge crashes against what they are not: another crash's report, and one vehicle late.
+    """Judge crashes against what they are not: another report of their kind, one vehicle or the person late, and a
+    person from the other side.
 
-    Prints how many are accepted beside the true pairing's rate; and how many of them with every reported speed driven
-    as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
+    Prints for each kind how many are accepted beside the true pairing's rate; and how many of them with every reported
+    speed driven as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table
     negative_controls.
 
     With --perturbed: verified crashes, each with one thing of its report changed, through all stages again. Prints

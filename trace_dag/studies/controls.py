@@ -1,7 +1,10 @@
-"""Negative controls of a cohort: its verdicts against other crashes' reports and with one vehicle late."""
+"""Negative controls of a cohort: its verdicts against other crashes' reports, and with one party late or mirrored."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import UserError
 from trace_dag.flow.ledgers import Complaint, raised
 from trace_dag.flow.workspace import Workspace
@@ -10,12 +13,15 @@ from trace_dag.studies.stored_crashes import judged_crashes
 from trace_dag.studies.tables import CONTROLS, store
 from trace_dag.verdict.controls import (
     ControlRow,
+    JudgedCrash,
+    Shift,
     against_other_reports,
     shifted_estimate,
     shifted_in_time,
     shifted_row,
     true_pairing,
 )
+from trace_dag.verdict.strike_controls import against_other_strike_reports, late_person, mirrored
 
 
 def negative_controls(
@@ -26,8 +32,9 @@ def negative_controls(
     tell: Progress = silent,
     complain: Complaint = raised,
 ) -> list[ControlRow]:
-    """Every judged crash of a cohort against its own report, every verified one against every other's report and with
-    one vehicle late. Stored for the warehouse.
+    """Every judged crash of a cohort against its own report, every verified one against every other's report of its
+    kind and with one vehicle late; of a crash with people the person late, and from the other side. Stored for the
+    warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
     at random. ``tell`` hears how many of how many are read, and then judged; ``complain`` of those left out.
@@ -41,17 +48,29 @@ def negative_controls(
     if not crashes:
         raise UserError(f"no crash of cohort {cohort!r} has a verdict yet; trace-dag run --cohort {cohort} makes them")
     settings = workspace.settings
+    kinds = {crash.judged.record.key: crash.judged.record.kind.value for crash in crashes}
     rows = [true_pairing(crash.judged, settings.verdict) for crash in crashes]
     verified = [crash.judged for crash in crashes if crash.accepted]
     backend = EmbeddedBackend(settings.sim)
-    for done, crash in enumerate(verified, 1):
-        rows += against_other_reports(crash, verified, settings.verdict)
-        shift = shifted_in_time(crash.hypothesis)
+
+    def judged(crash: JudgedCrash, shift: Shift | None) -> ControlRow:
         log = None
         if shift is not None:
             states = shifted_estimate(crash, shift)
             (log,) = simulate(backend, crash.network, b"", states, settings.sim, record=crash.record)
-        rows.append(shifted_row(crash, shift, log, settings.verdict))
+        return shifted_row(crash, shift, log, settings.verdict)
+
+    for done, crash in enumerate(verified, 1):
+        if is_of_strikes(crash.record):
+            rows += against_other_strike_reports(crash, verified, settings.verdict)
+            rows.append(judged(crash, late_person(crash.hypothesis)))
+            other_side = mirrored(crash.record, crash.hypothesis)
+            if other_side is not None:
+                rows.append(replace(judged(crash, other_side), kind="mirrored", shift_s=None))
+        else:
+            rows += against_other_reports(crash, verified, settings.verdict)
+            rows.append(judged(crash, shifted_in_time(crash.hypothesis)))
         tell(done, len(verified))
+    rows = [replace(row, crash_kind=kinds[row.key]) for row in rows]
     store(workspace, CONTROLS, cohort, rows)
     return rows

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from trace_dag.crash.kind import OF_PERSONS
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
 from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
@@ -25,23 +26,33 @@ class StudyTable(NamedTuple):
 
 
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
-    """How many verdicts accept a crash's own report, others', and its own with one vehicle late, by cohort."""
+    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, by cohort
+    and kind of crash."""
     lines: list[tuple[Any, ...]] = []
-    for cohort, rows in found.items():
+    by_kind = {
+        (cohort, kind): [row for row in rows if row.crash_kind == kind]
+        for cohort, rows in found.items()
+        for kind in dict.fromkeys(row.crash_kind for row in rows)
+    }
+    for (cohort, kind), rows in by_kind.items():
         differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
+        late = [row for row in rows if row.kind == "shifted"]
+        people = kind in OF_PERSONS
+        mirrored = [row for row in rows if row.kind == "mirrored"]
         groups = (
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
             ("another that says something else", differ),
-            ("its own, one vehicle late", [row for row in rows if row.kind == "shifted"]),
+            (f"its own, {'the person' if people else 'one vehicle'} late", late),
+            *([("its own, the side mirrored", mirrored)] if people else []),
         )
         for title, group in groups:
             judged = [row for row in group if row.accepted is not None]
             accepted = [row for row in judged if row.accepted]
             kept = [row for row in accepted if row.speeds_kept is not False]
             rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
-            lines.append((cohort, title, len(judged), len(accepted), *rates))
-    return StudyTable(["cohort", "judged against", "judgements", "accepted", "rate", "speeds kept too"], lines)
+            lines.append((cohort, kind, title, len(judged), len(accepted), *rates))
+    return StudyTable(["cohort", "kind", "judged against", "judgements", "accepted", "rate", "speeds kept too"], lines)
 
 
 def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:

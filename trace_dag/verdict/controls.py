@@ -49,9 +49,10 @@ class JudgedCrash:
 
 @dataclass(frozen=True)
 class ControlRow:
-    """One judgement of a control. ``kind``: "true", "other_report" or "shifted"; ``accepted`` is None where the
-    control does not apply. Residuals as in the verdict: the worst of both vehicles, None where not evaluated.
-    ``speeds_kept``, beyond the paper's criteria: every reported speed is driven; None where none is reported."""
+    """One judgement of a control. ``kind``: "true", "other_report", "shifted", or "mirrored" (a person that comes from
+    the other side than reported); ``crash_kind`` is the crash's; ``accepted`` is None where the control does not apply.
+    Residuals as in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's
+    criteria: every reported speed is driven; None where none is reported."""
 
     kind: str
     key: str
@@ -67,12 +68,13 @@ class ControlRow:
     speeds_kept: bool | None = None
     detail: str = ""
     reports_differ: bool | None = None  # other_report: the two reports contradict each other
+    crash_kind: str | None = None
 
 
 def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
     """The crash against its own report, for the rate beside the controls'."""
     verdict = judge_hypothesis(crash.record, crash.network, crash.hypothesis, crash.log, settings)
-    return _row("true", crash.record.key, verdict)
+    return row_of("true", crash.record.key, verdict)
 
 
 def against_other_reports(
@@ -87,7 +89,7 @@ def against_other_reports(
         if foreign is None:
             continue
         verdict = judge_observation(foreign, observation, crash.log, settings)
-        row = _row("other_report", crash.record.key, verdict, other_key=other.record.key)
+        row = row_of("other_report", crash.record.key, verdict, other_key=other.record.key)
         yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
 
 
@@ -132,7 +134,7 @@ def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """A hypothesis with one vehicle late by ``shift_s``."""
+    """A hypothesis with one party late by ``shift_s``, or mirrored (0)."""
 
     hypothesis: Hypothesis
     vehicle_number: int
@@ -184,15 +186,16 @@ def shifted_row(
 ) -> ControlRow:
     """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none."""
     if shift is None or log is None:
-        detail = "one of the vehicles stands where they meet: no delay makes them miss"
+        detail = "one of the parties stands where they meet: no delay makes them miss"
         return ControlRow("shifted", crash.record.key, detail=detail)
     verdict = judge_hypothesis(crash.record, crash.network, shift.hypothesis, log, settings)
     return replace(
-        _row("shifted", crash.record.key, verdict), shifted_vehicle=shift.vehicle_number, shift_s=shift.shift_s
+        row_of("shifted", crash.record.key, verdict), shifted_vehicle=shift.vehicle_number, shift_s=shift.shift_s
     )
 
 
-def _row(kind: str, key: str, verdict: Verdict, other_key: str | None = None) -> ControlRow:
+def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) -> ControlRow:
+    """A judgement as a row."""
     return ControlRow(
         kind=kind,
         key=key,
@@ -201,7 +204,7 @@ def _row(kind: str, key: str, verdict: Verdict, other_key: str | None = None) ->
         reason=verdict.reason,
         contact_distance_m=verdict.worst("contact_distance"),
         clock_error_max_h=verdict.worst("clock_error"),
-        direction_error_max_deg=verdict.worst("direction_error", "relation_error"),
+        direction_error_max_deg=verdict.worst("direction_error", "relation_error", "course_error"),
         initial_speed_error_max_rel=verdict.worst("initial_speed_error"),
         speeds_kept=verdict.all_hold("initial_speed_error"),
         detail=verdict.detail,

@@ -7,6 +7,7 @@ FROM read_json(
         'cohort': 'VARCHAR',
         'rule_set': 'VARCHAR',
         'kind': 'VARCHAR',
+        'crash_kind': 'VARCHAR',
         'key': 'VARCHAR',
         'other_key': 'VARCHAR',
         'reports_differ': 'BOOLEAN',
@@ -27,11 +28,12 @@ ORDER BY cohort, kind, key, other_key;
 COMMENT ON TABLE negative_controls IS 'Verdicts of simulations set beside what they are not, and of the true pairings';
 COMMENT ON COLUMN negative_controls.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN negative_controls.cohort IS 'Cohort compared within';
-COMMENT ON COLUMN negative_controls.kind IS 'true (its own report), other_report, or shifted (one vehicle late)';
+COMMENT ON COLUMN negative_controls.kind IS 'true (its own report), other_report, shifted (one vehicle or the person late), or mirrored (the person from the other side)';
+COMMENT ON COLUMN negative_controls.crash_kind IS 'Kind of the crash that was simulated';
 COMMENT ON COLUMN negative_controls.key IS 'Key of the crash that was simulated';
 COMMENT ON COLUMN negative_controls.other_key IS 'Key of the crash whose report it was judged against';
 COMMENT ON COLUMN negative_controls.reports_differ IS 'Whether the two reports contradict each other in an impact or a direction';
-COMMENT ON COLUMN negative_controls.shifted_vehicle IS 'Vehicle that came late';
+COMMENT ON COLUMN negative_controls.shifted_vehicle IS 'Party that came late or from the other side: a vehicle, or 1000 and the number of a person';
 COMMENT ON COLUMN negative_controls.shift_s IS 'How late, s';
 COMMENT ON COLUMN negative_controls.accepted IS 'Whether the verdict accepts it; null where the control does not apply';
 COMMENT ON COLUMN negative_controls.reason IS 'Why not';

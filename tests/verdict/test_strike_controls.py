@@ -1,0 +1,113 @@
+"""Negative controls of crashes with people: what verdicts must refuse, on a street made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.states.test_strikes import estimated, rider, struck, walker
+from tests.verdict.crashes import STREET, record, vehicle
+from tests.verdict.test_strikes import FROM_RIGHT, crossing, simulated
+from trace_dag.crash.record import CrashRecord
+from trace_dag.settings import VerdictSettings
+from trace_dag.states.types import Manoeuvre
+from trace_dag.verdict.controls import JudgedCrash, shifted_row
+from trace_dag.verdict.strike_controls import (
+    against_other_strike_reports,
+    in_place_of,
+    late_person,
+    mirrored,
+    strikes_differ,
+)
+
+SETTINGS = VerdictSettings()
+
+
+def judged() -> JudgedCrash:
+    crash, hypothesis, log = crossing()
+    return JudgedCrash(crash, STREET, hypothesis, log)
+
+
+def other(person_fields: dict[str, object], key: str = "2023-2") -> JudgedCrash:
+    crash = struck(replace(FROM_RIGHT, **person_fields))  # type: ignore[arg-type]
+    _, hypothesis, log = crossing()
+    return JudgedCrash(replace(crash, key=key), STREET, hypothesis, log)
+
+
+@pytest.mark.parametrize(
+    ("fields", "differ"),
+    [
+        ({"scenario": "1a"}, True),
+        ({"pedestrian_type_code": 440, "scenario": ""}, True),
+        ({"pedestrian_position_code": 4, "location_code": 20}, True),
+        ({"age_years": 70}, False),
+    ],
+)
+def test_another_persons_report_is_refused_where_it_says_something_else(
+    fields: dict[str, object], differ: bool
+) -> None:
+    (row,) = against_other_strike_reports(judged(), [other(fields)], SETTINGS)
+    assert (row.kind, row.other_key, row.reports_differ) == ("other_report", "2023-2", differ)
+    assert row.accepted is not differ
+
+
+def test_reports_of_another_kind_or_length_are_not_set_beside_it() -> None:
+    cyclist = struck(rider(), code=9)
+    _, hypothesis, log = crossing()
+    others = [JudgedCrash(replace(cyclist, key="2023-3"), STREET, hypothesis, log)]
+    assert list(against_other_strike_reports(judged(), others, SETTINGS)) == []
+    assert in_place_of(struck(FROM_RIGHT, vehicles=2), struck(FROM_RIGHT)) is None
+    assert in_place_of(record(vehicle(1, 12), vehicle(2, 12)), struck(FROM_RIGHT)) is None
+
+
+def test_parties_get_the_numbers_of_the_own_report() -> None:
+    theirs = struck(walker(number=3))
+    found = in_place_of(theirs, struck(FROM_RIGHT))
+    assert found is not None
+    (event,) = found.events
+    assert (event.party_1, event.party_2) == (1, 1001)
+    assert not strikes_differ(found, struck(FROM_RIGHT), SETTINGS)
+
+
+def shifted(crash: CrashRecord) -> tuple[bool | None, float | None]:
+    hypothesis = estimated(crash).best
+    shift = late_person(hypothesis)
+    assert shift is not None
+    row = shifted_row(
+        JudgedCrash(crash, STREET, hypothesis, simulated(hypothesis)), shift, simulated(shift.hypothesis), SETTINGS
+    )
+    return row.accepted, row.shift_s
+
+
+def test_a_person_two_seconds_late_is_not_struck_there() -> None:
+    assert shifted(struck(FROM_RIGHT)) == (False, 2.0)
+
+
+def test_who_goes_along_the_road_comes_so_late_that_the_place_is_another() -> None:
+    accepted, shift_s = shifted(struck(walker(pedestrian_type_code=440)))
+    assert accepted is False
+    assert shift_s is not None
+    assert shift_s * 1.57 > 10.0
+
+
+def test_who_stands_cannot_be_late() -> None:
+    assert late_person(estimated(struck(walker(pedestrian_type_code=610))).best) is None
+
+
+def test_a_person_from_the_other_side_is_refused() -> None:
+    crash = judged()
+    other_side = mirrored(crash.record, crash.hypothesis)
+    assert other_side is not None
+    person, was = other_side.hypothesis.participants[1], crash.hypothesis.participants[1]
+    assert was.manoeuvre is Manoeuvre.CROSS_FROM_RIGHT
+    street_y = was.impact_pose.y_m  # the street runs east: mirrored is north for south
+    assert person.initial_pose.y_m - street_y == pytest.approx(street_y - was.initial_pose.y_m, abs=1e-3)
+    assert person.initial_pose.x_m == pytest.approx(was.initial_pose.x_m, abs=1e-3)
+    row = shifted_row(crash, other_side, simulated(other_side.hypothesis), SETTINGS)
+    assert row.accepted is False
+
+
+def test_a_side_that_is_not_coded_has_no_mirror() -> None:
+    crash = struck(walker(pedestrian_type_code=760))
+    assert mirrored(crash, estimated(crash).best) is None
