@@ -1,6 +1,7 @@
 """A flow of tiny stages whose behaviour is written in the report itself, one word per line.
 
-``reject:<stage>``, ``fail:<stage>``, ``flaky:<stage>``, ``die:<stage>`` (kills its worker), ``slow:<stage>``; at the
+``reject:<stage>``, ``fail:<stage>``, ``flaky:<stage>``, ``die:<stage>`` (kills its worker), ``stop:<stage>`` (stops
+it), ``slow:<stage>``, ``hang:<stage>`` (in Python), ``freeze:<stage>`` (in a library that holds Python); at the
 first, the second or all later calls alone ``fail-once``, ``fail-second``, ``die-once``, ``die-later``. Each stage
 appends its name to what it was given, so an artefact tells which stages it went through, and each call is counted in a
 file, so a test can see what was really computed.
@@ -8,6 +9,7 @@ file, so a test can see what was really computed.
 
 from __future__ import annotations
 
+import ctypes
 import io
 import os
 import signal
@@ -69,6 +71,17 @@ def _behave(key: str, services: Services, stage: Stage, content: bytes) -> Stage
     words = content.decode().splitlines()
     if f"slow:{stage}" in words:
         time.sleep(0.2)
+    while f"hang:{stage}" in words:
+        try:
+            time.sleep(0.01)
+        except Exception:
+            continue
+    if f"freeze:{stage}" in words:
+        mutex, library = ctypes.create_string_buffer(64), ctypes.PyDLL(None)
+        for _ in range(2):  # the second waits for the first for ever, signals or not
+            library.pthread_mutex_lock(mutex)
+    if f"stop:{stage}" in words:
+        os.kill(os.getpid(), signal.SIGSTOP)
     if f"die:{stage}" in words:
         os.kill(os.getpid(), signal.SIGKILL)
     if f"die-once:{stage}" in words and times == 1:

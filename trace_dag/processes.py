@@ -31,6 +31,14 @@ def is_gone(process: str) -> bool | None:
     return _started(int(number)) != started
 
 
+def is_stopped(number: int) -> bool:
+    """Whether a process of this machine was stopped (SIGSTOP) and not continued; False where that cannot be told."""
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+    except (OSError, IndexError):
+        return False
+
+
 def temporary_prefix(kind: str) -> str:
     """How the name of a temporary file or folder of this process begins, so that :func:`abandoned` can tell whose."""
     return f"{kind}{this_process()}:"

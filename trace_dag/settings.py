@@ -219,6 +219,13 @@ class ExecutionSettings(_Section):
     chunk_size: int = Field(8, ge=1, description="Crashes handed to a worker at a time.")
     dask_address: str | None = Field(None, description="Address of a running Dask scheduler, tcp://host:port.")
     batch_size: int = Field(250, ge=1, description="Crashes in one Dagster run.")
+    stage_time_limit_s: float = Field(
+        300.0,
+        gt=0,
+        le=86_400,
+        description="Longest time of a stage for a crash, after which it has failed; for cutting maps, of all crashes "
+        "that share them.",
+    )
     transient_retries: int = Field(2, ge=0, description="Times a stage is tried again after a transient failure.")
     retry_wait_s: float = Field(1.0, ge=0, description="Pause before the first of those; doubles each time.")
     pictures: bool = Field(True, description="Draw a picture of each crash.")

@@ -10,9 +10,11 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import multiprocessing.connection
+import multiprocessing.process
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -22,12 +24,15 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from trace_dag.errors import UserError
 from trace_dag.logs import configure_logging
+from trace_dag.processes import is_stopped
 from trace_dag.settings import ExecutionSettings
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 _ATTEMPTS_ALONE = 2
+_LOOK_S = 1.0  # how often a pool looks after its workers
+_MOST_STOPPED_S = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
 
 
 @dataclass(frozen=True)
@@ -129,9 +134,11 @@ class ProcessExecutor:
     """A pool of spawned processes (never forked: MuJoCo, Arrow and Dagster hold threads)."""
 
     machines = 1
+    most_stopped_s = _MOST_STOPPED_S
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
+        self._stopped: dict[multiprocessing.process.BaseProcess, float] = {}  # since when, of the monotonic clock
         self._pool: ProcessPoolExecutor | None = None
         self._lifeline: Connection | None = None
 
@@ -161,7 +168,9 @@ class ProcessExecutor:
                     if not under_way:
                         self._drop_pool()
                     break
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED) if under_way else (set(), None)
+            done, _ = wait(under_way, _LOOK_S, return_when=FIRST_COMPLETED) if under_way else (set(), None)
+            if not done:
+                self._end_stopped()
             broken = False
             for future in done:
                 task = under_way.pop(future)
@@ -198,12 +207,25 @@ class ProcessExecutor:
             )
         return self._pool
 
+    def _processes(self) -> list[multiprocessing.process.BaseProcess]:
+        return list((self._pool._processes or {}).values()) if self._pool is not None else []
+
+    def _end_stopped(self) -> None:
+        """Kill workers that somebody stopped some time ago: what they have in hand would never be done."""
+        stopped = [each for each in self._processes() if each.pid is not None and is_stopped(each.pid)]
+        since = {worker: self._stopped.get(worker, time.monotonic()) for worker in stopped}
+        self._stopped = since
+        for worker, first_seen_s in since.items():
+            if time.monotonic() - first_seen_s >= self.most_stopped_s:
+                worker.kill()
+
     def _drop_pool(self, *, at_once: bool = False) -> None:
         """End the workers when they are done with what they have in hand, or ``at_once``."""
         if self._pool is None or self._lifeline is None:
             return
         if at_once:
-            self._lifeline.close()
+            for worker in self._processes():  # one that was stopped would not notice that nobody wants it any more
+                worker.kill()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._lifeline.close()
         self._pool = self._lifeline = None

@@ -35,6 +35,7 @@ from trace_dag.flow.tasks import (
     made_record,
     provenance_of,
 )
+from trace_dag.flow.time_limit import at_most
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
 from trace_dag.provenance import (
@@ -165,7 +166,8 @@ class _CrashWorker:
         return self.conclude(definition, provenance, product, started_at, time.monotonic() - started, attempts)
 
     def _make(self, definition: StageDefinition) -> StageProduct:
-        with at_work(self.task.key, definition.stage):
+        limit_s = self.work.settings.execution.stage_time_limit_s
+        with at_work(self.task.key, definition.stage), at_most(limit_s, f"{definition.stage} of {self.task.key}"):
             return self.work.flow.make(definition, self.files)
 
     def _say_trying_again(self, definition: StageDefinition, state: RetryCallState) -> None:
@@ -306,7 +308,7 @@ def _work_on_group(chunk: Chunk, definition: StageDefinition) -> list[StageEvent
             events.append(StageEvent(crash.key, definition.stage, Action.UNCHANGED, earlier))
         else:
             open_workers.append((worker, provenance))
-    made = _call_for_several(chunk.work.flow, definition, open_workers)
+    made = _call_for_several(chunk.work, definition, open_workers)
     for (worker, provenance), product, started_at, duration_s in made:
         record = worker.conclude(definition, provenance, product, started_at, duration_s)
         event = StageEvent(record.key, record.stage, Action.COMPUTED, record)
@@ -318,17 +320,20 @@ _OpenCrash = tuple[_CrashWorker, Provenance]
 
 
 def _call_for_several(
-    flow: Flow, definition: StageDefinition, crashes: Sequence[_OpenCrash]
+    work: Work, definition: StageDefinition, crashes: Sequence[_OpenCrash]
 ) -> Iterable[tuple[_OpenCrash, StageProduct | Rejection | Exception, str, float]]:
     if not crashes:
         return
     started_at, started = now(), time.monotonic()
     try:
-        products = flow.make_for_several(definition, [worker.files for worker, _ in crashes])
+        keys = [worker.task.key for worker, _ in crashes]
+        what = f"{definition.stage} of {keys[0]}" + (f" and {len(keys) - 1} others" if keys[1:] else "")
+        with at_most(work.settings.execution.stage_time_limit_s, what):
+            products = work.flow.make_for_several(definition, [worker.files for worker, _ in crashes])
     except Exception as error:
         if len(crashes) > 1:  # find the one it broke on
             for crash in crashes:
-                yield from _call_for_several(flow, definition, [crash])
+                yield from _call_for_several(work, definition, [crash])
             return
         yield crashes[0], error, started_at, time.monotonic() - started
         return
