@@ -14,7 +14,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -252,13 +252,58 @@ def load_settings(
     ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
     the setting, the value found and what was expected.
     """
+    try:
+        merged = _merge(_merge(_from_file(toml, name), _from_environment()), overrides or {})
+        return Settings.model_validate(merged)
+    except ValidationError as error:
+        raise UserErrors(
+            f"setting {'.'.join(map(str, each['loc']))} = {_shortened(each['input'])} "
+            f"(from {name}, {_PREFIX}... or the command line): {each['msg']}"
+            for each in error.errors()
+        ) from error
+
+
+class DescribedSetting(NamedTuple):
+    """A setting as it stands, and where its value comes from: ``default``, the file's name, or ``environment``."""
+
+    section: str
+    name: str
+    value: Any
+    default: Any
+    source: str
+    meaning: str
+
+
+def described_settings(toml: bytes = b"", *, name: str = "settings.toml") -> list[DescribedSetting]:
+    """Every setting as :func:`load_settings` finds it, in the order of the sections."""
+    settings = load_settings(toml, name=name)
+    from_file, from_environment = _from_file(toml, name), _from_environment()
+    described = []
+    for section in Settings.model_fields:
+        values = getattr(settings, section)
+        for setting, field in type(values).model_fields.items():
+            source = "default"
+            if setting in from_file.get(section, {}):
+                source = name.rpartition("/")[2]
+            if setting in from_environment.get(section, {}):
+                source = "environment"
+            default = field.get_default(call_default_factory=True)
+            value = getattr(values, setting)
+            described.append(DescribedSetting(section, setting, value, default, source, field.description or ""))
+    return described
+
+
+def _from_file(toml: bytes, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(toml.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
+
+
+def _from_environment() -> dict[str, Any]:
     from pydantic_settings import BaseSettings, EnvSettingsSource
     from pydantic_settings.exceptions import SettingsError
 
-    try:
-        from_file = tomllib.loads(toml.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
     misnamed = _misnamed(os.environ)
     if misnamed:
         raise UserErrors(misnamed)
@@ -267,19 +312,9 @@ def load_settings(
         """The same sections, readable from the environment."""
 
     try:
-        environment = EnvSettingsSource(
-            Sources, env_prefix=_PREFIX, env_nested_delimiter="__", env_parse_none_str="null"
-        )
-        merged = _merge(_merge(from_file, environment()), overrides or {})
-        return Settings.model_validate(merged)
+        return EnvSettingsSource(Sources, env_prefix=_PREFIX, env_nested_delimiter="__", env_parse_none_str="null")()
     except (SettingsError, RecursionError) as error:
         raise UserErrors(_not_json(os.environ) or [f"a variable {_PREFIX}...: {error}; expected JSON"]) from error
-    except ValidationError as error:
-        raise UserErrors(
-            f"setting {'.'.join(map(str, each['loc']))} = {_shortened(each['input'])} "
-            f"(from {name}, {_PREFIX}... or the command line): {each['msg']}"
-            for each in error.errors()
-        ) from error
 
 
 def _misnamed(environment: Mapping[str, str]) -> list[str]:

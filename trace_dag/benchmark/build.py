@@ -51,6 +51,11 @@ def page_name(key: str) -> str:
     return f"{FOLDER}/crashes/{key}.html"
 
 
+def package_name(key: str) -> str:
+    """Where the package of a verified crash lies below the root."""
+    return f"{FOLDER}/packages/{key}.zip"
+
+
 @dataclass(frozen=True)
 class BenchmarkReport:
     """How many packages and pages there are, how many were made now, and what went wrong by crash."""
@@ -236,7 +241,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     downloads: list[Download] = []
     written: list[StoredFile] = []
     if verified:
-        archive = storage.write(f"{FOLDER}/packages/{key}.zip", _zipped(key, made))
+        archive = storage.write(package_name(key), _zipped(key, made))
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
     for name in _OFFERED:

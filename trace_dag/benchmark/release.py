@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.benchmark.build import FOLDER, SUBJECT, build_benchmark
+from trace_dag.benchmark.build import SUBJECT, build_benchmark, package_name
 from trace_dag.benchmark.export import write_if_changed
 from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.errors import Failure, UserError
@@ -108,7 +108,7 @@ def build_release(
     folder = output / f"{NAME}-{version}"
     complete = _complete(folder)
     files = read_ledger(workspace.storage, SUBJECT).files
-    packages = {row["key"]: files[f"{FOLDER}/packages/{row['key']}.zip"] for row in rows}
+    packages = {row["key"]: files[package_name(row["key"])] for row in rows}
     records = read_records(workspace.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT])
     sums: dict[str, str] = {}
     for row in rows:

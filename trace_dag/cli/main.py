@@ -15,7 +15,8 @@ from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
 from trace_dag.cli.ingest import ingest
-from trace_dag.cli.options import examples
+from trace_dag.cli.open import open_page
+from trace_dag.cli.options import GroupedCommands, examples
 from trace_dag.cli.peer import peer
 from trace_dag.cli.plugins import plugins
 from trace_dag.cli.release import release
@@ -23,8 +24,11 @@ from trace_dag.cli.replay import replay
 from trace_dag.cli.rerun import rerun
 from trace_dag.cli.run import run
 from trace_dag.cli.score_truth import score_truth
+from trace_dag.cli.settings import settings
+from trace_dag.cli.show import show
 from trace_dag.cli.sql import sql
 from trace_dag.cli.status import status
+from trace_dag.cli.tables import tables
 from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
@@ -36,6 +40,7 @@ EXIT_USAGE = 2
 
 
 @click.group(
+    cls=GroupedCommands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog=examples("trace-dag demo", "trace-dag --root virginia status"),
 )
@@ -57,28 +62,11 @@ def cli(context: click.Context, root: str | None) -> None:
     context.obj = storage_root(root)
 
 
-for command in (
-    ingest,
-    cohort,
-    run,
-    rerun,
-    status,
-    verify,
-    sql,
-    replay,
-    controls,
-    peer,
-    export,
-    release,
-    compare,
-    evaluate,
-    vary,
-    score_truth,
-    demo,
-    ui,
-    plugins,
-):
-    cli.add_command(command)
+cli.add_under("Start", demo, ingest, run, rerun, cohort)
+cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
+cli.add_under("Judge the results", controls, peer, compare, score_truth, verify)
+cli.add_under("Use them", export, release, evaluate, vary)
+cli.add_under("Set up", settings, plugins)
 
 
 def main() -> None:

@@ -18,6 +18,30 @@ def examples(*lines: str) -> str:
     return "\n".join(("\b", "Examples:" if len(lines) > 1 else "Example:", *(f"  {line}" for line in lines)))
 
 
+class GroupedCommands(click.Group):
+    """A group whose help lists its commands under headings, in the order they were added."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self._headings: dict[str, list[str]] = {}
+
+    def add_under(self, heading: str, *commands: click.Command) -> None:
+        """Add commands below a heading of the help."""
+        for command in commands:
+            self.add_command(command)
+            self._headings.setdefault(heading, []).append(str(command.name))
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names as they were added: what one begins with comes first."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """A section for each heading, each command with its first sentence, whole."""
+        for heading, names in self._headings.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(limit=200)) for name in names])
+
+
 class ManyValuesCommand(click.Command):
     """A command whose repeatable options also take several values at once: ``--maps A B`` is ``--maps A --maps B``.
 

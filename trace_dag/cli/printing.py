@@ -14,6 +14,8 @@ import click
 if TYPE_CHECKING:
     from trace_dag.flow.standing import Standing
 
+_LONG_TEXT = 40  # characters
+
 
 def print_standings(crashes: Mapping[str, Standing]) -> None:
     """The funnel beside the published one, the final states, why crashes were rejected, and what made the estimates."""
@@ -54,22 +56,32 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
         click.echo(makers_in_words(estimated))
 
 
-def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Columns aligned, numbers to the right; as wide as it has to be where nobody is watching."""
+def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:
+    """Columns aligned, numbers to the right; as wide as it has to be where nobody is watching.
+
+    With ``fit``, a terminal gets each row on one line: columns of long texts last, and cut where the line ends.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
+    console = Console(highlight=False, markup=False, soft_wrap=False)
+    fit = fit and console.is_terminal
+    if fit:
+        longest = [max((len(_cell(row[index])) for row in rows), default=0) for index in range(len(names))]
+        order = sorted(range(len(names)), key=lambda index: longest[index] > _LONG_TEXT)
+        names, rows = [names[index] for index in order], [[row[index] for index in order] for row in rows]
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, name in enumerate(names):
         numeric = any(row[index] is not None for row in rows) and all(
             row[index] is None or (isinstance(row[index], int | float) and not isinstance(row[index], bool))
             for row in rows
         )
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(
+            name, justify="right" if numeric else "left", overflow="ellipsis" if fit else "fold", no_wrap=fit
+        )
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
-    console = Console(highlight=False, markup=False, soft_wrap=False)
     if not console.is_terminal:
         console = Console(highlight=False, markup=False, width=10_000)
     console.print(table)

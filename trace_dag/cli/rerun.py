@@ -24,13 +24,14 @@ from trace_dag.stage import Stage
     epilog=examples(
         "trace-dag rerun --failed",
         "trace-dag rerun --rejected crash_off_road --cohort virginia",
+        "trace-dag rerun --only 2023-510179",
     ),
 )
 @click.option("--failed", is_flag=True, help="The crashes that failed or are outdated, from the stage that broke.")
 @click.option("--rejected", type=click.Choice([reason.value for reason in Reason]), help="Those rejected for a reason.")
 @stage_option("--from", "first", help="Every crash that got there, from this stage on.")
 @click.option("--cohort", help="Only crashes of this cohort.")
-@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@click.option("--only", multiple=True, metavar="KEY", help="Only these crashes; by itself, all their stages.")
 @estimator_option
 @executor_options
 @click.pass_obj
@@ -46,8 +47,12 @@ def rerun(
     workers: int | None,
 ) -> None:
     """Run again exactly the crashes and stages asked for, unchanged or not."""
-    if failed + (rejected is not None) + (first is not None) != 1:
-        raise UserError("rerun: say what to run again with one of --failed, --rejected REASON, --from STAGE")
+    if failed + (rejected is not None) + (first is not None) > 1:
+        raise UserError("rerun: --failed, --rejected REASON and --from STAGE exclude each other")
+    if not failed and rejected is None and first is None:
+        if not only:
+            raise UserError("rerun: say what to run again with --failed, --rejected REASON, --from STAGE or --only KEY")
+        first = Stage.RAW_REPORT
     settings = run_overrides(executor, workers, estimator)
     from trace_dag.flow.selection import select_again
 

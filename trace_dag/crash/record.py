@@ -97,6 +97,7 @@ class VehicleRecord:
     travel_speed_is_lower_bound: bool = False  # TRAV_SP 997: above 151 mph
     speed_limit_mps: float | None = None  # VSPD_LIM
     speeding: bool | None = None  # SPEEDREL
+    driver_drinking: bool | None = None  # DR_DRINK
     lanes: int | None = None  # VNUM_LAN
     trafficway_code: int | None = None  # VTRAFWAY: 1 two-way undivided, 2-3, 5 divided, 4 one-way, 6 ramp
     alignment_code: int | None = None  # VALIGN

@@ -46,6 +46,7 @@ VEHICLE_COLUMNS: Final = (
     Column("travel_speed_is_lower_bound", _BOOLEAN, "The speed was higher than can be coded", source="TRAV_SP"),
     Column("speed_limit_mps", _REAL, "Speed limit", "m/s", "VSPD_LIM"),
     Column("speeding", _BOOLEAN, "Speeding as reported", source="SPEEDREL"),
+    Column("driver_drinking", _BOOLEAN, "The driver had been drinking, as reported", source="DR_DRINK"),
     Column("lanes", _INTEGER, "Lanes of the roadway", source="VNUM_LAN"),
     Column("trafficway_code", _INTEGER, "Trafficway description", source="VTRAFWAY"),
     Column("alignment_code", _INTEGER, "Alignment: straight or curving", source="VALIGN"),

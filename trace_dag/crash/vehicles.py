@@ -49,6 +49,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     unit_type = fields.code(codes.UNITTYPE)
     hit_and_run = fields.known_code(codes.HIT_RUN)
     speeding = fields.known_code(codes.SPEEDREL)
+    drinking = fields.known_code(codes.DR_DRINK)
     lanes = fields.known_code(codes.VNUM_LAN)
     return VehicleRecord(
         number=number,
@@ -66,6 +67,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         travel_speed_is_lower_bound=above_highest,
         speed_limit_mps=_speed_limit(fields),
         speeding=None if speeding is None else speeding != 0,
+        driver_drinking=None if drinking is None else drinking != 0,
         lanes=lanes or None,
         trafficway_code=fields.known_code(codes.VTRAFWAY),
         alignment_code=fields.known_code(codes.VALIGN),

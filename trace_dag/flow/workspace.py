@@ -18,7 +18,7 @@ from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
 from trace_dag.progress import Progress, silent
-from trace_dag.settings import Settings, load_settings
+from trace_dag.settings import DescribedSetting, Settings, described_settings, load_settings
 from trace_dag.storage import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
@@ -107,11 +107,20 @@ class Workspace:
             yield executor
 
 
-def _settings(storage: Storage, overrides: Mapping[str, Any] | None) -> Settings:
+def settings_of(root: str) -> list[DescribedSetting]:
+    """Every setting of a root as it stands, with where its value comes from."""
+    storage = Storage.open(root)
+    return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
+
+
+def _settings_file(storage: Storage) -> bytes:
     try:
-        toml = storage.read(SETTINGS_FILE)
+        return storage.read(SETTINGS_FILE)
     except FileNotFoundError:
-        toml = b""
-    settings = load_settings(toml, name=storage.path(SETTINGS_FILE), overrides=overrides)
+        return b""
+
+
+def _settings(storage: Storage, overrides: Mapping[str, Any] | None) -> Settings:
+    settings = load_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE), overrides=overrides)
     filters_of(settings.crash)  # a filter that names no element is said before anything runs
     return settings

@@ -34,7 +34,7 @@ from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
-from trace_dag.warehouse.reports import crash_kinds, person_groups, state_names, unread_reports
+from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ log = logging.getLogger(__name__)
 TABLES = (
     "coverage_classes",
     "crash_kinds",
-    "person_groups",
+    "codes",
     "crashes",
     "vehicles",
     "events",
@@ -176,7 +176,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
         tables = _read(storage, cohort_of, connection, folder, complain)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
-        tables |= {"state": state_names(), "person_group": person_groups(), "kind_of_crash": crash_kinds()}
+        tables |= {"state": state_names(), "code_meaning": code_meanings(), "kind_of_crash": crash_kinds()}
         for name, table in tables.items():
             connection.register(name, table)
         comparisons = list(storage.list(FOLDER))

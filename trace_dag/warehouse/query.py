@@ -105,5 +105,23 @@ def rows(path: Path, table: str) -> list[dict[str, Any]]:
     return [dict(zip(names, row, strict=True)) for row in values]
 
 
+def tables_of(path: Path) -> list[tuple[Any, ...]]:
+    """Every table and view: name, rows and what it holds, by name."""
+    _, found = query(
+        path,
+        "SELECT table_name, comment FROM duckdb_tables() UNION ALL "
+        "SELECT view_name, comment FROM duckdb_views() WHERE NOT internal ORDER BY ALL",
+    )
+    counted = " UNION ALL ".join(f'SELECT count(*) FROM "{name}"' for name, _ in found)  # noqa: S608 - names of ours
+    rows_of = [count for (count,) in query(path, counted)[1]]
+    return [(name, count, comment or "") for (name, comment), count in zip(found, rows_of, strict=True)]
+
+
+def columns_of(path: Path, table: str) -> list[tuple[Any, ...]]:
+    """The columns of a table or view: name, type and meaning with unit, in order; none if there is no such table."""
+    columns = "SELECT table_name, column_name, data_type, comment FROM duckdb_columns() ORDER BY column_index"
+    return [(name, kind, comment or "") for owner, name, kind, comment in query(path, columns)[1] if owner == table]
+
+
 def _first_line(error: Exception) -> str:
     return str(error).strip().partition("\n")[0]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from trace_dag.cohorts.listings import listings_of
 from trace_dag.cohorts.registry import Cohort
+from trace_dag.crash.codes import crash, events, persons, vehicle
 from trace_dag.crash.codes.crash import STATES
-from trace_dag.crash.codes.persons import BIKECGP, PEDCGP
 from trace_dag.crash.kind import JUDGED_KINDS, CrashKind
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.parse import reported_position
@@ -19,6 +19,11 @@ from trace_dag.storage import Storage
 if TYPE_CHECKING:
     import pyarrow as pa
 
+_CODES = (
+    *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT, crash.WEATHER),
+    *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
+    *(vehicle.VTRAFCON, vehicle.VTRAFWAY, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
+)
 _POSITION = ("latitude_deg", "longitude_deg")
 
 
@@ -58,18 +63,18 @@ def crash_kinds() -> pa.Table:
     )
 
 
-def person_groups() -> pa.Table:
-    """The groups of crashes with pedestrians (``PEDCGP``) and cyclists (``BIKECGP``), in words."""
+def code_meanings() -> pa.Table:
+    """What the codes of FARS elements mean that columns of the warehouse hold, but for those that say "unknown"."""
     import pyarrow as pa
 
-    groups = [
+    meanings = [
         {"element": table.element, "code": code, "meaning": meaning}
-        for table in (PEDCGP, BIKECGP)
+        for table in _CODES
         for code, meaning in table.meanings.items()
         if table.known(code) is not None
     ]
     return pa.Table.from_pylist(
-        groups, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
+        meanings, schema=pa.schema([("element", pa.string()), ("code", pa.int32()), ("meaning", pa.string())])
     )
 
 

@@ -33,6 +33,8 @@ SPEEDREL = table(
     until={1: 2013},
 )
 
+DR_DRINK = table("DR_DRINK", "Drinking driver", {0: "no drinking driver", 1: "a drinking driver"}, unknown=(8, 9))
+
 VTRAFWAY = table(
     "VTRAFWAY",
     "Trafficway",

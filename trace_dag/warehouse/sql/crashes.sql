@@ -25,6 +25,21 @@ SELECT
     record.month,
     record.day,
     record.hour,
+    record.minute,
+    record.light_code,
+    (SELECT meaning FROM codes WHERE element = 'LGT_COND' AND code = record.light_code) AS light,
+    record.weather_code,
+    (SELECT meaning FROM codes WHERE element = 'WEATHER' AND code = record.weather_code) AS weather,
+    record.rural_urban_code,
+    (SELECT meaning FROM codes WHERE element = 'RUR_URB' AND code = record.rural_urban_code) AS rural_urban,
+    record.function_class_code,
+    (SELECT meaning FROM codes WHERE element = 'FUNC_SYS' AND code = record.function_class_code) AS function_class,
+    record.manner_of_collision_code,
+    (SELECT meaning FROM codes WHERE element = 'MAN_COLL' AND code = record.manner_of_collision_code) AS manner_of_collision,
+    record.intersection_type_code,
+    (SELECT meaning FROM codes WHERE element = 'TYP_INT' AND code = record.intersection_type_code) AS intersection_type,
+    record.junction_relation_code,
+    (SELECT meaning FROM codes WHERE element = 'RELJCT2' AND code = record.junction_relation_code) AS junction_relation,
     record.trafficway_1,
     record.trafficway_2,
     coalesce(len(record.vehicles), listing.vehicles) AS vehicles,
@@ -63,6 +78,21 @@ COMMENT ON COLUMN crashes.year IS 'Year of the crash';
 COMMENT ON COLUMN crashes.month IS 'Month of the crash';
 COMMENT ON COLUMN crashes.day IS 'Day of the crash';
 COMMENT ON COLUMN crashes.hour IS 'Hour of the crash, local time';
+COMMENT ON COLUMN crashes.minute IS 'Minute of the crash, local time';
+COMMENT ON COLUMN crashes.light_code IS 'Light (LGT_COND)';
+COMMENT ON COLUMN crashes.light IS 'Light, in words';
+COMMENT ON COLUMN crashes.weather_code IS 'Weather (WEATHER)';
+COMMENT ON COLUMN crashes.weather IS 'Weather, in words';
+COMMENT ON COLUMN crashes.rural_urban_code IS 'Land use (RUR_URB)';
+COMMENT ON COLUMN crashes.rural_urban IS 'Land use: rural or urban';
+COMMENT ON COLUMN crashes.function_class_code IS 'Functional class of the road (FUNC_SYS)';
+COMMENT ON COLUMN crashes.function_class IS 'Functional class of the road, in words';
+COMMENT ON COLUMN crashes.manner_of_collision_code IS 'Manner of collision of the first harmful event (MAN_COLL)';
+COMMENT ON COLUMN crashes.manner_of_collision IS 'Manner of collision, in words';
+COMMENT ON COLUMN crashes.intersection_type_code IS 'Kind of intersection (TYP_INT)';
+COMMENT ON COLUMN crashes.intersection_type IS 'Kind of intersection, in words';
+COMMENT ON COLUMN crashes.junction_relation_code IS 'Where relative to a junction (RELJCT2)';
+COMMENT ON COLUMN crashes.junction_relation IS 'Where relative to a junction, in words';
 COMMENT ON COLUMN crashes.trafficway_1 IS 'Road of the crash (TWAY_ID)';
 COMMENT ON COLUMN crashes.trafficway_2 IS 'Crossing road (TWAY_ID2)';
 COMMENT ON COLUMN crashes.vehicles IS 'Motor vehicles in the report';

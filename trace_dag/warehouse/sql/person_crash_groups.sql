@@ -6,17 +6,18 @@ WITH typed AS (
     INTO NAME element VALUE code
 )
 SELECT
-    person_groups.element,
-    person_groups.code,
-    person_groups.meaning,
+    codes.element,
+    codes.code,
+    codes.meaning,
     count(typed.key) AS persons,
     count(DISTINCT typed.key) AS registered,
     count(DISTINCT typed.key) FILTER (crashes.final_state = 'verified') AS verified
-FROM person_groups
+FROM codes
 LEFT JOIN typed USING (element, code)
 LEFT JOIN crashes USING (key)
-GROUP BY person_groups.element, person_groups.code, person_groups.meaning
-ORDER BY person_groups.element DESC, person_groups.code;
+WHERE codes.element IN ('PEDCGP', 'BIKECGP')
+GROUP BY codes.element, codes.code, codes.meaning
+ORDER BY codes.element DESC, codes.code;
 
 COMMENT ON VIEW person_crash_groups IS 'Crashes with pedestrians and cyclists by the group their typing puts them into';
 COMMENT ON COLUMN person_crash_groups.element IS 'PEDCGP of pedestrians, BIKECGP of cyclists';

@@ -12,12 +12,28 @@ SELECT
     vehicle.in_transport,
     vehicle.travel_speed_mps,
     vehicle.speed_limit_mps,
+    vehicle.speeding,
+    vehicle.driver_drinking,
+    vehicle.hit_and_run,
+    vehicle.trafficway_code,
+    (SELECT meaning FROM codes WHERE element = 'VTRAFWAY' AND code = vehicle.trafficway_code) AS trafficway,
+    vehicle.lanes,
+    vehicle.alignment_code,
+    (SELECT meaning FROM codes WHERE element = 'VALIGN' AND code = vehicle.alignment_code) AS alignment,
+    vehicle.profile_code,
+    (SELECT meaning FROM codes WHERE element = 'VPROFILE' AND code = vehicle.profile_code) AS profile,
+    vehicle.traffic_control_code,
+    (SELECT meaning FROM codes WHERE element = 'VTRAFCON' AND code = vehicle.traffic_control_code) AS traffic_control,
     vehicle.movement AS movement_code,
+    (SELECT meaning FROM codes WHERE element = 'P_CRASH1' AND code = vehicle.movement) AS movement,
     vehicle.critical_event_code,
+    (SELECT meaning FROM codes WHERE element = 'P_CRASH2' AND code = vehicle.critical_event_code) AS critical_event,
     vehicle.crash_type_code,
+    (SELECT meaning FROM codes WHERE element = 'ACC_TYPE' AND code = vehicle.crash_type_code) AS crash_type,
     vehicle.initial_impact_code,
     vehicle.impact.clock_h AS impact_clock_h,
     vehicle.surface_condition_code,
+    (SELECT meaning FROM codes WHERE element = 'VSURCOND' AND code = vehicle.surface_condition_code) AS surface_condition,
     vehicle.trailers
 FROM (SELECT key, unnest(vehicles) AS vehicle FROM crash_record) AS record
 ORDER BY key, vehicle_number;
@@ -34,10 +50,26 @@ COMMENT ON COLUMN vehicles.mass_kg IS 'Mass in running order, kg';
 COMMENT ON COLUMN vehicles.in_transport IS 'In transport, not parked or at work';
 COMMENT ON COLUMN vehicles.travel_speed_mps IS 'Reported speed, m/s; null if not reported (TRAV_SP)';
 COMMENT ON COLUMN vehicles.speed_limit_mps IS 'Speed limit, m/s (VSPD_LIM)';
+COMMENT ON COLUMN vehicles.speeding IS 'Speeding as reported (SPEEDREL)';
+COMMENT ON COLUMN vehicles.driver_drinking IS 'The driver had been drinking, as reported (DR_DRINK)';
+COMMENT ON COLUMN vehicles.hit_and_run IS 'The driver left the scene (HIT_RUN)';
+COMMENT ON COLUMN vehicles.trafficway_code IS 'Trafficway: divided or not, one-way or not (VTRAFWAY)';
+COMMENT ON COLUMN vehicles.trafficway IS 'Trafficway, in words';
+COMMENT ON COLUMN vehicles.lanes IS 'Lanes of the roadway, both ways where it is undivided (VNUM_LAN)';
+COMMENT ON COLUMN vehicles.alignment_code IS 'Alignment: straight or curving (VALIGN)';
+COMMENT ON COLUMN vehicles.alignment IS 'Alignment, in words';
+COMMENT ON COLUMN vehicles.profile_code IS 'Grade (VPROFILE)';
+COMMENT ON COLUMN vehicles.profile IS 'Grade, in words';
+COMMENT ON COLUMN vehicles.traffic_control_code IS 'Traffic control (VTRAFCON)';
+COMMENT ON COLUMN vehicles.traffic_control IS 'Traffic control, in words';
 COMMENT ON COLUMN vehicles.movement_code IS 'Movement before the critical event (P_CRASH1)';
+COMMENT ON COLUMN vehicles.movement IS 'Movement before the critical event, in words';
 COMMENT ON COLUMN vehicles.critical_event_code IS 'What made the crash imminent (P_CRASH2)';
+COMMENT ON COLUMN vehicles.critical_event IS 'What made the crash imminent, in words';
 COMMENT ON COLUMN vehicles.crash_type_code IS 'Crash type (ACC_TYPE)';
+COMMENT ON COLUMN vehicles.crash_type IS 'Crash type, in words';
 COMMENT ON COLUMN vehicles.initial_impact_code IS 'Area of the first impact as reported (IMPACT1)';
 COMMENT ON COLUMN vehicles.impact_clock_h IS 'Clock position of the collision on the body, hours; 12 front, 3 right';
 COMMENT ON COLUMN vehicles.surface_condition_code IS 'Condition of the road surface (VSURCOND)';
+COMMENT ON COLUMN vehicles.surface_condition IS 'Condition of the road surface, in words';
 COMMENT ON COLUMN vehicles.trailers IS 'Trailing units (TOW_VEH)';

@@ -1,0 +1,142 @@
+"""Looking at a crash, the settings, the tables: ``show``, ``open``, ``settings``, ``tables``; running one again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zipfile
+from pathlib import Path
+
+import click
+import pytest
+from sample_runs import KEYS, finished, trace_dag
+
+from trace_dag.errors import Reason
+from trace_dag.stage import Stage
+from trace_dag.warehouse.query import rows
+
+
+def ending(state: str) -> str:
+    """A crash of the finished root that ended so."""
+    return next(row["key"] for row in rows(finished() / "warehouse.duckdb", "crashes") if row["final_state"] == state)
+
+
+def test_show_says_what_happened_and_where_the_files_are():
+    key = ending("verified")
+    done = trace_dag(finished(), "show", key)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"{key}  verified")
+    assert " collided." in done.stdout
+    files = [line for line in done.stdout.splitlines() if line.startswith(str(finished()))]
+    assert all(Path(file).is_file() for file in files)
+    assert {Path(file).name for file in files} >= {f"{key}.xodr", f"{key}.html", f"{key}.zip"}
+
+
+def test_show_says_why_a_crash_is_rejected_and_what_can_be_done():
+    key = ending("rejected")
+    said = json.loads(trace_dag(finished(), "show", key, "--json").stdout)
+    row = next(row for row in rows(finished() / "warehouse.duckdb", "crashes") if row["key"] == key)
+    reason = Reason(row["reason"])
+    assert said["outcome"] == f"rejected at {row['stage_reached']}: {reason}"
+    assert (said["why"], said["meaning"], said["remedy"]) == (row["detail"], reason.meaning, reason.remedy)
+
+
+def test_show_of_a_crash_that_is_not_registered_is_one_line():
+    done = trace_dag(finished(), "show", "2023-1")
+    assert done.returncode == 2
+    assert "2023-1" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_open_opens_the_page_and_prints_where_it_is(monkeypatch, tmp_path):
+    opened = []
+    monkeypatch.setattr(click, "launch", opened.append)
+    key = KEYS[0]
+    for arguments, page in (((), "index.html"), ((key,), f"crashes/{key}.html")):
+        done = trace_dag(finished(), "open", *arguments)
+        assert done.stdout.strip() == opened[-1] == str(finished() / "benchmark" / page)
+    done = trace_dag(tmp_path / "empty", "open")
+    assert done.returncode == 2
+    assert "trace-dag run makes it" in done.stderr
+
+
+def test_settings_say_where_each_value_comes_from(tmp_path):
+    (tmp_path / "settings.toml").write_text("[sim]\nfriction = 0.5\n[osm]\nradius_m = 200\n")
+    done = trace_dag(tmp_path, "settings", "--json", TRACE_DAG_OSM__RADIUS_M="250")
+    settings = {(row["section"], row["name"]): row for row in json.loads(done.stdout)}
+    assert settings["sim", "friction"]["source"] == "settings.toml"
+    assert settings["sim", "friction"]["value"] == 0.5
+    radius = settings["osm", "radius_m"]
+    assert (radius["value"], radius["default"], radius["source"]) == (250.0, 300.0, "environment")
+    assert settings["verdict", "max_contact_distance_m"]["source"] == "default"
+    assert all(row["meaning"] for row in settings.values())
+    assert trace_dag(tmp_path, "settings", "simm").returncode == 2
+
+
+def test_tables_say_what_they_and_their_columns_mean():
+    listed = trace_dag(finished(), "tables").stdout
+    assert "verdicts" in listed
+    assert "funnel_by_kind" in listed
+    columns = trace_dag(finished(), "tables", "verdicts").stdout
+    names = trace_dag(finished(), "sql", "FROM verdicts LIMIT 0", "--format", "csv").stdout.strip().split(",")
+    assert all(name in columns for name in names)
+    assert trace_dag(finished(), "tables", "verdict").returncode == 2
+
+
+@pytest.fixture
+def own_root(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished(), tmp_path / "root"))
+
+
+def test_rerun_of_named_crashes_runs_all_their_stages_and_no_other_crash(own_root):
+    key = ending("verified")
+
+    def times() -> dict[tuple[str, str], str]:
+        files = own_root.glob("*/*.outcome.json")
+        records = [json.loads(file.read_text()) for file in files]
+        return {(record["key"], record["stage"]): record["started_at"] for record in records}
+
+    before = times()
+    assert trace_dag(own_root, "rerun", "--only", key).returncode == 0
+    changed = {name for name, time in times().items() if time != before[name]}
+    assert changed == {(key, stage.value) for stage in Stage}
+    assert trace_dag(own_root, "rerun").returncode == 2
+
+
+ROWS = "SELECT key, latitude_deg, longitude_deg, '=1+1' AS formula, [1, 2] AS listed FROM crashes ORDER BY key"
+
+
+def test_rows_go_into_files_that_other_tools_open(tmp_path):
+    import pandas as pd
+
+    plain = json.loads(trace_dag(finished(), "sql", ROWS, "--format", "json").stdout)
+    keys = [row["key"] for row in plain]
+    for name in ("xlsx", "parquet", "geojson"):
+        done = trace_dag(finished(), "sql", ROWS, "--format", name, "--output", str(tmp_path / f"rows.{name}"))
+        assert done.returncode == 0, done.stderr
+    assert list(pd.read_parquet(tmp_path / "rows.parquet")["key"]) == keys
+    features = json.loads((tmp_path / "rows.geojson").read_text())["features"]
+    assert [feature["properties"]["key"] for feature in features] == keys
+    assert features[0]["geometry"]["coordinates"] == [plain[0]["longitude_deg"], plain[0]["latitude_deg"]]
+    with zipfile.ZipFile(tmp_path / "rows.xlsx") as workbook:
+        sheet = workbook.read("xl/worksheets/sheet1.xml").decode()
+        texts = workbook.read("xl/sharedStrings.xml").decode()
+    assert "<f>" not in sheet, "text of a report has become a formula"
+    assert "=1+1" in texts
+    assert all(key in texts for key in keys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--format", "xlsx"), "--output FILE"),
+        (("--output", "rows.csv"), "--output FILE"),
+        (("--format", "geojson", "--output", "rows.geojson"), "latitude_deg"),
+    ],
+)
+def test_rows_that_cannot_be_written_so_are_one_line(arguments, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = trace_dag(finished(), "sql", "SELECT key FROM crashes", *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,26 @@
+"""The benchmark page in a browser: ``open``."""
+
+from __future__ import annotations
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.errors import UserError
+
+
+@click.command("open", epilog=examples("trace-dag open", "trace-dag open 2023-510179"))
+@click.argument("key", required=False)
+@click.pass_obj
+def open_page(root: str, key: str | None) -> None:
+    """Open the benchmark page in a browser, or the page of one crash, and print where it is."""
+    from trace_dag.benchmark.build import INDEX, page_name
+    from trace_dag.storage import Storage
+
+    storage = Storage.open(root)
+    name = INDEX if key is None else page_name(key)
+    if not storage.exists(name):
+        raise UserError(f"{storage.path(name)}: there is no such page yet; trace-dag run makes it")
+    click.echo(storage.path(name))
+    if storage.local_root is None:
+        raise UserError("the root is not on this machine; serve its folder benchmark/ with any web server")
+    click.launch(storage.path(name))

@@ -1,0 +1,49 @@
+"""Every setting as it stands: ``settings``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import print_table, write_json
+
+if TYPE_CHECKING:
+    from trace_dag.settings import DescribedSetting
+
+
+@click.command(epilog=examples("trace-dag settings", "trace-dag settings sim --json"))
+@click.argument("section", required=False)
+@click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
+@click.pass_obj
+def settings(root: str, section: str | None, as_json: bool) -> None:
+    """List every setting: its value, its default, what it means, and where the value comes from.
+
+    The names carry the units: _m metres, _s seconds, _mps metres a second, _deg degrees, _h clock positions. Set one in
+    ROOT/settings.toml, or in the environment: TRACE_DAG_SIM__STEP_S=0.002.
+    """
+    from trace_dag.errors import UserError
+    from trace_dag.flow.workspace import settings_of
+
+    rows = [each for each in settings_of(root) if section in (None, each.section)]
+    if not rows:
+        raise UserError(f"settings {section}: there is no such section; trace-dag settings lists all of them")
+    if as_json:
+        write_json([each._asdict() for each in rows])
+        return
+    print_table(
+        ["setting", "value", "default", "from", "meaning"],
+        [
+            (f"{each.section}.{each.name}", _said(each.value), _default(each), each.source, each.meaning)
+            for each in rows
+        ],
+    )
+
+
+def _default(setting: DescribedSetting) -> str:
+    return "" if setting.value == setting.default else _said(setting.default)
+
+
+def _said(value: object) -> str:
+    return "null" if value is None else str(value)
