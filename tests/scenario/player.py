@@ -39,7 +39,7 @@ class Scenario:
         self.root = ElementTree.fromstring(xml)
         self.boxes = {}
         for entity in self.root.iterfind("Entities/ScenarioObject"):
-            box = entity.find("Vehicle/BoundingBox")
+            box = entity.find("*/BoundingBox")
             centre, size = box.find("Center"), box.find("Dimensions")
             self.boxes[entity.get("name")] = Box(
                 *(float(each) for each in (centre.get("x"), centre.get("y"), size.get("length"), size.get("width")))

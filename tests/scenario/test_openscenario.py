@@ -12,9 +12,10 @@ import pytest
 from tests.scenario.player import Scenario
 from tests.sim.motions import CAR, TRUCK, driven, participant, straight
 from tests.verdict.crashes import CROSSROADS, STREET, record, vehicle
+from trace_dag.crash.parties import party_label
 from trace_dag.roads.map.model import Cubic
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.openscenario import Flavour, OpenScenarios, entity_name
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.surface import NetworkSurface
@@ -53,7 +54,7 @@ def bounds(log: SimulationLog, scenario: Scenario) -> tuple[float, float]:
     """Largest distance (m) and angle (rad) between the log's bodies and the scenario's boxes at the log's times."""
     distances, angles = [], []
     for logged in log.vehicles:
-        x, y, heading = scenario.centres(entity_name(logged.number), logged.time_s).T
+        x, y, heading = scenario.centres(party_label(logged.number), logged.time_s).T
         distances.append(np.hypot(x - logged.x_m, y - logged.y_m).max())
         angles.append(np.abs(np.angle(np.exp(1j * (heading - logged.heading_rad)))).max())
     return max(distances), max(angles)
@@ -68,7 +69,7 @@ def test_the_boxes_are_where_the_log_has_the_bodies(crash: str, flavour: Flavour
     assert distance_m < 0.005  # steps are left out where players would keep them in place of the touch
     assert angle_rad < 0.001
     for number, body in log.bodies.items():
-        box = scenario.boxes[entity_name(number)]
+        box = scenario.boxes[party_label(number)]
         assert (box.length_m, box.width_m) == pytest.approx((body.length_m, body.width_m))
 
 

@@ -16,8 +16,9 @@ from tests.scenario import esmini
 from tests.scenario.player import Collision, Scenario
 from tests.sim.motions import meeting
 from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.crash.parties import party_label
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.scenario.openscenario import Flavour, OpenScenarios, entity_name
+from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.surface import Surface
@@ -60,7 +61,7 @@ def away_m(log: SimulationLog, scenario: Scenario, time_s: float) -> float:
     """The farther of the bodies from where the log has it."""
     away = []
     for logged in log.vehicles:
-        x, y, _ = scenario.centres(entity_name(logged.number), np.array([time_s]))[0]
+        x, y, _ = scenario.centres(party_label(logged.number), np.array([time_s]))[0]
         there = (np.interp(time_s, logged.time_s, values) for values in (logged.x_m, logged.y_m))
         away.append(math.dist((x, y), tuple(there)))
     return max(away)
@@ -81,7 +82,7 @@ def test_a_crash_is_seen_when_and_where_it_was(player: type[Scenario], name: str
 def test_what_is_left_out_for_filters_is_not_missed_by_others(name: str) -> None:
     log, scenario = simulated(name), Scenario(written(name, Flavour()))
     for logged in log.vehicles:
-        x, y, heading = scenario.centres(entity_name(logged.number), logged.time_s).T
+        x, y, heading = scenario.centres(party_label(logged.number), logged.time_s).T
         assert np.hypot(x - logged.x_m, y - logged.y_m).max() < EXACT_M
         assert np.abs(np.angle(np.exp(1j * (heading - logged.heading_rad)))).max() < EXACT_RAD
 

@@ -104,6 +104,11 @@ def is_vehicle(party: int | None) -> bool:
     return party is not None and party <= HIGHEST_NUMBER
 
 
+def party_label(party: int) -> str:
+    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person."""
+    return f"V{party}" if party < _PERSONS else f"P{party - _PERSONS}"
+
+
 def party_in_words(party: int) -> str:
     """``vehicle 2``, ``person 1``; what has no number of its own is named by its event."""
     if party < _PERSONS:

@@ -25,10 +25,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from lxml import etree
 
+from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, TimedPoses, motion
+from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import SimulationLog, VehicleLog
@@ -67,13 +69,15 @@ class OpenScenarios:
     def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
         """One scenario as XML. ``map_file`` is the map's path relative to the scenario. Byte for byte reproducible.
 
-        Raises :class:`ValueError` if the free vehicle is not in the log.
+        Raises :class:`ValueError` if the free vehicle is not in the log, or is a person.
         """
         from scenariogeneration import xosc
 
         flavour, record, log = flavour or Flavour(), self._record, self._log
         if flavour.free is not None and flavour.free not in log.bodies:
             raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
+        if flavour.free is not None and log.bodies[flavour.free].is_person:
+            raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
         scenario = xosc.Scenario(
             f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
             AUTHOR,
@@ -111,11 +115,6 @@ class _Driven(NamedTuple):
     positions: list[xosc.WorldPosition]
 
 
-def entity_name(number: int) -> str:
-    """The scenario's name for a FARS vehicle number."""
-    return f"V{number}"
-
-
 def _as_bytes(scenario: xosc.Scenario) -> bytes:
     from xml.etree import ElementTree  # scenariogeneration builds with it; nothing is parsed here
 
@@ -123,7 +122,10 @@ def _as_bytes(scenario: xosc.Scenario) -> bytes:
 
 
 def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> float:
-    return 0.0 if flavour.carla else rear_axle_ahead_m(log.bodies[number])
+    body = log.bodies[number]
+    if flavour.carla:
+        return 0.0
+    return person_reference_ahead_m(body) if body.is_person else rear_axle_ahead_m(body)
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
@@ -139,12 +141,13 @@ def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
     first = min(log.bodies) if flavour.free is None else flavour.free
     for number, body in sorted(log.bodies.items()):
         reference_m = _reference_ahead_m(log, number, flavour)
-        made = vehicle(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
+        make = person if body.is_person else vehicle
+        made = make(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
         if flavour.carla:
             made.add_property("type", "ego_vehicle" if number == first else "simulation")
-        made.add_property("fars_vehicle_number", str(number))
+        made.add_property("fars_party_number" if body.is_person else "fars_vehicle_number", str(number))
         controller = _controller() if number == flavour.free and not flavour.carla else None
-        entities.add_scenario_object(entity_name(number), made, controller)
+        entities.add_scenario_object(party_label(number), made, controller)
     return entities
 
 
@@ -163,7 +166,7 @@ def _storyboard(log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driv
     init = xosc.Init()
     act = xosc.Act("reconstruction", _at_start("start_act", flavour))
     for logged in log.vehicles:
-        name = entity_name(logged.number)
+        name = party_label(logged.number)
         speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
         init.add_init_action(name, xosc.TeleportAction(driven[logged.number].positions[0]))
         init.add_init_action(
@@ -252,16 +255,16 @@ def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trig
 
     if flavour.free is None:
         return after(log.duration_s)
-    free = entity_name(flavour.free)
+    free = party_label(flavour.free)
     contact = log.first_contact
     trigger = xosc.Trigger("stop")
     triggers = [after((contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S)]
     triggers += [
         xosc.EntityTrigger(
-            f"stop_collision_{entity_name(number)}",
+            f"stop_collision_{party_label(number)}",
             _AFTER_COLLISION_S,
             xosc.ConditionEdge.none,
-            xosc.CollisionCondition(entity_name(number)),
+            xosc.CollisionCondition(party_label(number)),
             free,
             triggeringpoint="stop",
         )

@@ -50,6 +50,10 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
     time, x, y, z, heading = centres.T
     heading = np.unwrap(heading)
     grade, bank = _slopes(x, y, z, heading, surface)
+    if log.bodies[vehicle.number].is_person:
+        # Upright on the road: a tumbling pelvis has no heading, and a player would turn the whole body by it.
+        heading = _until_struck(log, vehicle.number, time, heading)
+        grade, bank = np.zeros_like(x), np.zeros_like(x)
     vertices = np.column_stack(
         [
             time,
@@ -62,6 +66,14 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
         ]
     )
     return TimedPoses(*kept_by_filters(vertices, seen_s).T)
+
+
+def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_rad: FloatArray) -> FloatArray:
+    """A person's heading, which stays as it was at the first strike."""
+    struck_s = min((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=math.inf)
+    before = np.flatnonzero(time_s <= struck_s + SAME_TIME_S)
+    kept: FloatArray = heading_rad[np.minimum(np.arange(len(time_s)), before[-1] if len(before) else 0)]
+    return kept
 
 
 def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray, list[tuple[float, ...]]]:

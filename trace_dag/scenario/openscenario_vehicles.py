@@ -47,15 +47,15 @@ def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -
         name,
         _category(body.vehicle_class),
         xosc.BoundingBox(
-            _rounded(body.width_m),
-            _rounded(body.length_m),
-            _rounded(body.height_m),
-            _rounded(-reference_ahead_m),
+            rounded_m(body.width_m),
+            rounded_m(body.length_m),
+            rounded_m(body.height_m),
+            rounded_m(-reference_ahead_m),
             0.0,
-            _rounded(body.height_m / 2),
+            rounded_m(body.height_m / 2),
         ),
-        xosc.Axle(model.max_steer_rad, wheel_m, _rounded(track_m), _rounded(model.wheelbase_m), wheel_m / 2),
-        xosc.Axle(0.0, wheel_m, _rounded(track_m), 0.0, wheel_m / 2),
+        xosc.Axle(model.max_steer_rad, wheel_m, rounded_m(track_m), rounded_m(model.wheelbase_m), wheel_m / 2),
+        xosc.Axle(0.0, wheel_m, rounded_m(track_m), 0.0, wheel_m / 2),
         _MAX_SPEED_MPS,
         model.max_acceleration_mps2,
         _MAX_DECELERATION_MPS2,
@@ -77,6 +77,6 @@ def _category(vehicle_class: VehicleClass) -> xosc.VehicleCategory:
     return categories.get(vehicle_class, xosc.VehicleCategory.car)
 
 
-def _rounded(value_m: float) -> float:
+def rounded_m(value_m: float) -> float:
     """To a tenth of a millimetre, without a negative zero."""
     return round(value_m, 4) + 0.0

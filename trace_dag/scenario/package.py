@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 from trace_dag import __version__
+from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.map.network import RoadNetwork
@@ -26,6 +27,7 @@ from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.strikes import strikes
 from trace_dag.sim.log_io import SIMULATION_STEPS
 from trace_dag.sim.types import SimulationLog, VehicleLog
 from trace_dag.states.json_io import estimate_to_json
@@ -144,10 +146,10 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         return _File(name, _CC0, what, scenarios.write(flavour))
 
     files = [
-        scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: every vehicle follows its trajectory"),
+        scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
         scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
     ]
-    for number in sorted(crash.log.bodies):
+    for number in sorted(number for number, body in crash.log.bodies.items() if not body.is_person):
         what = f"with V{number} left to a controller of yours"
         files += [
             scenario(f"scenario.free_V{number}.xosc", Flavour(free=number), f"OpenSCENARIO 1.2, {what}"),
@@ -171,6 +173,9 @@ def _results(crash: PackageInput) -> list[_File]:
         _File("picture.png", crash.rights.licence, "the crash from above", as_png(picture)),
         _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
     ]
+    struck = strikes(crash.log)
+    if struck:
+        files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files
@@ -187,6 +192,9 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         verdict=crash.verdict,
         judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
         log=crash.log,
+        people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_person},
+        strikes=strikes(crash.log),
+        party_label=party_label,
         estimated_by=crash.estimate.run.in_words(),
         vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
         files=files,

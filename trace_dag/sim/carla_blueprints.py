@@ -1,4 +1,4 @@
-"""Which of CARLA's vehicles stands for a reported one.
+"""Which of CARLA's vehicles, walkers and bicycles stands for a reported one.
 
 A blueprint's size is only known once it is spawned, so that it has to be tabulated to choose by: lengths and widths
 of the bounding boxes in CARLA 0.9.15, rounded. What was spawned is recorded in the log with its own box.
@@ -54,6 +54,11 @@ BLUEPRINTS = (
     Blueprint("vehicle.yamaha.yzf", (_C.MOTORCYCLE,), 2.19, 0.87),
     Blueprint("vehicle.harley-davidson.low_rider", (_C.MOTORCYCLE,), 2.35, 0.76),
 )
+WALKERS = ("walker.pedestrian.0001", "walker.pedestrian.0004", "walker.pedestrian.0015")
+CHILD_WALKERS = ("walker.pedestrian.0011", "walker.pedestrian.0014", "walker.pedestrian.0048")
+"""Adults and children of CARLA's catalogue of pedestrians (0.9.16); any other adult does for an adult."""
+BICYCLES = ("vehicle.bh.crossbike", "vehicle.gazelle.omafiets", "vehicle.diamondback.century")
+_CHILD_STATURE_M = 1.45  # at about twelve years: CARLA's children are younger
 _SECOND_CHOICE_M = 0.5  # size a blueprint made for the class may differ more than one that only does for it
 
 
@@ -79,3 +84,25 @@ def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
         return False, False, size_m + blueprint.classes.index(body.vehicle_class) * _SECOND_CHOICE_M
 
     return min(candidates, key=unlike)
+
+
+def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKERS)) -> str:
+    """The walker for a person on foot, a child for one of a child's stature, of those the server has.
+
+    Raises :class:`Failure` if it has no walkers.
+    """
+    present = sorted(name for name in available if name.startswith("walker.pedestrian."))
+    wanted = CHILD_WALKERS if body.height_m < _CHILD_STATURE_M else WALKERS
+    found = next((name for name in (*wanted, *present) if name in present), None)
+    if found is None:
+        raise Failure("CARLA's library has no walkers; versions 0.9.15 and 0.9.16 with their standard assets do")
+    return found
+
+
+def choose_bicycle(available: Iterable[str] = BICYCLES) -> str:
+    """The bicycle, with its rider, of those the server has. Raises :class:`Failure` if it has none."""
+    present = set(available)
+    found = next((name for name in BICYCLES if name in present), None)
+    if found is None:
+        raise Failure("CARLA's library has no bicycles; versions 0.9.15 and 0.9.16 with their standard assets do")
+    return found
