@@ -16,10 +16,12 @@ from matplotlib.image import imread
 from numpy.typing import NDArray
 
 from tests.roads.networks import FRAME, crossroads, one_road
+from tests.roads.towns import Town
 from trace_dag.geometry import LocalFrame
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road, RoadMark, Signal
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario import maps
+from trace_dag.scenario.map_marks import WHITE
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES
 
@@ -140,3 +142,17 @@ def test_an_empty_window_is_just_ground() -> None:
     maps.draw_network(axes, crossroads(), window_m=(1000, 1000, 1100, 1100), heights=True)
     assert axes.get_xlim() == (1000, 1100)
     assert len(figure.axes) == 1
+
+
+def test_crosswalks_are_barred_and_cycle_lanes_coloured() -> None:
+    """Two lanes of 3.5 m and two cycle lanes of 1.5 m: eight bars and gaps of 1.25 m from edge to edge, 10 m."""
+    town = Town()
+    town.street([(-100, 0), (0, 0), (100, 0)], highway="secondary", cycleway="lane", sidewalk="both")
+    town.sign(0, 0, highway="crossing")
+    picture = _picture(town.network())
+    assert _is(_at(picture, 0.0, -1.875), WHITE)
+    assert _is(_at(picture, 0.0, -2.5), ASPHALT)
+    assert _is(_at(picture, 20.0, -1.875), ASPHALT)
+    for side in (-1, 1):
+        assert _is(_at(picture, 20.0, side * 4.25), SURFACES[LaneType.BIKING])
+        assert _is(_at(picture, 20.0, side * 5.75), SURFACES[LaneType.SIDEWALK])

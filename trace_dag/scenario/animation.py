@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
@@ -20,6 +21,7 @@ from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
+from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.scenario.replay import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import SimulationLog
@@ -39,6 +41,7 @@ _SLOW_BEFORE_S, _SLOW_AFTER_S = 0.4, 0.8
 _BEFORE_IMPACT_S, _AFTER_IMPACT_S = 3.0, 4.0
 _LAST_FRAME_S = 1.2
 _HEADER_PX = 44
+_RING_M, _LEAST_RING_PX = 0.95, 7.0  # radius around a person
 _SMOOTHING = 2  # frames are drawn this much larger and reduced
 
 
@@ -170,6 +173,11 @@ def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, 
         for values in (vehicle.x_m, vehicle.y_m, np.unwrap(vehicle.heading_rad))
     )
     pose = Pose(x_m, y_m, heading_rad)
+    if body.is_person:
+        trail = view.px(np.append(np.stack([vehicle.x_m, vehicle.y_m], axis=-1)[past], [pose.xy_m], axis=0))
+        draw.line(trail, fill=colour, width=_SMOOTHING)
+        _draw_person(draw, view, logged_shape(vehicle, max(int(past.sum()) - 1, 0), body), colour)
+        return
     trail = view.px(np.append(np.stack([vehicle.x_m, vehicle.y_m], axis=-1)[past], [pose.xy_m], axis=0))
     draw.line(trail, fill=colour, width=_SMOOTHING)
     outline = view.px(rectangle_corners(pose, body.length_m, body.width_m))
@@ -177,6 +185,28 @@ def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, 
     ahead, half = body.length_m / 2 - min(0.3 * body.length_m, 1.6), 0.4 * body.width_m
     windscreen = view.px(pose.to_world(np.array([[ahead, half], [ahead, -half]])))
     draw.line(windscreen, fill="white", width=max(_SMOOTHING, round(0.35 * view.px_per_m)))
+
+
+def _draw_person(draw: ImageDraw, view: _View, shape: PersonShape, colour: str) -> None:
+    """To scale, with a rim that parts it from what lies below, in a ring that is seen in the wider view."""
+    scale = view.px_per_m
+    ((x, y),) = view.px(shape.torso.mean(axis=0))
+    r = max(_RING_M * scale, _LEAST_RING_PX * _SMOOTHING)
+    draw.ellipse((x - r, y - r, x + r, y + r), outline=colour, width=_SMOOTHING)
+    ridden = [(line, WHEEL_M, "#1D2024") for line in shape.ridden]
+    lines = [*ridden, *((line, width_m, colour) for line, width_m in shape.lines)]
+    for rim in (True, False):
+        for line, width_m, ink in lines:
+            px = max(round(width_m * scale), _SMOOTHING) + 2 * rim
+            ends = view.px(line)
+            draw.line(ends, fill="white" if rim else ink, width=px)
+            for end_x, end_y in ends:
+                draw.ellipse(
+                    (end_x - px / 2, end_y - px / 2, end_x + px / 2, end_y + px / 2), fill="white" if rim else ink
+                )
+    ((x, y),) = view.px(shape.head)
+    r = max(HEAD_M * scale, _SMOOTHING)
+    draw.ellipse((x - r, y - r, x + r, y + r), fill="#3B2A20", outline="white")
 
 
 def _draw_header(
@@ -200,7 +230,9 @@ def _draw_header(
     x = 250
     for index, vehicle in enumerate(log.vehicles):
         speed = float(np.interp(time_s, vehicle.time_s, np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)))
-        label = f"V{vehicle.number} {log.bodies[vehicle.number].vehicle_class.replace('_', ' ')} "
+        body = log.bodies[vehicle.number]
+        what = str(body.kind if body.is_person else body.vehicle_class).replace("_", " ")
+        label = f"{party_label(vehicle.number)} {what} "
         text = label + f"{mps_to_mph(speed):.0f} mph"
         draw.text((x, 24), text, fill=vehicle_colour(index), font=small)
         x += 170

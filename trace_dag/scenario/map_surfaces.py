@@ -27,6 +27,7 @@ SURFACES: Final = {
     LaneType.MEDIAN: "#C3CDAF",
     LaneType.SIDEWALK: "#D9D3C7",
     LaneType.BORDER: "#C9C4B8",
+    LaneType.BIKING: "#7C8F7B",
 }
 MINOR_SURFACE: Final = "#878B8E"  # service roads and driveways
 _BRIDGE_EDGE: Final = "#3A3D40"

@@ -1,4 +1,4 @@
-"""Road networks drawn from above: surfaces by lane type, marks, turn arrows, signals and signs, names, heights.
+"""Road networks drawn from above: surfaces by lane type, marks, crosswalks, turn arrows, signs, names, heights.
 
 Draws in metres of the local frame, all but names below z-order 15, and knows nothing of crashes. Built for
 many small pictures: geometry is made once for all views, everything of one kind is one collection, and what lies
@@ -15,6 +15,7 @@ import numpy as np
 
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.map_arrows import Arrows
+from trace_dag.scenario.map_crosswalks import Crosswalks
 from trace_dag.scenario.map_marks import Marks
 from trace_dag.scenario.map_names import Names
 from trace_dag.scenario.map_panel import Panel
@@ -48,6 +49,7 @@ class MapDrawing:
             (layer > 0, Surfaces(scene, sections, self.shade), Marks(sections, legal=legal_marks), Arrows(sections))
             for layer, sections in scene.sections_by_layer()
         ]
+        self._crosswalks = Crosswalks(scene)
         self._signs = Signs(scene)
         self._names = Names(scene)
 
@@ -63,6 +65,7 @@ class MapDrawing:
             marks.draw(panel, z + 0.3)
             if panel.span_m <= _ARROWS_UP_TO_M:
                 arrows.draw(panel, z + 0.4)
+        self._crosswalks.draw(panel, 12.0)
         self._signs.draw(panel, 13.0)
         if names:
             self._names.draw(panel, NAMES_Z, GROUND)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.parties import is_vehicle, party_in_words
+from trace_dag.crash.parties import party_in_words, party_label, thing_party
 from trace_dag.crash.summary import place_in_words
 from trace_dag.units import mps_to_mph
 
@@ -19,10 +19,10 @@ def words(value: object) -> str:
 
 
 def _party(number: int | None) -> str:
-    """``V2``, ``person 1``: a party as tables name it."""
+    """``V2``, ``P1``, ``what event 3 struck``: a party as tables and pictures name it."""
     if number is None:
         return "–"
-    return f"V{number}" if is_vehicle(number) else party_in_words(number)
+    return party_label(number) if number < thing_party(0) else party_in_words(number)
 
 
 def _fixed(value: float | None, digits: int = 2) -> str:

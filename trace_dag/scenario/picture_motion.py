@@ -1,22 +1,26 @@
-"""The vehicles of a crash drawn over a map: planned and driven paths, bodies, first contact, reported point."""
+"""Vehicles and people of a crash drawn over a map: planned and driven paths, bodies, first contacts, reported point."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.parties import is_vehicle
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
-from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
+from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.types import Hypothesis
 
 _AT_REST_ALPHA, _ALPHA = 0.35, 0.85
 _NOSE_M = 1.2  # the stroke ahead of a body
+_RING_M, _LEAST_RING_PT, _LEAST_LIMB_PT = 0.95, 5.0, 0.9  # radius around a person; nothing is drawn smaller
+_RIDDEN_COLOUR, _HEAD_COLOUR = "#1D2024", "#3B2A20"
 
 
 @dataclass(frozen=True)
@@ -30,17 +34,27 @@ class _Body:
     alpha: float
 
 
+@dataclass(frozen=True)
+class _Figure:
+    """A person from above."""
+
+    shape: PersonShape
+    colour: str
+    alpha: float
+
+
 class DrawnMotion:
-    """How the vehicles move: as planned in ``hypothesis`` and as simulated in ``log``, as far as there are any."""
+    """How vehicles and people move: as planned in ``hypothesis`` and as simulated in ``log``, as far as there are."""
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:
-        contact = log.first_contact if log else None
-        self._contact_m = (contact.x_m, contact.y_m) if contact else None
+        contacts = sorted(log.contacts, key=lambda each: each.time_s) if log else []
+        self._contacts = _first_of_pairs(contacts)
         planned = {p.vehicle_number: p for p in hypothesis.participants} if hypothesis else {}
         driven = {v.number: v for v in log.vehicles} if log else {}
         self._planned: list[tuple[str, FloatArray]] = []
         self._driven: list[tuple[str, FloatArray]] = []
         self._bodies: list[_Body] = []
+        self._figures: list[_Figure] = []
         for index, number in enumerate(sorted(planned.keys() | driven.keys())):
             colour = vehicle_colour(index)
             if hypothesis and (participant := planned.get(number)):
@@ -48,15 +62,25 @@ class DrawnMotion:
                 before = path.time_s <= hypothesis.impact_time_s
                 self._planned.append((colour, np.column_stack([path.x_m, path.y_m])[before]))
                 size = participant.length_m, participant.width_m
-                self._bodies.append(_Body(participant.initial_pose, *size, colour, 0.0))
-                if contact is None:
-                    self._bodies.append(_Body(participant.impact_pose, *size, colour, _ALPHA))
+                if is_vehicle(number):
+                    self._bodies.append(_Body(participant.initial_pose, *size, colour, 0.0))
+                    if not contacts:
+                        self._bodies.append(_Body(participant.impact_pose, *size, colour, _ALPHA))
             if log and (vehicle := driven.get(number)):
-                size = log.bodies[number].length_m, log.bodies[number].width_m
+                body = log.bodies[number]
+                own = next((each for each in contacts if number in (each.number_1, each.number_2)), None)
+                pose = None if own is None else own.pose_1 if number == own.number_1 else own.pose_2
                 self._driven.append((colour, np.column_stack([vehicle.x_m, vehicle.y_m])))
+                if body.is_person:
+                    self._figures.append(_Figure(logged_shape(vehicle, -1, body), colour, _AT_REST_ALPHA))
+                    if own is not None:
+                        struck = int(np.searchsorted(vehicle.time_s, own.time_s, side="right")) - 1
+                        shape = logged_shape(vehicle, max(struck, 0), body)
+                        self._figures.append(_Figure(shape, colour, 1.0))
+                    continue
+                size = body.length_m, body.width_m
                 self._bodies.append(_Body(_last_pose(vehicle), *size, colour, _AT_REST_ALPHA))
-                if contact and number in (contact.number_1, contact.number_2):
-                    pose = contact.pose_1 if number == contact.number_1 else contact.pose_2
+                if pose is not None:
                     self._bodies.append(_Body(pose, *size, colour, _ALPHA))
 
     def draw(self, panel: Panel) -> None:
@@ -85,9 +109,13 @@ class DrawnMotion:
                 zorder=31,
             )
         )
-        if self._contact_m:
-            x, y = self._contact_m
-            star = Line2D([x], [y], marker="*", ms=13, color=CONTACT_COLOUR, mec="white", mew=0.7, zorder=40)
+        for figure in self._figures:
+            _draw_figure(panel, figure)
+        for contact in self._contacts:
+            # Of two vehicles it lies between them; somebody on foot would be covered by it.
+            level = 40.0 if is_vehicle(contact.number_2) else 31.5
+            star = Line2D([contact.x_m], [contact.y_m], marker="*", ms=13, color=CONTACT_COLOUR, mec="white", mew=0.7)
+            star.set_zorder(level)
             panel.add(star)
 
 
@@ -96,6 +124,37 @@ def _fronts(body: _Body) -> Iterator[tuple[FloatArray, str, float]]:
     screen, half, front = 0.22 * body.length_m, 0.42 * body.width_m, 0.5 * body.length_m
     yield body.pose.to_world(np.array([[screen, half], [screen, -half]])), "white" if body.alpha else body.colour, 1.6
     yield body.pose.to_world(np.array([[front, 0.0], [front + _NOSE_M, 0.0]])), body.colour, 1.2
+
+
+def _draw_figure(panel: Panel, figure: _Figure) -> None:
+    """Limbs, torso, head and bicycle to scale with a rim that parts them from the road, in a ring that is seen from
+    afar."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+
+    shape, scale = figure.shape, panel.points_per_m
+    x, y = shape.torso.mean(axis=0).tolist()
+    ring_pt = 2 * max(_RING_M * scale, _LEAST_RING_PT)
+    panel.add(Line2D([x], [y], marker="o", ms=ring_pt, mfc="none", mec=figure.colour, mew=1.2, zorder=32))
+    ridden = [(line, WHEEL_M, _RIDDEN_COLOUR) for line in shape.ridden]
+    for line, width_m, colour in (*ridden, *((line, width_m, figure.colour) for line, width_m in shape.lines)):
+        width = max(width_m * scale, _LEAST_LIMB_PT)
+        for rim, ink in ((1.0, "white"), (0.0, colour)):
+            strokes = LineCollection([line], colors=ink, linewidths=width + rim, capstyle="round", zorder=34 - rim)
+            strokes.set_alpha(figure.alpha)
+            panel.add(strokes)
+    head_pt = 2 * max(HEAD_M * scale, _LEAST_LIMB_PT)
+    head = Line2D(*shape.head[:, None], marker="o", ms=head_pt, mfc=_HEAD_COLOUR, mec="white", mew=0.6, zorder=35)
+    head.set_alpha(figure.alpha)
+    panel.add(head)
+
+
+def _first_of_pairs(contacts: Sequence[Contact]) -> list[Contact]:
+    """The first contact of any two, in their order."""
+    first: dict[tuple[int, int], Contact] = {}
+    for each in contacts:
+        first.setdefault((each.number_1, each.number_2), each)
+    return list(first.values())
 
 
 def _last_pose(vehicle: VehicleLog) -> Pose:

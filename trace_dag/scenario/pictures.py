@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 _IMPACT_HALF_WINDOW_M: Final = 16.0
+_STRIKE_HALF_WINDOW_M: Final = 8.0  # of a person, who is smaller
 _APPROACH_MARGIN_M: Final = 20.0
 _LEAST_APPROACH_HALF_WINDOW_M: Final = 45.0
 
@@ -57,7 +58,7 @@ def draw_crash(
     figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), dpi=dpi)
     canvas = FigureCanvasAgg(figure)
     approach = _approach_window(hypothesis, log)
-    impact = _square(_impact_centre(hypothesis, log), _IMPACT_HALF_WINDOW_M)
+    impact = _square(_impact_centre(hypothesis, log), _impact_half_window_m(log))
     drawing, motion = MapDrawing(network, _around(approach, impact)), DrawnMotion(hypothesis, log)
     words = headline(record, verdict)
     right_in = _WIDTH_IN - _PANEL_IN - _EDGE_IN
@@ -115,6 +116,12 @@ def _impact_centre(hypothesis: Hypothesis | None, log: SimulationLog | None) -> 
     if log and log.first_contact:
         return log.first_contact.x_m, log.first_contact.y_m
     return hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0)
+
+
+def _impact_half_window_m(log: SimulationLog | None) -> float:
+    contact = log.first_contact if log else None
+    person = log is not None and contact is not None and log.bodies[contact.number_2].is_person
+    return _STRIKE_HALF_WINDOW_M if person else _IMPACT_HALF_WINDOW_M
 
 
 def _square(centre: tuple[float, float], half_m: float) -> Window:

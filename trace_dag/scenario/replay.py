@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
@@ -22,7 +23,8 @@ from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
-from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
 _MAP_INCHES = 10.0
 _MAP_WIDER = 1.8  # than the overview is square: screens are wide
-_CLOSE_UP_M = 32.0
+_CLOSE_UP_M, _CLOSE_UP_ON_A_PERSON_M = 32.0, 16.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     centre = (low + high) / 2
     contact = log.first_contact
     impact = np.array([contact.x_m, contact.y_m]) if contact else centre
-    return ReplayWindows(_square(centre, half_m), _square(impact, _CLOSE_UP_M / 2))
+    person = contact is not None and log.bodies[contact.number_2].is_person
+    close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
+    return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))
 
 
 def _square(centre: FloatArray, half_m: float) -> Window:
@@ -62,7 +66,7 @@ def _square(centre: FloatArray, half_m: float) -> Window:
 def write_html_player(
     record: CrashRecord, network: RoadNetwork, log: SimulationLog, verdict: Verdict | None = None
 ) -> bytes:
-    """The page: roads, vehicles, paths, contact and speeds over time, with a slider; one file, no other needed.
+    """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
     ``log`` is of the hypothesis that ``verdict`` is about. The same input gives the same bytes.
     """
@@ -131,7 +135,9 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         vehicles.append(
             {
                 "number": vehicle.number,
-                "label": body.vehicle_class.replace("_", " "),
+                "name": party_label(vehicle.number),
+                "kind": str(body.kind),
+                "label": ("" if body.is_person else body.vehicle_class).replace("_", " "),
                 "make": said.make_model if said else "",
                 "colour": vehicle_colour(index),
                 "length": round(body.length_m, 2),
@@ -139,6 +145,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),
                 "delta_v": _delta_v(log, vehicle.number),
                 **_motion(vehicle),
+                **(_figure(vehicle, body) if body.is_person else {}),
             }
         )
     return {
@@ -152,6 +159,10 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
             "y": round(contact.y_m, 3),
             "closing": round(contact.closing_speed_mps, 2),
         },
+        "later": [
+            {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
+            for each in _later_strikes(log)
+        ],
         "contact_colour": CONTACT_COLOUR,
         "attribution": network.attribution,
         "termination": log.termination.replace("_", " "),
@@ -166,6 +177,30 @@ def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
     columns = {"x": (vehicle.x_m, 3), "y": (vehicle.y_m, 3), "h": (heading, 4), "v": (speed, 2)}
     columns |= {"brake": (vehicle.brake, 2), "throttle": (vehicle.throttle, 2), "steer": (vehicle.steer_rad, 3)}
     return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
+
+
+def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
+    """Height of a person's body above the road (m), and the figure from above at each time: ends of lines x, y, x, y
+    with their widths and whether they are of the body or of what it rides, and the head."""
+    shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
+    widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(width_m for _, width_m in shapes[0].lines)]
+    ends = np.array([[*shape.ridden, *(line for line, _ in shape.lines)] for shape in shapes])
+    return {
+        "up": np.round(person.above_road_m, 2).tolist(),
+        "widths": widths,
+        "ridden": len(shapes[0].ridden),
+        "lines": np.round(ends.reshape(len(shapes), -1), 2).tolist(),
+        "head": np.round([shape.head for shape in shapes], 2).tolist(),
+        "head_radius": HEAD_M,
+    }
+
+
+def _later_strikes(log: SimulationLog) -> list[Contact]:
+    """The first contact of each two parties but for the very first, in their order."""
+    first: dict[tuple[int, int], Contact] = {}
+    for each in sorted(log.contacts, key=lambda contact: contact.time_s):
+        first.setdefault((each.number_1, each.number_2), each)
+    return list(first.values())[1:]
 
 
 def _delta_v(log: SimulationLog, number: int) -> float | None:

@@ -93,7 +93,6 @@ def _svg(
 
 
 def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str]:
-    contact = log.first_contact
     for index, vehicle in enumerate(log.vehicles):
         colour = vehicle_colour(index).lower()
         path = np.stack([vehicle.x_m, vehicle.y_m], axis=1) - centre
@@ -101,14 +100,19 @@ def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str
         if len(inside) > 1:
             yield f"<path d='{_path([inside], min(by_m, 3.0))}' fill='none' stroke='{colour}'/>"
         pose = _pose_at_contact(log, vehicle.number)
-        if contact is not None and pose is not None:
+        if pose is not None:
             body = log.bodies[vehicle.number]
+            if body.is_person:
+                x, y = (round(float(value), 1) for value in np.array(pose.xy_m) - centre)
+                yield f"<circle cx='{x:g}' cy='{-y + 0.0:g}' r='1' fill='{colour}'/>"
+                continue
             corners = rectangle_corners(pose, body.length_m, body.width_m) - centre
             yield f"<path d='{_path([corners], 0.0, decimals=1)}z' fill='{colour}'/>"
 
 
 def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
-    contact = log.first_contact
+    touching = [each for each in log.contacts if number in (each.number_1, each.number_2)]
+    contact = min(touching, key=lambda each: each.time_s, default=None)
     if contact is None:
         return None
     return {contact.number_1: contact.pose_1, contact.number_2: contact.pose_2}.get(number)

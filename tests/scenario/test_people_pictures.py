@@ -1,0 +1,158 @@
+"""People and bicycles in pictures, replays and sketches: where the log has them."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from tests.browser import CHROMIUM, Page
+from tests.roads.towns import Town
+from tests.scenario.test_people import simulated
+from tests.verdict.crashes import STREET, record, vehicle
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import CrashPlacement, MapReport
+from trace_dag.scenario.animation import write_animation
+from trace_dag.scenario.colours import VEHICLE_COLOURS
+from trace_dag.scenario.person_shapes import logged_shape, upright_shape
+from trace_dag.scenario.pictures import draw_crash
+from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.sketch import MOST_CHARACTERS, data_url, draw_sketch
+from trace_dag.sim.anthropometry import person_body
+from trace_dag.sim.figures import LANDMARKS
+from trace_dag.sim.types import BodyKind, SimulationLog, VehicleLog
+
+RECORD = record(vehicle(1, 12), vehicle(2, 9))
+REPORT = MapReport("by hand", CrashPlacement(30.0, 30.0, 0.0, "1", 0.0, "by hand"), ())
+
+
+def person(log: SimulationLog) -> VehicleLog:
+    return next(each for each in log.vehicles if each.number == 1001)
+
+
+@cache
+def town() -> RoadNetwork:
+    made = Town()
+    made.street([(-100, 0), (0, 0), (100, 0)], highway="secondary", cycleway="lane", sidewalk="both")
+    made.sign(0, 0, highway="crossing")
+    return made.network()
+
+
+# --- shapes --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["adult before a car", "cyclist crossing"])
+def test_a_figure_is_drawn_where_its_landmarks_are(name: str) -> None:
+    log = simulated(name)
+    logged, body = person(log), log.bodies[1001]
+    for k in (0, len(logged.time_s) // 2, len(logged.time_s) - 1):
+        shape = logged_shape(logged, k, body)
+        points = logged.landmarks_m[k].reshape(-1, 3)[:, :2] + (logged.x_m[k], logged.y_m[k])
+        assert shape.head == pytest.approx(points[LANDMARKS.index("head")])
+        assert shape.torso == pytest.approx(points[[LANDMARKS.index("pelvis"), LANDMARKS.index("neck")]])
+        assert len(shape.ridden) == (4 if body.kind is BodyKind.CYCLIST else 0)
+
+
+def test_a_thrown_body_lies() -> None:
+    """Head and feet of somebody 1.7 m tall who lies are about that far apart from above; upright they are not."""
+    log = simulated("adult before a car")
+    logged, body = person(log), log.bodies[1001]
+    feet = [
+        np.hypot(*(s.limbs.reshape(-1, 2) - s.head).T).max() for s in (logged_shape(logged, k, body) for k in (0, -1))
+    ]
+    assert feet[0] < 0.6
+    assert feet[1] > 0.9
+
+
+def test_without_landmarks_somebody_stands_or_rides_along_the_heading() -> None:
+    body = person_body(BodyKind.CYCLIST)
+    shape = upright_shape(np.array([3.0, 4.0]), np.pi / 2, body)
+    wheels = shape.ridden.reshape(-1, 2)
+    assert np.ptp(wheels[:, 1]) == pytest.approx(1.73, abs=0.05)  # a bicycle is 1.75 m long
+    assert np.ptp(shape.shoulders[:, 0]) == pytest.approx(0.25 * body.height_m)
+    log = simulated("cyclist crossing")
+    bare = replace(person(log), landmarks_m=np.zeros((len(person(log).time_s), 0)))
+    assert logged_shape(bare, 0, body).head == pytest.approx([bare.x_m[0], bare.y_m[0]], abs=0.1)
+
+
+# --- pictures ------------------------------------------------------------------------------------------------------
+def of_colour(picture: Image.Image, colour: str) -> np.ndarray:
+    """Column and row of every pixel of about that colour, shape (n, 2)."""
+    off = np.abs(np.asarray(picture.convert("RGB"), float) / 255 - to_rgb(colour)).max(axis=2)
+    return np.argwhere(off < 0.12)[:, ::-1]
+
+
+@pytest.mark.parametrize("name", ["adult before a car", "cyclist from behind", "scooter"])
+def test_somebody_struck_is_in_the_middle_of_the_close_up(name: str) -> None:
+    picture = draw_crash(RECORD, STREET, REPORT, log=simulated(name))
+    impact = picture.crop((picture.width // 2, 40, picture.width, picture.height - 40))
+    metre = impact.width / 16  # about: the panel shows 16 m
+    middle = np.array(impact.size) / 2
+    near = of_colour(impact.crop((*(middle - 1.5 * metre), *(middle + 1.5 * metre))), VEHICLE_COLOURS[1])
+    assert len(near) > 0.1 * metre**2  # a body from above covers some tenth of a square metre
+
+
+def test_frames_of_a_moving_picture_show_the_person() -> None:
+    log = simulated("cyclist crossing")
+    frames = Image.open(io.BytesIO(write_animation(RECORD, STREET, log, image_format="gif", panel_px=200)))
+    assert frames.n_frames > 20
+    frames.seek(0)
+    assert len(of_colour(frames.convert("RGB"), VEHICLE_COLOURS[1])) > 20
+
+
+def test_a_sketch_has_a_disc_for_a_person_and_fits() -> None:
+    log = simulated("adult before a car")
+    svg = draw_sketch(town(), log)
+    assert len(data_url(svg)) <= MOST_CHARACTERS
+    (place,) = re.findall(r"<circle cx='([-\d.]+)' cy='([-\d.]+)'", svg)
+    pose, contact = log.contacts[0].pose_2, log.contacts[0]
+    assert float(place[0]) == pytest.approx(pose.x_m - contact.x_m, abs=0.06)
+    assert float(place[1]) == pytest.approx(contact.y_m - pose.y_m, abs=0.06)
+
+
+# --- replays -------------------------------------------------------------------------------------------------------
+def data_of(page: bytes) -> dict:
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page.decode(), re.DOTALL)
+    return json.loads(found.group(1))
+
+
+def test_a_replay_holds_the_figure_of_every_state() -> None:
+    log = simulated("cyclist crossing")
+    shown = data_of(write_html_player(RECORD, STREET, log))["vehicles"][1]
+    logged = person(log)
+    assert (shown["name"], shown["kind"], shown["ridden"]) == ("P1", "cyclist", 4)
+    assert len(shown["lines"]) == len(logged.time_s)
+    assert {len(row) for row in shown["lines"]} == {4 * len(shown["widths"])}
+    assert shown["up"] == pytest.approx(logged.above_road_m, abs=0.006)
+
+
+def test_contacts_after_the_first_are_marked_when_they_happen() -> None:
+    log = simulated("adult before a car")
+    again = replace(log.contacts[0], time_s=log.contacts[0].time_s + 0.5, number_1=2, x_m=9.0)
+    data = data_of(write_html_player(RECORD, STREET, replace(log, contacts=(*log.contacts, again))))
+    assert data["contact"]["time"] == pytest.approx(log.contacts[0].time_s, abs=1e-3)
+    assert [(each["x"], each["time"]) for each in data["later"]] == [(9.0, pytest.approx(again.time_s, abs=1e-3))]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this computer")
+def test_in_a_browser_the_head_is_where_the_log_has_it(tmp_path: Path) -> None:
+    log = simulated("cyclist crossing")
+    logged = person(log)
+    (tmp_path / "replay.html").write_bytes(write_html_player(RECORD, STREET, log))
+    with Page(tmp_path / "profile") as page:
+        page.open((tmp_path / "replay.html").as_uri())
+        for k in (0, len(logged.time_s) // 2, len(logged.time_s) - 1):
+            place = page.run(
+                f"show({float(logged.time_s[k])}); ['cx', 'cy'].map("
+                "name => Number(document.querySelector('#bodies > circle').getAttribute(name)))"
+            )
+            expected = logged_shape(logged, k, log.bodies[1001]).head
+            assert place == pytest.approx([expected[0], -expected[1]], abs=0.02)
+        assert page.run("document.querySelector('#rings text').textContent") == "P1"
+        assert page.errors == []

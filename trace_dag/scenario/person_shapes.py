@@ -1,0 +1,117 @@
+"""A person from above, as pictures, replays and sketches draw one: head, shoulders, limbs, and what the person rides.
+
+Where a log has the landmarks of a jointed figure, that is drawn, standing, riding or thrown; where it has none, and
+for plans, somebody who stands upright or rides along the heading.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
+from trace_dag.sim.types import BodyKind
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray, Pose
+    from trace_dag.sim.types import Body, VehicleLog
+
+_PLACE: Final = {name: k for k, name in enumerate((*LANDMARKS, *RIDDEN_LANDMARKS))}
+_LIMBS: Final = (("neck", "hand_l"), ("neck", "hand_r"), ("pelvis", "knee_l"), ("knee_l", "foot_l"))
+_LIMBS_RIGHT: Final = (("pelvis", "knee_r"), ("knee_r", "foot_r"))
+_SHOULDERS: Final = 0.25  # of the stature, from side to side
+_HUB: Final = 0.30  # of a bicycle's length: a hub off the middle
+_BAR_M: Final = 0.52
+HEAD_M, TORSO_M, LIMB_M, WHEEL_M = 0.13, 0.30, 0.12, 0.09
+"""Radius of a head and widths of torso, limbs and wheels from above."""
+
+
+@dataclass(frozen=True, eq=False)
+class PersonShape:
+    """Lines and places from above, metres in the local frame: ``torso`` and ``shoulders`` (2, 2), ``limbs`` (n, 2, 2),
+    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar."""
+
+    torso: FloatArray
+    shoulders: FloatArray
+    limbs: FloatArray
+    head: FloatArray
+    ridden: FloatArray
+
+    @property
+    def lines(self) -> list[tuple[FloatArray, float]]:
+        """The body's lines with their widths (m), what lies lower first."""
+        return [*((limb, LIMB_M) for limb in self.limbs), (self.torso, TORSO_M), (self.shoulders, TORSO_M * 0.8)]
+
+
+def logged_shape(log: VehicleLog, k: int, body: Body) -> PersonShape:
+    """A person in the ``k``-th state of a log."""
+    place = np.array([log.x_m[k], log.y_m[k]])
+    heading = float(log.heading_rad[k])
+    if not log.landmarks_m.shape[1]:
+        return upright_shape(place, heading, body)
+    points = log.landmarks_m[k].reshape(-1, 3)[:, :2] + place
+
+    def at(name: str) -> FloatArray:
+        return np.asarray(points[_PLACE[name]])
+
+    pelvis, neck = at("pelvis"), at("neck")
+    lying = neck - pelvis
+    along = lying / np.hypot(*lying) if np.hypot(*lying) > 0.12 * body.height_m else np.array(_ahead(heading))
+    return PersonShape(
+        torso=np.array([pelvis, neck]),
+        shoulders=_across(neck, along, body),
+        limbs=np.array([(at(one), at(two)) for one, two in (*_LIMBS, *_LIMBS_RIGHT)]),
+        head=at("head"),
+        ridden=_ridden(at("front"), at("rear"), at("top"), body)
+        if len(points) > len(LANDMARKS)
+        else np.empty((0, 2, 2)),
+    )
+
+
+def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> PersonShape:
+    """Somebody who stands upright at a place, or rides there, facing a heading."""
+    along = np.array(_ahead(heading_rad))
+    left = np.array([-along[1], along[0]])
+    rides = body.kind is not BodyKind.PEDESTRIAN
+    foot = 0.12 * body.height_m
+    feet = np.array([place + foot * along + 0.09 * left, place - foot * along - 0.09 * left])
+    hub = _HUB * body.length_m * along
+    bar = place + 0.22 * body.length_m * along
+    return PersonShape(
+        torso=np.array([place, place]),
+        shoulders=_across(place, along, body),
+        limbs=np.array([[place, each] for each in feet]),
+        head=place + 0.05 * along,
+        ridden=_ridden(place + hub, place - hub, bar, body) if rides else np.empty((0, 2, 2)),
+    )
+
+
+def pose_shape(pose: Pose, body: Body) -> PersonShape:
+    """As :func:`upright_shape`."""
+    return upright_shape(np.array(pose.xy_m), pose.heading_rad, body)
+
+
+def _ahead(heading_rad: float) -> tuple[float, float]:
+    return math.cos(heading_rad), math.sin(heading_rad)
+
+
+def _across(place: FloatArray, along: FloatArray, body: Body) -> FloatArray:
+    half = _SHOULDERS * body.height_m / 2 * np.array([-along[1], along[0]])
+    return np.array([place + half, place - half])
+
+
+def _ridden(front: FloatArray, rear: FloatArray, top: FloatArray, body: Body) -> FloatArray:
+    """Wheels and frame as one line, a wheel longer than from hub to hub, and a bicycle's handlebar."""
+    way = front - rear
+    length_m = float(np.hypot(*way))
+    along = way / length_m if length_m > 0.05 else np.array([1.0, 0.0])
+    if body.kind is not BodyKind.CYCLIST:
+        return np.array([[rear, front]])
+    wheel = 0.34 * along
+    half = _BAR_M / 2 * np.array([-along[1], along[0]])
+    return np.array(
+        [[rear - wheel, rear + wheel], [rear, front], [front - wheel, front + wheel], [top + half, top - half]]
+    )
