@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.scenario.openscenario_vehicles import rounded_m
-from trace_dag.sim.anthropometry import BICYCLE_LENGTH_M
 from trace_dag.sim.carla_blueprints import choose_bicycle, choose_walker
 from trace_dag.sim.types import Body, BodyKind
+from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
