@@ -35,6 +35,7 @@ class Reason(StrEnum):
     INCOMPLETE_LOCATION = "incomplete_location"
     INCOMPLETE_TOPOLOGY = "incomplete_topology"
     INCOMPLETE_TRAJECTORY = "incomplete_trajectory"
+    INCOMPLETE_IMPACT = "incomplete_impact"
     OUTSIDE_COHORT = "outside_cohort"
     NOT_MODELLED = "not_modelled"
     INCOMPLETE_SEQUENCE = "incomplete_sequence"
@@ -112,6 +113,12 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         _PAPER.INCOMPLETE_INFORMATION,
         "No field of the report says how one of the vehicles moved, or where a person was.",
         "Nothing: the motion is not known.",
+    ),
+    Reason.INCOMPLETE_IMPACT: _ReasonFacts(
+        Stage.CRASH_RECORD,
+        _PAPER.INCOMPLETE_INFORMATION,
+        "No field of the report says where any of the vehicles was struck: a simulation cannot be judged by it.",
+        "Nothing: the areas of impact are not known.",
     ),
     Reason.OUTSIDE_COHORT: _ReasonFacts(
         Stage.CRASH_RECORD,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from crash_reports import report
 
-from trace_dag.crash.completeness import RULES, Rule, check, filters_of, shortcomings
+from trace_dag.crash.completeness import OF_VERDICTS, RULES, Rule, check, filters_of, shortcomings
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection, UserError
@@ -153,6 +153,27 @@ def test_any_field_that_tells_the_trajectory_will_do(
 ) -> None:
     vehicles = [SILENT | first, SILENT | {"VEH_NO": 2} | second]
     check(read_report(report(crash, vehicles, events), name="report.xml", settings=settings), settings)
+
+
+UNTOLD = {"IMPACT1": 99, "ACC_TYPE": 98}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "areas", "lacks"),
+    [
+        (UNTOLD, UNTOLD, 99, "nothing tells where vehicle 1 and vehicle 2 were struck"),
+        ({"IMPACT1": 12, "ACC_TYPE": 98}, UNTOLD, 99, None),
+        (UNTOLD, UNTOLD, 6, None),
+    ],
+)
+def test_one_area_of_impact_has_to_be_known(
+    first: dict[str, object], second: dict[str, object], areas: int, lacks: str | None, settings: CrashSettings
+) -> None:
+    data = report({}, [first, {"VEH_NO": 2} | second], [{"AOI1": areas, "AOI2": 99}])
+    found = shortcomings(read_report(data, name="report.xml", settings=settings), OF_VERDICTS)
+    assert [(rule.reason, detail) for rule, detail in found] == (
+        [] if lacks is None else [(Reason.INCOMPLETE_IMPACT, lacks)]
+    )
 
 
 def test_a_relation_to_a_junction_is_enough_topology(settings: CrashSettings) -> None:

@@ -57,7 +57,7 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
     The cohort's filters come first, then the kind of crash: whether one that is not wanted or not modelled is complete
     does not matter.
     """
-    for rule in (*filters_of(settings), *further, *KINDS, *RULES):
+    for rule in (*filters_of(settings), *further, *KINDS, *RULES, *OF_VERDICTS):
         detail = rule.shortcoming(record)
         if detail is not None:
             raise Rejection(rule.reason, detail)
@@ -236,6 +236,19 @@ def _movement(movement: PreCrashMovement) -> str:
     return "unknown" if movement is PreCrashMovement.UNKNOWN else str(int(movement))
 
 
+def _impact(record: CrashRecord) -> str | None:
+    """A verdict needs an area of impact: without any, whatever is simulated would agree."""
+    if is_of_strikes(record):
+        struck = [(strike.vehicle.number, strike.area) for strike in strikes_of(record)]
+    else:
+        struck = [(vehicle.number, vehicle.impact) for vehicle in record.colliding_vehicles or ()]
+    if not struck or any(area is not None for _, area in struck):
+        return None
+    numbers = sorted({number for number, _ in struck})
+    said = " and ".join(f"vehicle {number}" for number in numbers)
+    return f"nothing tells where {said} {'was' if len(numbers) == 1 else 'were'} struck"
+
+
 KINDS: Final[tuple[Rule, ...]] = (
     Rule(
         "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
@@ -251,3 +264,8 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule("trajectory", Reason.INCOMPLETE_TRAJECTORY, "how each vehicle moved can be told", _trajectory),
 )
 """The paper's rules, in the order they are applied."""
+
+OF_VERDICTS: Final[tuple[Rule, ...]] = (
+    Rule("impact", Reason.INCOMPLETE_IMPACT, "where a vehicle was struck is known of one at least", _impact),
+)
+"""What a verdict cannot do without, beyond the paper's rules."""
