@@ -12,11 +12,12 @@ from tests.verdict.crashes import STREET, area, vehicle
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.zones import Zone
 from trace_dag.errors import Reason
-from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participants
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
+from trace_dag.states.estimate import estimate
 from trace_dag.states.types import Hypothesis
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis
@@ -129,10 +130,10 @@ def test_an_overtaken_cyclist_is_judged() -> None:
 
 def test_two_vehicles_strike_one_person_in_order() -> None:
     crash = struck(FROM_RIGHT, vehicles=2)
-    made = estimated(crash)
+    made = estimate(crash, STREET, PLACE, StateSettings(max_hypotheses=1))
     assert [(event.event_number, event.party_1) for event in made.best.planned] == [(1, 1), (2, 2)]
-    logs = [simulated(hypothesis) for hypothesis in made.hypotheses[:3]]
-    verdict = judge(crash, STREET, PLACE, replace(made, hypotheses=made.hypotheses[:3]), logs, VerdictSettings())
+    logs = [simulated(hypothesis) for hypothesis in made.hypotheses]
+    verdict = judge(crash, STREET, PLACE, made, logs, VerdictSettings())
     assert verdict.accepted
     times = {each.event_number: each.value for each in verdict.criteria if each.name == "strike_time"}
     assert times[1] is not None

@@ -2,8 +2,8 @@
 
 The first strike is planned by :mod:`trace_dag.states.striking`. Who is struck again lies where the first strike threw
 it: ahead of the first vehicle by the middle of Searle's bounds (SAE 831622; friction 0.66). How far exactly does not
-matter, since the next vehicle comes along that line; how far aside does, so that it is planned to pass there and a
-car's width to either side of it. A driver whom another one follows is taken to pull over, one who left by the report
+matter, since the next vehicle comes along that line; how far aside does, so that it is planned to pass at several
+distances from the first one's line. A driver whom another one follows is taken to pull over, one who left by the report
 to drive on.
 """
 
@@ -56,6 +56,7 @@ _OTHER_WAY: Final = -1.5  # log-likelihood of the next vehicle coming from anoth
 _PULL_OVER_M: Final = 3.2
 _PULL_OVER_G: Final = 0.12
 _HIT_AND_RUN_AFTER_S: Final = 12.0
+_LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
 _COMPANION_M: Final = 0.8  # people struck together walk so far apart
 _ROOM_M: Final = 0.2
 
@@ -128,10 +129,16 @@ def _hypotheses(scene: Scene, plan: StrikePlan, rest: Sequence[Strike], lead_s: 
     together = [strike for strike in rest if strike.vehicle is plan.strike.vehicle]
     later = [strike for strike in rest if strike.vehicle is not plan.strike.vehicle]
     people = [plan.walk, *_companions(plan, together)]
-    for chain in _chains(scene, plan, later, lead_s):
-        hypothesis = _hypothesis(scene, plan, people, together, chain, lead_s)
-        if all(check.passed for check in hypothesis.checks if check.name in _ESSENTIAL):
-            yield hypothesis
+    thrown = _thrown(plan, lead_s)
+    for left_m in thrown.aside_m if later else (0.0,):
+        for later_s in _LATER_S if later else (0.0,):
+            chain = _chain(scene, plan, later, lead_s, thrown, left_m, later_s)
+            if chain is None:
+                break
+            hypothesis = _hypothesis(scene, plan, people, together, chain, lead_s)
+            if all(check.passed for check in hypothesis.checks if check.name in _ESSENTIAL):
+                yield hypothesis
+                break
 
 
 _ESSENTIAL: Final = frozenset({"no earlier contact", "nobody in the way"})
@@ -289,44 +296,59 @@ def _pulling_over(plan: StrikePlan) -> Path:
 
 
 # --- strikes after the first -----------------------------------------------------------------------------------------
-def _chains(scene: Scene, plan: StrikePlan, later: Sequence[Strike], lead_s: float) -> Iterator[list[_Later]]:
-    """Every way the strikes after the first can have happened; one empty chain if there are none."""
-    if not later:
-        yield []
-        return
-    lies_at, at_rest_s = _thrown(plan, lead_s)
+def _chain(
+    scene: Scene,
+    plan: StrikePlan,
+    later: Sequence[Strike],
+    lead_s: float,
+    thrown: _Thrown,
+    left_m: float,
+    later_s: float,
+) -> list[_Later] | None:
+    """The strikes after the first, so far to the left of the first vehicle's line and so much later than at once; None
+    where no way of a vehicle leads there in time."""
+    at_s = thrown.at_rest_s + later_s
+    lies_at = thrown.ahead_xy_m + left_m * thrown.left
     course = plan.drive.pose.heading_rad
-    for aside in (0.0, 1.0, -1.0):
-        chain: list[_Later] = []
-        at_s = at_rest_s
-        for strike in later:
-            found = _next_way(scene, strike, lies_at, course, at_s, aside)
-            if found is None:
-                break
-            chain.append(found)
-            at_s = found.time_s + found.profile.impact_mps / (_PERSON_FRICTION * GRAVITY_MPS2) + _SETTLES_S
-        if len(chain) == len(later):
-            yield chain
+    chain: list[_Later] = []
+    for strike in later:
+        found = _next_way(scene, strike, lies_at, course, at_s)
+        if found is None or at_s > lead_s + _LONGEST_CHAIN_S:
+            return None
+        chain.append(replace(found, name=f"{found.name}, {left_m:+.1f} m to the left"))
+        at_s = found.time_s + found.profile.impact_mps / (_PERSON_FRICTION * GRAVITY_MPS2) + _SETTLES_S
+    return chain
 
 
-def _thrown(plan: StrikePlan, lead_s: float) -> tuple[FloatArray, float]:
-    """Where the person comes to lie, and when: ahead by the middle of Searle's bounds, aside by what the person keeps
-    of its own motion."""
+@dataclass(frozen=True, eq=False)
+class _Thrown:
+    """Where a struck person comes to lie if it is thrown straight ahead, the unit vector to the left of that, when, and
+    how far to the left it may lie instead."""
+
+    ahead_xy_m: FloatArray
+    left: FloatArray
+    at_rest_s: float
+    aside_m: tuple[float, ...]
+
+
+def _thrown(plan: StrikePlan, lead_s: float) -> _Thrown:
+    """Where the person comes to lie: ahead by the middle of Searle's bounds; aside by what it keeps of its own motion,
+    by half of that or nothing, and a step further."""
     drive, walk = plan.drive, plan.walk
     speed = max(drive.profile.impact_mps, 0.1)
     grip = _PERSON_FRICTION * GRAVITY_MPS2
     distance = speed**2 / (2 * grip) * (1 + _PERSON_FRICTION**2 / 2)
     ahead = drive.velocity_mps / speed
     left = np.array([-ahead[1], ahead[0]])
-    own = walk.speed_mps * walk.pose.forward
-    course = ahead + left * _KEPT_ASIDE * float(own @ left) / speed
-    return np.asarray(walk.pose.xy_m + distance * course), lead_s + speed / grip + _SETTLES_S
+    kept_m = distance * _KEPT_ASIDE * float(walk.speed_mps * walk.pose.forward @ left) / speed
+    step_m = math.copysign(_ASIDE_M, kept_m)
+    aside = (kept_m, kept_m / 2, 0.0, kept_m + step_m) if abs(kept_m) > _ASIDE_M else (kept_m, -step_m, 2 * step_m)
+    at_rest_s = lead_s + speed / grip + _SETTLES_S
+    return _Thrown(np.asarray(walk.pose.xy_m + distance * ahead), left, at_rest_s, aside)
 
 
-def _next_way(
-    scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: float, at_s: float, aside: float
-) -> _Later | None:
-    """The likeliest way of the next vehicle over who lies there, or so many steps to the left of it."""
+def _next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: float, at_s: float) -> _Later | None:
+    """The likeliest way of the next vehicle over who lies there."""
     who = party(scene.record, strike.vehicle)
     best: _Later | None = None
     for option, speed, terms in ways_of(scene, who):
@@ -335,7 +357,6 @@ def _next_way(
             continue
         path = option.path()
         station, off = path.project(float(lies_at[0]), float(lies_at[1]))
-        off += aside * _ASIDE_M
         if abs(off) > _OFF_LANE_M:
             continue
         heading = path.pose(station).heading_rad
@@ -344,8 +365,7 @@ def _next_way(
         if best is None or round(score, 6) > round(best.score, 6):
             over = shifted(path, None, anchor_s_m=station, constant_m=off)
             station = over.project(float(lies_at[0]), float(lies_at[1]))[0] - who.vehicle.length_m / 2
-            side = {0.0: "over who lies there", 1.0: "further left", -1.0: "further right"}[aside]
-            name = f"vehicle {who.vehicle.number}: {option.name}, {side}"
+            name = f"vehicle {who.vehicle.number}: {option.name}"
             best = _Later(strike, who, option, over, station, speed, profile, at_s, lies_at, score, name)
     return best
 

@@ -30,6 +30,7 @@ from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane
 from trace_dag.states.pairs import speed_of, turning_streams
 from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.scene import Scene
+from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 from trace_dag.states.streams import Stream
 from trace_dag.states.types import Manoeuvre
@@ -41,6 +42,7 @@ _REAR_RAD: Final = math.radians(135)
 _EDGE: Final = 0.85  # of half the width: who goes along and is struck at a side is caught by the corner
 _REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
 _STATION_STEP_M: Final = 0.25
+_TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
 _WIDEST_M: Final = 30.0
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
@@ -176,7 +178,8 @@ def _streams(scene: Scene, who: Party) -> list[Stream]:
         return scene.on_road(scene.through)
     following = [stream for stream in scene.streams if follows_turn(stream, who.turn)]
     turning = turning_streams(scene.streams, who.turn)
-    return following + turning or scene.on_road(scene.through)
+    found = {stream.name: stream for stream in (*following, *turning, *scene.on_road(scene.through))}
+    return list(found.values())  # one can turn where the map has no lanes for it: into a driveway it does not have
 
 
 def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
@@ -217,7 +220,7 @@ def _plan(
     if spot is None:
         return None
     option, path = _onto_person(scene, strike, option, spot)
-    station_m = _station(scene, path, option, spot, _far_side(person, option))
+    path, station_m, slid_m = _placed(scene, path, option, spot, _far_side(person, option))
     pose = path.pose(station_m)
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
@@ -226,6 +229,8 @@ def _plan(
     contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
     terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
+    if slid_m:
+        terms[f"place of the turn (vehicle {who.vehicle.number})"] = -0.5 * (slid_m / TURN_SLIDE_SIGMA_M) ** 2
     return StrikePlan(strike, drive, walk, contact_xy_m, terms)
 
 
@@ -311,8 +316,25 @@ def _far_side(person: NonMotorist, option: Option) -> bool:
     return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
 
 
-def _station(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool) -> float:
-    """Where along the path the spot comes nearest to the place; in a turn, where that fits how far it has turned."""
+def _placed(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool) -> tuple[Path, float, float]:
+    """Path, station at the strike, and how far the turn was moved along the road for it to be at the place."""
+    if option.turn is None:
+        return path, _station(scene, path, option, spot, far_side, 0.0)[0], 0.0
+    found = []
+    for slide_m in _TURN_SLIDES_M:
+        turned = option.path(slide_m)
+        station_m, score = _station(scene, turned, option, spot, far_side, slide_m)
+        score -= 0.5 * (slide_m / TURN_SLIDE_SIGMA_M) ** 2
+        found.append((round(score, 6), -abs(slide_m), turned, station_m, slide_m))
+    _, _, turned, station_m, slide_m = max(found, key=lambda each: each[:2])
+    return turned, station_m, slide_m
+
+
+def _station(
+    scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool, slide_m: float
+) -> tuple[float, float]:
+    """Where along the path the spot comes nearest to the place, in a turn where that fits how far it has turned; and
+    how well that fits, as a log-likelihood."""
     x, y = scene.place_xy_m
     near, _ = path.project(x, y)
     stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)
@@ -323,12 +345,12 @@ def _station(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bo
     contact_y = py + spot.ahead_m * np.sin(heading) + spot.left_m * np.cos(heading)
     score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
     if option.turn is not None:
-        before = float(path.plan(np.array([path.s_m[0]]))[2][0])
-        start = float(path.plan(np.array([option.turn_start_m]))[2][0])
-        share = (heading - (start if math.isfinite(start) else before)) / option.turn.angle_rad
+        start = float(path.plan(np.array([option.turn_start_m + slide_m]))[2][0])
+        share = (heading - start) / option.turn.angle_rad
         short = np.maximum(_TURNED - share, 0.0) if far_side else np.maximum(share - _TURNED, 0.0)
         score = score - 2.0 * short / _TURNED
-    return float(stations[int(np.argmax(np.round(score, 6)))])
+    best = int(np.argmax(np.round(score, 6)))
+    return float(stations[best]), float(score[best])
 
 
 # --- the way of the person -------------------------------------------------------------------------------------------

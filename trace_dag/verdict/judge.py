@@ -15,7 +15,7 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.metrics import FirstContact, compare, observe
-from trace_dag.verdict.rules import criteria, judgement
+from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_STRIKES, criteria, judgement
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
@@ -113,7 +113,7 @@ def _verdict(
     index: int,
     of: int,
 ) -> Verdict:
-    result = judgement(found)
+    result = judgement(found, REQUIRED_OF_STRIKES if is_of_strikes(record) else REQUIRED)
     if contact_xy_m is not None and report is not None:
         placed = report.placement
         distance_m = math.hypot(contact_xy_m[0] - placed.x_m, contact_xy_m[1] - placed.y_m)

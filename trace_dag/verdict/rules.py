@@ -23,7 +23,9 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
 from trace_dag.verdict.types import Criterion
 
-_REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
+REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
+REQUIRED_OF_STRIKES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
+"""A person's direction is coded near intersections only, and who stood or left a parking place made no turn."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
@@ -170,14 +172,17 @@ def shown(name: str, value: float | None, unit: str, number: int | None = None, 
     return Criterion(name, value, None, unit, None, None, "", number, event)
 
 
-def judgement(judged: tuple[Criterion, ...]) -> Judgement:
-    """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it."""
+def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...] = REQUIRED) -> Judgement:
+    """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
+
+    Of each ``required`` reason something has to have been evaluated.
+    """
     for reason in _REJECTING:
         of_kind = [criterion for criterion in judged if criterion.reason is reason]
         failed = next((criterion for criterion in of_kind if criterion.passed is False), None)
         if failed is not None:
             return Judgement(False, reason, _sentence(failed))
-        if reason in _REQUIRED and not any(criterion.passed for criterion in of_kind):
+        if reason in required and not any(criterion.passed for criterion in of_kind):
             names = ", ".join(sorted({criterion.name for criterion in of_kind}))
             return Judgement(False, reason, f"the report gives nothing to judge it by: {names} not evaluated")
     skipped = [criterion for criterion in judged if criterion.reason is not None and criterion.passed is None]

@@ -157,7 +157,7 @@ def strike_criteria(
             measures = compared_vehicle(seen.vehicle, own, record)
             rejecting += _of_strike(strike, seen, measures, record, limits, settings, first=place == 0)
             reported += _shown(strike, seen, measures, limits)
-    return (*rejecting, *reported, *_other_events(record, strikes))
+    return (*rejecting, *reported, *_other_events(record, strikes), *_afterwards(observed, strikes, matched))
 
 
 def _matched(
@@ -205,6 +205,31 @@ def _sequence(
         detail = f"{parties} touch before the last strike, which no event says"
         found.append(Criterion("unreported_contact", 1.0, 0.0, "contacts", False, Reason.WRONG_SEQUENCE, detail))
     return found
+
+
+def _afterwards(
+    observed: ObservedStrikes, strikes: Sequence[Strike], matched: Sequence[ObservedStrike | None]
+) -> list[Criterion]:
+    """Who touches after the last strike without an event that says so: shown, since it is no part of what is judged."""
+    last_s = max((seen.contact.time_s for seen in matched if seen is not None), default=0.0)
+    pairs = {strike.pair for strike in strikes}
+    strange = {
+        (c.number_1, c.number_2): None
+        for c in observed.contacts
+        if c.time_s > last_s and (c.number_1, c.number_2) not in pairs
+    }
+    return [
+        Criterion(
+            "contact_afterwards",
+            1.0,
+            None,
+            "contacts",
+            None,
+            None,
+            f"{party_in_words(one)} and {party_in_words(two)} touch after the last strike, which no event says",
+        )
+        for one, two in strange
+    ]
 
 
 def _of_strike(
