@@ -17,9 +17,10 @@ import pytest
 import shapely
 
 from tests.osm.osm_text import ORIGIN, document, node, place, restriction, save, way
-from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.errors import Failure, Reason, Rejection, UserError
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
+from trace_dag.osm.plausibility import check_text
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.settings import OsmSettings
@@ -241,8 +242,58 @@ def test_a_file_that_ends_too_early_is_named(tmp_path: Path, suffix: str) -> Non
     whole = convert(plain, tmp_path / f"whole{suffix}")
     half = tmp_path / f"half{suffix}"
     half.write_bytes(whole.read_bytes()[: int(0.9 * whole.stat().st_size)])
+    failure = extract(half)
+    assert isinstance(failure, Failure)
+    assert f"cohort maps --drop {half}" in str(failure)
+    assert found(extract(half, whole)).source == whole.name, "what another file covers is cut from that"
     with pytest.raises(UserError, match=f"half{suffix}"):
-        extract(half)
+        MapCatalog.open([half]).check()
+
+
+STAR = [node(1, 0, 0), *(node(k, 50 * math.cos(k), 50 * math.sin(k)) for k in range(2, 102))]
+STAR += [way(1000 + k, [1, k]) for k in range(2, 102)]
+
+
+@pytest.mark.parametrize(
+    ("elements", "said"),
+    [
+        (STAR, "100 roads meet at node 1"),
+        ([*(node(k, k / 50, k % 2) for k in range(1, 5001)), way(9, list(range(1, 5001)))], "way 9 has 5000 nodes"),
+        ([*CROSSROADS, way(10**20, [1, 2])], "cannot be read as OSM data"),
+        ([*CROSSROADS, way(12, [1, 2], name="x" * 100_000)], "cannot be read as OSM data"),
+    ],
+    ids=["star", "zigzag", "id beyond 64 bits", "long name"],
+)
+def test_what_no_map_is_like_fails_with_its_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
+    file = save(tmp_path / "town.osm", *elements)
+    failure = MapCatalog.of_registered([file]).extract([SITE], OsmSettings())[SITE.key]
+    assert isinstance(failure, Failure)
+    assert said in str(failure)
+    assert f"trace-dag cohort maps --drop {file}" in str(failure)
+
+
+def test_ids_below_0_as_editors_give_them_are_read(tmp_path: Path) -> None:
+    elements = [*CROSSROADS, node(-1, 0, 200), way(-2, [5, -1], name="New Street")]
+    cut = found(extract(save(tmp_path / "town.osm", *elements)))
+    assert {way.tags.get("name") for way in cut.ways} == {"Main Street", "Elm Street", "New Street"}
+    assert all(way.id > 0 and min(way.node_ids) > 0 for way in cut.ways)
+    alone = [element.replace('id="', 'id="-').replace('ref="', 'ref="-') for element in CROSSROADS]
+    assert len(found(extract(save(tmp_path / "new.osm", *alone))).ways) == 2
+
+
+@pytest.mark.parametrize("text", [b"a", b"<a>", b"-"], ids=["letters", "tags", "dashes"])
+def test_a_comment_without_end_is_refused_before_it_is_parsed(tmp_path: Path, text: bytes) -> None:
+    with gzip.open(tmp_path / "long.osm.gz", "wb") as stream:
+        stream.write(b'<osm version="0.6"><!--' + text * 3_000_000 + b"--></osm>")
+    with pytest.raises(UserError, match="one tag or comment has more than"):
+        check_text(tmp_path / "long.osm.gz")
+
+
+def test_comments_tags_and_blocks_of_real_files_are_no_comments_without_end(tmp_path: Path) -> None:
+    whole = document(*CROSSROADS).replace(b"<node", b"<!-- a > b < c -->" * 10 + b"<node") + b"\n" * 100
+    (tmp_path / "town.osm").write_bytes(b'<?xml version="1.0"?>' + b"<!-- x -->" * 400_000 + whole.partition(b"?>")[2])
+    check_text(tmp_path / "town.osm")
+    check_text(Path(__file__).parents[2] / "data/sample/osm/merrow.osm")
 
 
 def test_a_disk_without_room_for_the_roads_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Looking at cohorts and taking them away: ``cohort list``, ``show``, ``remove``. ``ingest`` makes and extends them."""
+"""Looking at cohorts and taking them away: ``cohort list``, ``show``, ``maps``, ``remove``; ``ingest`` makes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KEYS_SHOWN = 20
     )
 )
 def cohort() -> None:
-    """List, show and remove cohorts; ingest makes and extends them."""
+    """List, show and remove cohorts and their maps; ingest makes and extends them."""
 
 
 @cohort.command(
@@ -100,6 +100,37 @@ def show(root: str, name: str, as_json: bool) -> None:
     keys = found.keys
     more = f" and {len(keys) - _KEYS_SHOWN} more (--json lists all)" if len(keys) > _KEYS_SHOWN else ""
     click.echo(f"  {', '.join(keys[:_KEYS_SHOWN])}{more}")
+
+
+@cohort.command(
+    "maps",
+    cls=ManyValuesCommand,
+    epilog=examples(
+        "trace-dag cohort maps",
+        "trace-dag cohort maps --drop osm/damaged.osm",
+    ),
+)
+@click.option("--cohort", "name", help="Only of this cohort.")
+@click.option("--drop", multiple=True, metavar="FILE", help="Leave this map file out from now on; its path or name.")
+@click.pass_obj
+def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
+    """List the map files of the cohorts, or leave some out.
+
+    The files themselves stay where they are. What was cut from one that is left out is made anew by the next run.
+    """
+    from trace_dag.cohorts.registry import Registry
+    from trace_dag.storage import Storage
+
+    registry = Registry(Storage.open(root))
+    if drop:
+        for cohort_name, files in registry.drop_maps(drop, name).items():
+            click.echo(f"Cohort {cohort_name}: left out {', '.join(files)}; trace-dag run does the rest.")
+        return
+    cohorts = [registry.cohort(name)] if name is not None else list(registry.cohorts().values())
+    print_table(
+        ["cohort", "map file", "MB"],
+        [(each.name, file.location, f"{file.size / 1e6:.1f}") for each in cohorts for file in each.maps],
+    )
 
 
 @cohort.command(

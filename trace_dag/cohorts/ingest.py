@@ -122,7 +122,11 @@ def _maps(storage: Storage, paths: Sequence[Path]) -> list[RegisteredMap]:
         return []
     from trace_dag.osm.catalog import MapCatalog
 
-    files = [map_file(file.path) for file in MapCatalog.open(paths).files]
+    catalog = MapCatalog.open(paths)
+    known = {file.sha256 for cohort in Registry(storage).cohorts().values() for file in cohort.maps}
+    files = [map_file(file.path) for file in catalog.files]
+    new = zip(catalog.files, files, strict=True)
+    MapCatalog(tuple(each for each, file in new if file.sha256 not in known)).check()
     if storage.local_root is not None:
         return files
     return [_uploaded(storage, file) for file in files]

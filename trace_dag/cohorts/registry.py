@@ -202,6 +202,23 @@ class Registry:
             self._storage.write(f"{_FOLDER}/{cohort}.json", sealed(_COHORTS.dump_json(after, indent=1)))
         return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
 
+    def drop_maps(self, files: Collection[str], cohort: str | None = None) -> dict[str, tuple[str, ...]]:
+        """Forget map files, given by path or name, in one cohort or in all; what was forgotten, by cohort.
+
+        What was cut from them is made anew by the next run. Raises :class:`UserError` for a file that no cohort has.
+        """
+        cohorts = [self.cohort(cohort)] if cohort is not None else list(self.cohorts().values())
+        gone = {each.name: {file: found for file in files if (found := _dropped(each, file))} for each in cohorts}
+        for file in files:
+            if not any(file in found for found in gone.values()):
+                raise UserError(f"{file}: no such map file is registered; trace-dag cohort maps lists them")
+        for each in cohorts:
+            left = tuple(file for file in each.maps if file not in gone[each.name].values())
+            if left != each.maps:
+                after = replace(each, maps=left)
+                self._storage.write(f"{_FOLDER}/{each.name}.json", sealed(_COHORTS.dump_json(after, indent=1)))
+        return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
+
     def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
         """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
 
@@ -218,6 +235,15 @@ class Registry:
         left = {key: report for key, report in before.reports.items() if key not in only}
         self._storage.write(name, sealed(_COHORTS.dump_json(replace(before, reports=left), indent=1)))
         return tuple(in_order(only))
+
+
+def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
+    """The map file of a cohort that a path or a name means; None if it has none such."""
+    exact = [each for each in cohort.maps if each.location in (file, str(Path(file).absolute()))]
+    named = exact or [each for each in cohort.maps if Path(each.location).name == Path(file).name]
+    if len(named) > 1:
+        raise UserError(f"{file}: {len(named)} map files of cohort {cohort.name} are called so; give the whole path")
+    return named[0] if named else None
 
 
 def map_file(path: Path) -> RegisteredMap:

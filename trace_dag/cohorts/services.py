@@ -8,6 +8,7 @@ they are first asked for.
 from __future__ import annotations
 
 import os
+import shlex
 import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
@@ -53,7 +54,10 @@ class Services:
         if not file.stored:
             path = Path(file.location)
             if not path.is_file():
-                raise Failure(f"{path}: the map file is no longer there; put it back or ingest the maps again")
+                raise Failure(
+                    f"{path}: the map file is no longer there; put it back, or leave it out: "
+                    f"trace-dag cohort maps --drop {shlex.quote(str(path))}"
+                )
             return path
         cache = Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}"
         copy = cache / file.location

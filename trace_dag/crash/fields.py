@@ -11,6 +11,11 @@ from lxml import etree
 from trace_dag.crash.codes.table import CodeTable
 from trace_dag.errors import Reason, Rejection
 
+MAX_TEXT: Final = 2_000
+"""Characters of one value; the longest in use, names of trafficways, have 30 (FARS manual, C9)."""
+MAX_MEMBERS: Final = 2_000
+"""Entries of one list; the largest crash of FARS involved about a hundred vehicles, with some events each."""
+
 _INTEGER: Final = re.compile(r"[+-]?[0-9]{1,12}(?:\.0*)?")
 _DECIMAL: Final = re.compile(r"[+-]?[0-9]{1,6}(?:\.[0-9]{0,20})?")
 _UNKNOWN_WORDS: Final = frozenset(
@@ -37,7 +42,12 @@ class Fields:
         self._text: dict[str, str] = {}
         for child in element:
             if isinstance(child.tag, str) and len(child) == 0:
-                self._text.setdefault(local_name(child).upper(), " ".join((child.text or "").split()))
+                text = child.text or ""
+                if len(text) > MAX_TEXT:
+                    raise malformed(
+                        f"{where}: {local_name(child)} has {len(text)} characters; expected {MAX_TEXT} at most"
+                    )
+                self._text.setdefault(local_name(child).upper(), " ".join(text.split()))
 
     def names(self) -> set[str]:
         """The names of all values that are not blank, in capitals."""
@@ -85,6 +95,10 @@ class Fields:
         wanted = {name.upper() for name in lists}
         for child in self.element:
             if isinstance(child.tag, str) and local_name(child).upper() in wanted:
+                if len(child) > MAX_MEMBERS:
+                    raise malformed(
+                        f"{self.where}: {local_name(child)} has {len(child)} entries; expected {MAX_MEMBERS} at most"
+                    )
                 yield from (member for member in child if isinstance(member.tag, str))
 
     def _value(self, *names: str) -> str | None:

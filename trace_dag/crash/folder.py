@@ -139,6 +139,11 @@ def _key(year: bytes | str, case: bytes | str) -> tuple[str, bool] | None:
 
 def _look_at(path: Path) -> FoundReport | Unrecognised:
     try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = os.fsencode(path).decode(errors="backslashreplace")
+        return Unrecognised(Path(shown), "its name is not UTF-8, by which it could not be stored; rename it")
+    try:
         size = path.stat().st_size
         if size == 0:
             return Unrecognised(path, "it is empty")

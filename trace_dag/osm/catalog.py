@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.errors import Failure, Reason, Rejection, UserError
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.extraction import FileHeader, FilePass, extract_raw, read_header
+from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.settings import OsmSettings
 
@@ -32,9 +34,10 @@ class MapFile:
 
 @dataclass(frozen=True)
 class MapCatalog:
-    """OSM files that maps are cut from."""
+    """OSM files that maps are cut from. ``unreadable`` says of others of the set why they cannot be read."""
 
     files: tuple[MapFile, ...]
+    unreadable: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
@@ -60,32 +63,62 @@ class MapCatalog:
                 files[path] = None
         return cls(tuple(MapFile(path, read_header(path)) for path in files))
 
-    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+    @classmethod
+    def of_registered(cls, paths: Iterable[Path | Failure]) -> MapCatalog:
+        """Files that were read before; what cannot be read any more (or, a failure, not be reached) costs no other."""
+        files: list[MapFile] = []
+        unreadable: list[str] = []
+        for path in paths:
+            if isinstance(path, Failure):
+                unreadable.append(str(path))
+                continue
+            try:
+                files.append(MapFile(path, read_header(path)))
+            except UnreadableMapError as error:
+                unreadable.append(_with_remedy(error, path))
+        return cls(tuple(files), tuple(unreadable))
+
+    def check(self) -> None:
+        """Read each file to its end. Raises :class:`UnreadableMapError` for one that cannot be read."""
+        for file in self.files:
+            check_text(file.path)
+            extract_raw(file.path, file.header, [], service_roads=True)
+
+    def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         """The roads in a box of ``settings.radius_m`` around each site, by site key, in one pass over each file.
 
         A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
-        by name. A site that no file covers is rejected, with the distance to the nearest data.
-
-        Raises :class:`UserError` for a file that cannot be read to its end.
+        by name. A site that no file covers is rejected, with the distance to the nearest data; where some file cannot
+        be read to its end that could have covered it, it is a failure that names the file.
         """
         with no_garbage_collection():
             return self._extract(sites, settings)
 
-    def _extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection]:
+    def _extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         boxes = {site.key: box_around(site, settings.radius_m) for site in sites if is_on_earth(site)}
         best: dict[str, tuple[MapFile, OsmExtract]] = {}
         nearest_m: dict[str, tuple[float, str]] = {}
+        missing = {site.key: [*self.unreadable] for site in sites}
         for file in self.files:
             wanted = [site for site in sites if site.key in boxes and _may_cover(file.header, boxes[site.key])]
             bounds = file.header.box
             if wanted or bounds is None:
-                found = extract_raw(
-                    file.path, file.header, [boxes[site.key] for site in wanted], service_roads=settings.service_roads
-                )
+                around = [boxes[site.key] for site in wanted]
+                try:
+                    found = extract_raw(file.path, file.header, around, service_roads=settings.service_roads)
+                except UnreadableMapError as error:
+                    for site in wanted:
+                        missing[site.key].append(_with_remedy(error, file.path))
+                    continue
                 bounds = bounds or found.road_bounds
                 for index, site in enumerate(wanted):
                     extract = _cut(file, found, index, boxes[site.key])
+                    try:
+                        check_roads(extract, file.path)
+                    except UnreadableMapError as error:
+                        missing[site.key].append(_with_remedy(error, file.path))
+                        continue
                     if extract.ways:
                         rival = best.get(site.key)
                         if rival is None or _rank(file, extract) > _rank(*rival):
@@ -94,10 +127,15 @@ class MapCatalog:
                 for site in sites:
                     distance_m = _distance_m(site, bounds)
                     nearest_m[site.key] = min(nearest_m.get(site.key, (math.inf, "")), (distance_m, file.path.name))
-        return {
-            site.key: best[site.key][1] if site.key in best else self._no_coverage(site, nearest_m, settings)
-            for site in sites
-        }
+        answers: dict[str, OsmExtract | Rejection | Failure] = {}
+        for site in sites:
+            if site.key in best:
+                answers[site.key] = best[site.key][1]
+            elif missing[site.key] and is_on_earth(site):
+                answers[site.key] = Failure("; ".join(missing[site.key]))
+            else:
+                answers[site.key] = self._no_coverage(site, nearest_m, settings)
+        return answers
 
     def _no_coverage(self, site: Site, nearest_m: dict[str, tuple[float, str]], settings: OsmSettings) -> Rejection:
         place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
@@ -111,6 +149,11 @@ class MapCatalog:
             return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=distance_m, threshold=0.0)
         detail = f"{name} covers {place} but has no drivable way within {settings.radius_m:.0f} m of it."
         return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+
+
+def _with_remedy(error: UnreadableMapError, path: Path) -> str:
+    file = shlex.quote(str(path))
+    return f"{error}; mend it and ingest it again, or leave it out: trace-dag cohort maps --drop {file}"
 
 
 def box_around(site: Site, radius_m: float) -> BoundingBox:

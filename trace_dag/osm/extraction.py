@@ -12,13 +12,11 @@ Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing t
 
 from __future__ import annotations
 
-import bz2
-import gzip
 import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import groupby, islice
@@ -36,6 +34,7 @@ from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, SERVICE_HIGHWAYS, is_drivable
+from trace_dag.osm.plausibility import UnreadableMapError, with_positive_ids, xml_opener
 from trace_dag.osm.rights import OSM_ATTRIBUTION, read_attribution
 from trace_dag.osm.types import BoundingBox, OsmRelation
 from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
@@ -43,8 +42,7 @@ from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 # Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
 # addresses and trees that share a node with a way say nothing about the road.
 _NODE_KEYS: Final = ("highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele")
-# libosmium tells formats by the same endings.
-_XML_OPENERS: Final[Mapping[str, Callable[..., Any]]] = {".osm": open, ".osm.gz": gzip.open, ".osm.bz2": bz2.open}
+_SAID: Final = 300  # characters of what libosmium says, which quotes what it does not like
 _BATCH: Final = 50_000  # ways whose geometry is held at a time
 _COPY_TO_FILE: Final = 4  # size of the copy to that of the file; 2 is usual for the densest kind, .osm.pbf
 _WRITTEN_AT_ONCE: Final = 2**20  # bytes: little enough for threads to write while the file is still being read
@@ -106,7 +104,7 @@ def read_header(path: Path) -> FileHeader:
 
 def _attribution(path: Path) -> str:
     """libosmium drops these attributes of a root element; binary files have no place for them."""
-    opener = next((opener for suffix, opener in _XML_OPENERS.items() if path.name.endswith(suffix)), None)
+    opener = xml_opener(path)
     if opener is None:
         return OSM_ATTRIBUTION
     try:
@@ -122,8 +120,25 @@ def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *,
 
     Only a file that has ways before their nodes and does not say how it is sorted has its ways read a second time.
 
-    Raises :class:`UserError` if the file cannot be read to its end as OSM data, or its roads find no room on the disk.
+    Objects with ids below 0, which editors give to what is new, get others.
+
+    Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if its
+    roads find no room on the disk.
     """
+    found, negative = _one_pass(path, header, boxes, service_roads=service_roads)
+    if not negative:
+        return found
+    with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder:
+        renumbered = Path(folder) / "renumbered.osm"
+        if not with_positive_ids(path, renumbered):
+            raise UnreadableMapError(f"{path}: has ids below 0; save it as .osm, where they are read")
+        return _one_pass(renumbered, header, boxes, service_roads=service_roads)[0]
+
+
+def _one_pass(
+    path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *, service_roads: bool
+) -> tuple[FilePass, bool]:
+    """What one pass finds, and whether nodes were not found because their ids are below 0."""
     import osmium
 
     _check_room(path)
@@ -156,7 +171,7 @@ def extract_raw(path: Path, header: FileHeader, boxes: Sequence[BoundingBox], *,
             # Again, now that every node of the file is located.
             collector.forget_ways()
             collector.read(copy_roads("again.opl", osmium.osm.WAY))
-        return collector.found()
+        return collector.found(), collector.negative
 
 
 def _check_room(path: Path) -> None:
@@ -190,9 +205,11 @@ def _reading(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except (RuntimeError, osmium.InvalidLocationError) as error:  # libosmium's exceptions have no common base
-        raise UserError(
-            f"{path}: cannot be read as OSM data ({error}); expected .osm, .osm.gz, .osm.bz2 or .osm.pbf, whole"
+    except (RuntimeError, ValueError, OverflowError, osmium.InvalidLocationError) as error:
+        # libosmium's exceptions have no common base; Arrow's for ids beyond 64 bits is a ValueError.
+        said = str(error)[:_SAID]
+        raise UnreadableMapError(
+            f"{path}: cannot be read as OSM data ({said}); expected .osm, .osm.gz, .osm.bz2 or .osm.pbf, whole"
         ) from error
 
 
@@ -201,6 +218,7 @@ class _Collector:
 
     def __init__(self, boxes: Sequence[BoundingBox], *, measure_bounds: bool, service_roads: bool) -> None:
         self.incomplete = False  # some way has a node that was not located
+        self.negative = False  # and one of those has an id below 0, which libosmium does not locate
         self._boxes = boxes
         self._areas = shapely.STRtree(
             [shapely.box(box.west_deg, box.south_deg, box.east_deg, box.north_deg) for box in boxes]
@@ -255,7 +273,9 @@ class _Collector:
     def _add_ways(self, lines: Sequence[bytes]) -> None:
         """Keep the ways whose bounds overlap a box."""
         nodes = opl.read_way_nodes(lines)
-        self.incomplete |= bool(np.isnan(nodes.longitudes_deg).any())
+        missing = np.isnan(nodes.longitudes_deg)
+        self.incomplete |= bool(missing.any())
+        self.negative |= bool((nodes.ids[missing] < 0).any())
         located, bounds = _bounds_of_ways(nodes)
         if not len(located):
             return

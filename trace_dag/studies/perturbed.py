@@ -23,7 +23,7 @@ from trace_dag.cohorts.registry import CrashSource, RegisteredMap, ReportSource
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.crash.strikes import is_of_strikes
-from trace_dag.errors import DamagedFile, Reason, Rejection, UserError
+from trace_dag.errors import DamagedFile, Failure, Reason, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, OSM_XML, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
@@ -226,7 +226,7 @@ def _maps_around(crashes: Sequence[CrashFiles]) -> dict[str, bytes]:
         extracts = catalog_of(maps, together[0].services).extract(sites, wide)
         for crash in together:
             extract = extracts[crash.key]
-            if isinstance(extract, Rejection):
+            if isinstance(extract, Rejection | Failure):
                 found[crash.key] = crash.load(OSM_XML)
             else:
                 found[crash.key] = write_osm(extract)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -107,7 +108,7 @@ def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
     """
     table = fitted_weights() if weights is None else weights
     given = tuple(facts)
-    times = {fact.name: sum(other.name == fact.name for other in given) for fact in given}
+    times = Counter(fact.name for fact in given)
     weighed = tuple(
         replace(fact, weight=table.get((fact.name, fact.agreement), 0.0) / times[fact.name]) for fact in given
     )

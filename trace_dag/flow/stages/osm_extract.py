@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trace_dag.errors import Failure, Rejection
+from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.services import MapSource
@@ -35,7 +35,7 @@ def osm_extract(
         site = Site(key, of_crash.latitude_deg, of_crash.longitude_deg)
         by_maps.setdefault((maps[key], map_service[key]), []).append(site)
     for (files, service), sites in by_maps.items():
-        found: dict[str, OsmExtract | Rejection | Failure] = {**catalog_of(files, services).extract(sites, settings)}
+        found = catalog_of(files, services).extract(sites, settings)
         if service is not None:
             uncovered = [site for site in sites if isinstance(found[site.key], Rejection)]
             found.update(_ask(services.map_source(service), uncovered, settings))
@@ -71,9 +71,17 @@ def _ask(
 
 def catalog_of(maps: tuple[RegisteredMap, ...], services: Services) -> MapCatalog:
     """The map files of a cohort; opened once per process."""
-    return _opened(tuple(services.map_file(file) for file in maps))
+    paths: list[Path | Failure] = []
+    for file in maps:
+        try:
+            paths.append(services.map_file(file))
+        except TransientFailure:
+            raise
+        except Failure as failure:
+            paths.append(failure)
+    return _opened(tuple(paths))
 
 
 @lru_cache(maxsize=8)
-def _opened(paths: tuple[Path, ...]) -> MapCatalog:
-    return MapCatalog.open(paths)
+def _opened(paths: tuple[Path | Failure, ...]) -> MapCatalog:
+    return MapCatalog.of_registered(paths)

@@ -1,0 +1,97 @@
+"""Files no real source would give: names, sizes, damage. Each costs itself, and is named with what helps."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+from html import escape
+from pathlib import Path
+
+import pytest
+from sample_runs import SAMPLE, ingest, reports_of, trace_dag
+
+from trace_dag.crash.parse import read_report
+from trace_dag.errors import Reason, Rejection
+from trace_dag.settings import CrashSettings
+
+KEY = "2023-319003"  # in the town of merrow.osm
+
+
+def test_a_file_name_that_is_not_utf8_is_left_aside_and_the_others_registered(tmp_path: Path):
+    folder = reports_of(tmp_path / "reports", (KEY,))
+    other = (SAMPLE / "reports" / "crash_319024.xml").read_bytes()
+    Path(os.fsdecode(os.fsencode(folder) + b"/crash_\xff.xml")).write_bytes(other)
+    done = ingest(tmp_path / "root", folder)
+    assert done.returncode == 0, done.stderr
+    assert "1 crashes registered" in done.stdout
+    assert r"crash_\xff.xml: its name is not UTF-8" in done.stdout
+
+
+REPORT = (SAMPLE / "reports" / "crash_319003.xml").read_text()
+EVENT = REPORT[REPORT.index("<CEvent>") : REPORT.index("</CEvent>") + len("</CEvent>")]
+
+
+@pytest.mark.parametrize(
+    ("report", "said"),
+    [
+        (REPORT.replace(EVENT, EVENT * 3_000, 1), "CEvents has 3000 entries; expected 2000 at most"),
+        (REPORT.replace("<TWAY_ID>", "<TWAY_ID>" + "A" * 1_600_000), "TWAY_ID has 16000"),
+        (REPORT.replace("<MAK_MODNAME>", "<MAK_MODNAME>" + escape("<b>") * 1_000, 1), "expected 2000 at most"),
+    ],
+    ids=["events", "street name", "make"],
+)
+def test_sizes_no_report_has_are_refused_in_a_sentence(report: str, said: str):
+    with pytest.raises(Rejection) as raised:
+        read_report(report.encode(), name="big.xml", settings=CrashSettings())
+    assert raised.value.reason is Reason.MALFORMED_REPORT
+    assert said in raised.value.detail
+    assert len(raised.value.detail) < 300
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> Path:
+    """A folder of two maps; each covers one of two crashes."""
+    (tmp_path / "osm").mkdir()
+    for name in ("merrow.osm", "quill.osm"):
+        shutil.copy(SAMPLE / "osm" / name, tmp_path / "osm" / name)
+    return tmp_path / "osm"
+
+
+def test_a_damaged_map_costs_the_crashes_it_covers_and_its_remedies_work(tmp_path: Path, town: Path):
+    root, reports = tmp_path / "root", reports_of(tmp_path / "reports", (KEY,))
+    arguments = ("ingest", "--reports", str(reports), "--cohort", "town", "--maps")
+    assert trace_dag(root, *arguments, str(town)).returncode == 0
+    whole = (town / "quill.osm").read_bytes()
+    (town / "quill.osm").write_bytes(whole[: len(whole) // 2])
+    assert trace_dag(root, "run").returncode == 0, "the other map covers it"
+
+    whole = (town / "merrow.osm").read_bytes()
+    (town / "merrow.osm").write_bytes(whole[: len(whole) // 2])
+    done = trace_dag(root, "run", "--from", "osm_extract")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    detail = trace_dag(root, "sql", "SELECT message FROM failures", "--format", "json").stdout
+    (failure,) = json.loads(detail)
+    assert str(town / "merrow.osm") in failure["message"]
+
+    refused = trace_dag(root, *arguments, str(town / "merrow.osm"))
+    assert refused.returncode == 2
+    assert "cannot be read as OSM data" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+    said = failure["message"].rpartition("trace-dag ")[2]
+    assert said == f"cohort maps --drop {town / 'merrow.osm'}"
+    remedy = shlex.split(said.replace("merrow", "quill"))
+    done = trace_dag(root, *remedy)
+    assert done.returncode == 0, done.stderr
+    assert "quill.osm" not in trace_dag(root, "cohort", "maps").stdout
+    again = trace_dag(root, *remedy)
+    assert again.returncode == 2
+    assert "no such map file is registered" in again.stderr
+
+    (town / "merrow.osm").write_bytes(whole)
+    assert trace_dag(root, *arguments, str(town / "merrow.osm")).returncode == 0
+    done = trace_dag(root, "run")
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,130 @@
+"""What no map of OpenStreetMap's is like, found before time is spent on it.
+
+Belongs here: limits with where they come from. They are far above anything real, so that no real map meets them.
+"""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import re
+import zlib
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from trace_dag.errors import UserError
+from trace_dag.osm.types import OsmExtract
+
+XML_OPENERS: Final[Mapping[str, Callable[..., Any]]] = {".osm": open, ".osm.gz": gzip.open, ".osm.bz2": bz2.open}
+"""The text formats by the ends of their names, as libosmium tells them apart."""
+
+_MAX_TOKEN: Final = 64 * 1024
+"""Bytes of one tag or comment of XML: OSM's longest value has 255 characters (API 0.6). What is longer is parsed again
+with every block that is read, which takes hours."""
+_MAX_RATIO: Final = 300
+"""Size unpacked to size packed; OSM XML has 10 to 20."""
+_UNPACKED_ANYWAY: Final = 2**28  # bytes that are read whatever the ratio is
+_MAX_WAY_NODES: Final = 2_000
+"""Nodes of a way, by OSM's own limit (API 0.6, capabilities)."""
+_MAX_ROADS_AT_NODE: Final = 24
+"""Ends of roads at one node, a road that goes through counting twice; the largest known junctions have 12."""
+_BLOCK: Final = 2**20
+_SPECIAL: Final = re.compile(rb"<!--|<!|<\?")
+_NEGATIVE: Final = re.compile(rb"""(\b(?:id|ref)\s*=\s*["'])-([0-9]{1,15})(?=["'])""")
+_ABOVE_ALL: Final = 4 * 10**15  # OSM's ids are below 2**36
+
+
+class UnreadableMapError(UserError):
+    """A map file that cannot be read, or is none of OSM's; the message names it."""
+
+
+def xml_opener(path: Path) -> Callable[..., Any] | None:
+    """What opens a file as text of XML; None for a binary one."""
+    return next((opener for suffix, opener in XML_OPENERS.items() if path.name.endswith(suffix)), None)
+
+
+def check_text(path: Path) -> None:
+    """Raise :class:`UnreadableMapError` for XML with a tag or comment that never ends, or that unpacks without end."""
+    opener = xml_opener(path)
+    if opener is None:
+        return
+    packed, unpacked, length, ends = path.stat().st_size, 0, 0, b""
+    try:
+        with opener(path, "rb") as stream:
+            while block := stream.read(_BLOCK):
+                unpacked += len(block)
+                if unpacked > max(_UNPACKED_ANYWAY, _MAX_RATIO * packed) and opener is not open:
+                    raise UnreadableMapError(
+                        f"{path}: unpacks to more than {_MAX_RATIO} times its size; OSM data has 10 to 20 times"
+                    )
+                length, ends = _longest(block, length, ends)
+                if length > _MAX_TOKEN:
+                    raise UnreadableMapError(
+                        f"{path}: one tag or comment has more than {_MAX_TOKEN} bytes; OSM data has some hundred"
+                    )
+    except (OSError, EOFError, zlib.error):
+        return  # said by libosmium, which reads it next
+
+
+def _longest(block: bytes, begun: int, ends: bytes) -> tuple[int, bytes]:
+    """Length of what is unfinished at the end of a block and what ends it; or of something too long within it.
+
+    ``begun`` bytes of a token came before, which ``ends`` ends, or any tag where that is empty.
+    """
+    at = 0
+    while at < len(block):
+        if ends:
+            end = block.find(ends, at)
+            if end < 0 or begun + end - at > _MAX_TOKEN:
+                return begun + len(block) - at if end < 0 else begun + end - at, ends
+            at, begun, ends = end + len(ends), 0, b""
+        special = _SPECIAL.search(block, at)
+        stop = special.start() if special else len(block)
+        pieces = block[at:stop].split(b"<")
+        longest = max(begun + len(pieces[0]), max(map(len, pieces[1:]), default=0))
+        if longest > _MAX_TOKEN or special is None:
+            return (longest if longest > _MAX_TOKEN else len(pieces[-1]) + (begun if len(pieces) == 1 else 0)), b""
+        at, begun = special.end(), 0
+        ends = {b"<!--": b"-->", b"<?": b"?>"}.get(special[0], b">")
+    return begun, ends
+
+
+def check_roads(extract: OsmExtract, path: Path) -> None:
+    """Raise :class:`UnreadableMapError` for roads that no road network has."""
+    for way in extract.ways:
+        if len(way.node_ids) > _MAX_WAY_NODES:
+            raise UnreadableMapError(
+                f"{path}: way {way.id} has {len(way.node_ids)} nodes; OpenStreetMap's have at most {_MAX_WAY_NODES}"
+            )
+    ends = Counter(node for way in extract.ways for node in (way.node_ids[0], way.node_ids[-1]))
+    ends.update(node for way in extract.ways for node in way.node_ids[1:-1] for _ in range(2))
+    for node, count in ends.most_common(1):
+        if count > _MAX_ROADS_AT_NODE:
+            raise UnreadableMapError(
+                f"{path}: {count} roads meet at node {node}; in the largest junctions there are a dozen"
+            )
+
+
+def with_positive_ids(source: Path, target: Path) -> bool:
+    """Copy XML to ``target`` (``.osm``) with ids below 0, as editors give them, put above all others; whether there
+    are any."""
+    opener = xml_opener(source)
+    if opener is None:
+        return False
+    found = False
+
+    def above(match: re.Match[bytes]) -> bytes:
+        return match[1] + str(_ABOVE_ALL + int(match[2])).encode()
+
+    with opener(source, "rb") as stream, target.open("wb") as copy:
+        left = b""
+        while block := stream.read(_BLOCK):
+            left += block
+            whole = left.rfind(b">") + 1
+            text, count = _NEGATIVE.subn(above, left[:whole])
+            copy.write(text)
+            left, found = left[whole:], found or count > 0
+        copy.write(left)
+    return found
