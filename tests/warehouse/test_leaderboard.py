@@ -1,0 +1,40 @@
+"""Agents are ranked over the same cases."""
+
+from __future__ import annotations
+
+import duckdb
+import pytest
+
+from trace_dag.warehouse.documents import execute_sql
+
+OUTCOMES = {"careful": "avoided avoided same same", "trial": "avoided", "blind": "same same worse same"}
+
+
+@pytest.fixture
+def connection() -> duckdb.DuckDBPyConnection:
+    """Two agents took both places in two crashes, one of them avoiding half; the third tried one, and avoided it."""
+    connection = duckdb.connect()
+    connection.execute(
+        "CREATE TABLE evaluations (agent TEXT, key TEXT, case_id TEXT, vehicle_number INTEGER, outcome TEXT, off_road_s"
+        " DOUBLE, wrong_way_s DOUBLE, recorded_delta_v_mps DOUBLE, delta_v_mps DOUBLE, max_deceleration_mps2 DOUBLE,"
+        " max_jerk_mps3 DOUBLE)"
+    )
+    for agent, outcomes in OUTCOMES.items():
+        for number, outcome in enumerate(outcomes.split()):
+            key = f"2023-{1 + number // 2}"
+            connection.execute(
+                "INSERT INTO evaluations VALUES (?, ?, ?, ?, ?, 0, 0, 10, 5, 4, 9)",
+                [agent, key, key, 1 + number % 2, outcome],
+            )
+    execute_sql(connection, "leaderboard")
+    return connection
+
+
+def test_an_agent_that_tried_one_case_stands_below_those_that_drove_in_all(connection):
+    ranked = connection.sql("SELECT agent, runs, cases FROM leaderboard").fetchall()
+    assert ranked == [("careful", 4, 4), ("blind", 4, 4), ("trial", 1, 4)]
+
+
+def test_variations_are_no_cases(connection):
+    connection.execute("INSERT INTO evaluations SELECT * REPLACE ('2023-1-v001' AS case_id) FROM evaluations")
+    assert connection.sql("SELECT max(runs), max(cases) FROM leaderboard").fetchone() == (4, 4)
