@@ -37,4 +37,4 @@ def test_an_agent_that_tried_one_case_stands_below_those_that_drove_in_all(conne
 
 def test_variations_are_no_cases(connection):
     connection.execute("INSERT INTO evaluations SELECT * REPLACE ('2023-1-v001' AS case_id) FROM evaluations")
-    assert connection.sql("SELECT max(runs), max(cases) FROM leaderboard").fetchone() == (4, 4)
+    assert connection.sql("SELECT max(runs), max(cases) FROM leaderboard").fetchall() == [(4, 4)]
