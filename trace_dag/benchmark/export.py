@@ -57,9 +57,11 @@ def export(
     *,
     told: Callable[[str], None] = lambda _key: None,
     complain: Complaint = raised,
+    left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
     """Write verified crashes below ``folder``; how many files were written or replaced. ``told`` hears of each crash,
-    ``complain`` of each that cannot be written because something stored of it is damaged.
+    ``complain`` of each that cannot be written because something stored of it is damaged, ``left_out`` of each that the
+    layout has no words for.
 
     Packages lie in a folder per key. In the published layout crashes are known by their case number alone, which is
     unique only within a year: crashes of several years lie in a folder per year.
@@ -76,6 +78,9 @@ def export(
                 contents = {below + name: data for name, data in published_files(files).items()}
         except Failure as failure:
             complain(failure)
+            continue
+        except UserError as error:
+            left_out(f"{files.key}: {error}")
             continue
         written += sum(write_if_changed(target, name, data) for name, data in contents.items())
         told(files.key)

@@ -53,6 +53,9 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
             exported += 1
             told(key)
 
-        written = write(workspace, keys, folder, layout, told=tell, complain=complaints.hear)
+        left_out: list[str] = []
+        written = write(workspace, keys, folder, layout, told=tell, complain=complaints.hear, left_out=left_out.append)
     click.echo(f"{folder}  {exported} crashes, {written} files written")
+    for why in left_out:
+        click.echo(f"left out  {why}")
     sys.exit(complaints.told())

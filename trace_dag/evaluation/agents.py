@@ -16,7 +16,7 @@ from typing import Protocol
 from trace_dag.evaluation.lane_map import LaneMap
 from trace_dag.geometry import FloatArray
 from trace_dag.sim.driving import Pedals
-from trace_dag.sim.types import Body
+from trace_dag.sim.types import Body, BodyKind
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.states.paths import Path
 
@@ -45,9 +45,11 @@ class Scenario:
 
 @dataclass(frozen=True, slots=True)
 class RoadUser:
-    """A body as seen: centre (m), heading (rad), velocity (m/s), size (m). Others' values carry the sensor's noise."""
+    """A body as seen: what it is, centre (m), heading (rad), velocity (m/s), size (m). Others' values carry the
+    sensor's noise. A person's number is 1000 + ``PER_NO``; the size is of the person with what the person rides."""
 
     number: int
+    kind: BodyKind
     x_m: float
     y_m: float
     heading_rad: float

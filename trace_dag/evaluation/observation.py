@@ -1,6 +1,6 @@
 """What an agent sees of the true state: others in range, in sight, and with the noise of a sensor.
 
-Sight is blocked by bodies only: maps hold no buildings and no plants.
+Sight is blocked by vehicles only: maps hold no buildings and no plants.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Sensing:
 
     ``range_m``: to the nearest part of another body's centre line. ``noise_m``: standard deviation of others'
     positions in x and y, m; their velocities get the same number in m/s, their headings 0.04 rad for each metre.
-    ``occlusion``: a body no part of which is in line of sight is not seen.
+    ``occlusion``: who is all behind vehicles is not seen.
     """
 
     range_m: float = 150.0
@@ -54,7 +54,8 @@ class Sensor:
             noise = self._random.standard_normal(5) * self._sensing.noise_m if self._sensing.noise_m else None
             if math.hypot(state.x_m - own.x_m, state.y_m - own.y_m) > self._sensing.range_m:
                 continue
-            between = [outline for other, outline in enumerate(outlines) if other != index]
+            # A vehicle hides what is behind it; past a person one sees.
+            between = [outlines[k] for k, each in enumerate(others) if k != index and not self._is_person(each)]
             if self._sensing.occlusion and not in_sight(own, outlines[index], between):
                 continue
             seen.append(self._as_seen(state, noise))
@@ -73,6 +74,9 @@ class Sensor:
             tuple(seen),
         )
 
+    def _is_person(self, state: BodyState) -> bool:
+        return self._bodies[state.number].is_person
+
     def _outline(self, state: BodyState) -> Outline:
         body = self._bodies[state.number]
         return Outline(state.x_m, state.y_m, state.heading_rad, body.length_m / 2, body.width_m / 2)
@@ -82,6 +86,7 @@ class Sensor:
         dx, dy, dvx, dvy, turn = (0.0,) * 5 if noise is None else noise.tolist()
         return RoadUser(
             state.number,
+            body.kind,
             state.x_m + dx,
             state.y_m + dy,
             math.remainder(state.heading_rad + _HEADING_NOISE_RADPM * turn, math.tau),

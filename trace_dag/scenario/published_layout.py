@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.parties import party_label
 from trace_dag.errors import UserError
 from trace_dag.geometry import FloatArray, Pose, arc_lengths, headings
 from trace_dag.sim.carla_frame import heading_to_carla, location_to_carla
@@ -46,11 +47,17 @@ class _Way:
 def write_published(hypothesis: Hypothesis, log: SimulationLog) -> bytes:
     """``simulation_<stateCase>.json`` of one simulated hypothesis.
 
-    The vehicle with the lower number is ``vehicle1``. Raises :class:`UserError` for a simulation without a contact.
+    The vehicle with the lower number is ``vehicle1``. Raises :class:`UserError` for a simulation without a contact, and
+    for one in which a person was struck: the layout knows two vehicles.
     """
     contact = log.first_contact
     if contact is None:
         raise UserError("a crash without a contact cannot be told in the published layout")
+    if log.bodies[contact.number_2].is_person:
+        raise UserError(
+            f"{party_label(contact.number_1)} struck {party_label(contact.number_2)}, a person; the published layout "
+            "knows two vehicles and nobody else: use the layout packages"
+        )
     states = {state.vehicle_number: state for state in hypothesis.participants}
     ways = [_way(states[number], log, contact) for number in sorted((contact.number_1, contact.number_2))]
     lead_s = min((way.hit_at_m / way.speed_mps for way in ways if way.speed_mps > 0), default=0.0)

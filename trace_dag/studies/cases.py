@@ -85,8 +85,13 @@ def load_case(stored: StoredCase, settings: Settings, storage: Storage) -> Case:
 
 
 def number_of(case: Case, role: AgentRole) -> int:
-    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one."""
+    """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
+
+    Where one of the two is a person, whom no agent drives, it is the vehicle in every role.
+    """
     first, second = case.pair
+    if case.recorded.bodies[second].is_person:
+        return first
     if role is AgentRole.FIRST:
         return first
     if role is AgentRole.SECOND:

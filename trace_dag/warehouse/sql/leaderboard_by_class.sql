@@ -1,8 +1,8 @@
--- What each agent made of the crashes of each class of the three coverage dimensions.
+-- What each agent made of the crashes of each kind, and of each class of the three coverage dimensions.
 CREATE VIEW leaderboard_by_class AS
 WITH classes AS (
-    UNPIVOT (SELECT key, collision_type, road_topology, vehicle_trajectory FROM crashes)
-    ON collision_type, road_topology, vehicle_trajectory
+    UNPIVOT (SELECT key, kind, collision_type, road_topology, vehicle_trajectory FROM crashes)
+    ON kind, collision_type, road_topology, vehicle_trajectory
     INTO NAME dimension VALUE class
 )
 SELECT
@@ -21,9 +21,9 @@ WHERE case_id = key
 GROUP BY agent, dimension, class
 ORDER BY agent, dimension, class;
 
-COMMENT ON VIEW leaderboard_by_class IS 'What each agent made of the verified crashes of each class';
+COMMENT ON VIEW leaderboard_by_class IS 'What each agent made of the verified crashes of each kind and class';
 COMMENT ON COLUMN leaderboard_by_class.agent IS 'Name of the agent, and of conditions other than the usual';
-COMMENT ON COLUMN leaderboard_by_class.dimension IS 'collision_type, road_topology or vehicle_trajectory';
+COMMENT ON COLUMN leaderboard_by_class.dimension IS 'kind, collision_type, road_topology or vehicle_trajectory';
 COMMENT ON COLUMN leaderboard_by_class.class IS 'Class of the dimension';
 COMMENT ON COLUMN leaderboard_by_class.runs IS 'Evaluations: crashes times places it took';
 COMMENT ON COLUMN leaderboard_by_class.avoided IS 'Runs in which nobody touched anybody';
