@@ -6,7 +6,7 @@ crashes, and everything else is materialized. A rejected crash is materialized a
 metadata: it is data, neither failed nor missing.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from dagster import (
@@ -72,6 +72,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     stages = [stage for stage in Stage if AssetKey(stage.value) in context.selected_asset_keys]
     force = [stage for stage in stages if "all" in config.force or stage.value in config.force]
     try:
+        _check_configuration(config.settings)
         workspace = workspace.with_settings(config.settings)
         context.instance.add_run_tags(context.run.run_id, _tags(workspace, context.partition_keys))
         events = run_stages(workspace, context.partition_keys, stages, run_id=context.run.run_id, force=force)
@@ -98,6 +99,18 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             allow_retries=False,
         )
     yield from ()
+
+
+def _check_configuration(settings: Mapping[str, Any]) -> None:
+    """Raise :class:`UserError` for settings that say where files, services and workers are: those are the root's own.
+
+    A run's configuration may come from whoever reaches the UI.
+    """
+    execution = settings.get("execution")
+    if "services" in settings or (isinstance(execution, Mapping) and "dask_address" in execution):
+        raise UserError(
+            "a run's settings: services and execution.dask_address are set in settings.toml or the environment alone"
+        )
 
 
 def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:

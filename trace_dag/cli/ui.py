@@ -20,9 +20,16 @@ from trace_dag.errors import UserError
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", default=3000, show_default=True, help="Port to listen on.")
+@click.option(
+    "--allow-host", "allowed", multiple=True, metavar="NAME", help="A further name it is reached by, as by a proxy."
+)
+@click.option("--read-only", is_flag=True, help="To look at: nothing can be run, changed or deleted.")
 @click.pass_obj
-def ui(root: str, host: str, port: int) -> None:
-    """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there."""
+def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: bool) -> None:
+    """Open the Dagster UI on this storage root: the web server, and the daemon that runs what is launched there.
+
+    It answers to its own names and pages alone, and knows no users: whoever reaches the port may do everything.
+    """
     from trace_dag.assets.partitions import add_partitions
     from trace_dag.definitions.launch import open_instance
     from trace_dag.flow.workspace import Workspace
@@ -31,11 +38,12 @@ def ui(root: str, host: str, port: int) -> None:
     workspace = Workspace.open(root)
     with open_instance(workspace) as instance:
         add_partitions(instance, workspace.registry.keys())
-    click.echo(f"Dagster UI on http://{host}:{port} for {workspace.root} (Ctrl-C ends it)")
+    only = ", read-only" if read_only else ""
+    click.echo(f"Dagster UI on http://{host}:{port} for {workspace.root}{only} (Ctrl-C ends it)")
     os.chdir(workspace.dagster_home)
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
-    command = [sys.executable, "-m", "dagster", "dev", "-m", "trace_dag.definitions", "-h", host, "-p", str(port)]
-    command += ["--log-level", "warning"]
+    command = [sys.executable, "-m", "trace_dag.definitions.webserver", host, str(port)]
+    command += ["read-only" if read_only else "-", *allowed]
     # In place of this process, so that a signal sent to it reaches the servers.
     os.execv(sys.executable, command)  # noqa: S606 - our own interpreter
 

@@ -7,7 +7,6 @@ Belongs here: putting assets, checks, jobs, sensors and resources together (this
 from typing import Any
 
 from dagster import ConfigurableResource, Definitions, InitResourceContext, in_process_executor
-from pydantic import Field
 
 from trace_dag.assets.after_runs import AFTER_RUNS
 from trace_dag.assets.batch import crashes
@@ -21,13 +20,14 @@ from trace_dag.flow.workspace import Workspace, storage_root
 
 
 class WorkspaceResource(ConfigurableResource[Workspace]):
-    """Builds the :class:`Workspace` that assets, checks and sensors work on."""
+    """Builds the :class:`Workspace` that assets, checks and sensors work on.
 
-    root: str = Field(default="", description="Storage root; empty: TRACE_DAG_ROOT, else ./trace_dag_home.")
+    Its root is that of the environment (TRACE_DAG_ROOT, else ./trace_dag_home): no run's configuration can move it.
+    """
 
     def create_resource(self, context: InitResourceContext) -> Workspace:
         """The home at that root, with the real stages."""
-        return Workspace.open(storage_root(self.root))
+        return Workspace.open(storage_root())
 
 
 def build_definitions(workspace: Any = None) -> Definitions:

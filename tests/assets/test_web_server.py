@@ -1,0 +1,180 @@
+"""Dagster's real web server as ``trace-dag ui`` starts it, and what pages of other sites make a browser ask it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pytest
+from sample_runs import command, ingest, reports_of
+
+MUTATION = "mutation { setNuxSeen } "
+VERSION = "{ version }"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Server:
+    def __init__(self, port: int) -> None:
+        self.port = port
+        self.host = f"127.0.0.1:{port}"
+
+    def ask(self, method: str, path: str, body: str = "", **headers: str) -> tuple[int, str]:
+        """Status and text of an answer; headers by name with ``_`` for ``-``, Host as it should be unless given."""
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            connection.request(method, path, body or None, {"Host": self.host, **named})
+            answer = connection.getresponse()
+            return answer.status, answer.read().decode(errors="replace")
+        finally:
+            connection.close()
+
+    def graphql(self, query: str, **headers: str) -> tuple[int, str]:
+        given = {"Content_Type": "application/json", **headers}
+        return self.ask("POST", "/graphql", json.dumps({"query": query}), **given)
+
+
+@contextmanager
+def serving(root: Path, *options: str) -> Iterator[Server]:
+    server = Server(free_port())
+    process = subprocess.Popen(
+        command(root, "ui", "--port", str(server.port), *options),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"TRACE_DAG_EXECUTION__EXECUTOR": "in_process"},
+    )
+    try:
+        deadline = time.monotonic() + 300
+        while True:
+            try:
+                assert server.ask("GET", "/server_info")[0] == 200
+                break
+            except OSError:
+                assert process.poll() is None, process.communicate()[0]
+                assert time.monotonic() < deadline
+                time.sleep(0.3)
+        yield server
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(timeout=60)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ui")
+    assert ingest(folder / "root", reports_of(folder / "reports", ("2023-319003",))).returncode == 0
+    return folder / "root"
+
+
+@pytest.fixture(scope="module")
+def server(root: Path) -> Iterator[Server]:
+    with serving(root, "--allow-host", "crashes.example.org") as started:
+        yield started
+
+
+def test_its_own_page_and_programs_may_ask_and_change(server: Server):
+    for headers in ({}, {"Origin": f"http://{server.host}", "Sec_Fetch_Site": "same-origin"}):
+        status, said = server.graphql(VERSION, **headers)
+        assert (status, "version" in json.loads(said)["data"]) == (200, True)
+        status, said = server.graphql(MUTATION, **headers)
+        assert (status, json.loads(said)["data"]) == (200, {"setNuxSeen": True})
+    assert server.ask("GET", "/", Accept="text/html")[0] == 200
+    assert server.ask("GET", "/", Accept="text/html", Sec_Fetch_Site="cross-site", Sec_Fetch_Mode="navigate")[0] == 200
+    assert server.graphql(VERSION, Host=f"localhost:{server.port}")[0] == 200
+    assert server.graphql(VERSION, Host="crashes.example.org", Origin="https://crashes.example.org")[0] == 200
+
+
+FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "headers"),
+    [
+        ("GET", "/graphql?" + urlencode({"query": MUTATION}), "", {}),
+        ("GET", "/graphql?" + urlencode({"query": MUTATION}), "", {"Sec_Fetch_Mode": "navigate", **FOREIGN}),
+        ("GET", "/graphql/?" + urlencode({"query": VERSION}), "", {}),
+        ("POST", "/graphql?" + urlencode({"query": MUTATION}), "", {}),
+        ("POST", "/graphql", json.dumps({"query": MUTATION}), {"Content_Type": "text/plain"}),
+        ("POST", "/graphql", json.dumps({"query": MUTATION}), {"Content_Type": "application/json", **FOREIGN}),
+        (
+            "POST",
+            "/graphql",
+            json.dumps({"query": MUTATION}),
+            {"Content_Type": "application/json", "Origin": "null"},
+        ),
+        ("POST", "/graphql", MUTATION, {"Content_Type": "application/graphql", "Sec_Fetch_Site": "same-site"}),
+        ("POST", "/graphql", json.dumps({"query": VERSION}), {"Content_Type": "application/json", "Host": "evil.org"}),
+        ("GET", "/", "", {"Host": "evil.example.org"}),
+        ("GET", "/server_info", "", {"Host": "127.0.0.1.evil.example.org"}),
+        ("GET", "/server_info", "", FOREIGN),
+    ],
+)
+def test_what_a_page_elsewhere_makes_a_browser_ask_is_refused(
+    server: Server, method: str, path: str, body: str, headers: dict[str, str]
+):
+    status, said = server.ask(method, path, body, **headers)
+    assert status == 403, said
+    assert said.startswith("trace-dag ui: ")
+    assert len(said.splitlines()) == 1
+
+
+def test_a_socket_is_for_its_own_pages(server: Server):
+    upgrade = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec_WebSocket_Version": "13",
+        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+        "Sec_WebSocket_Protocol": "graphql-ws",
+    }
+    assert server.ask("GET", "/graphql", **upgrade, Origin="http://evil.example.org")[0] == 403
+    assert server.ask("GET", "/graphql", **upgrade, Host="evil.example.org")[0] == 403
+    assert server.ask("GET", "/graphql", **upgrade, Origin=f"http://{server.host}")[0] == 101
+
+
+LAUNCH = """
+mutation { launchRun(executionParams: {
+  selector: {
+    repositoryLocationName: "trace_dag.definitions", repositoryName: "__repository__", pipelineName: "summary"
+  },
+  runConfigData: %s, mode: "default"}) { __typename ... on PythonError { message }
+  ... on RunConfigValidationInvalid { errors { message } } } }
+"""
+
+
+def test_a_runs_configuration_cannot_move_the_root(server: Server, root: Path, tmp_path: Path):
+    moved = json.dumps(json.dumps({"resources": {"workspace": {"config": {"root": str(tmp_path / "elsewhere")}}}}))
+    status, said = server.graphql(LAUNCH % moved)
+    assert status == 200
+    assert json.loads(said)["data"]["launchRun"]["__typename"] == "RunConfigValidationInvalid", said
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_read_only_is_read_only(root: Path):
+    with serving(root, "--read-only") as server:
+        assert server.graphql(VERSION)[0] == 200
+        _, said = server.graphql(LAUNCH % json.dumps("{}"))
+        assert json.loads(said)["data"]["launchRun"]["__typename"] == "UnauthorizedError", said
+        _, said = server.graphql(
+            'mutation { wipeAssets(assetPartitionRanges: [{assetKey: {path: ["warehouse"]}}]) { __typename } }'
+        )
+        assert json.loads(said)["data"]["wipeAssets"]["__typename"] == "UnauthorizedError", said

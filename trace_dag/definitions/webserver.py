@@ -1,0 +1,128 @@
+"""Dagster's web server behind a guard, and its daemon: what ``trace-dag ui`` starts.
+
+Dagster's web server has no users: whoever reaches it may run and delete everything, by a plain link too
+(``GET /graphql?query=mutation...``). A page open in a browser on the same machine reaches it. So the guard lets through
+what comes to one of the server's own names, from no page but its own, and nothing that changes something but by POST.
+It is no substitute for users and passwords where others reach the port: ``deploy/`` says what must stand in front.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import subprocess
+import sys
+from collections.abc import Awaitable, Callable, MutableMapping
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Message, Receive, Send], Awaitable[None]]
+
+_LOCAL: Final = ("localhost", "127.0.0.1", "::1")
+_WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
+_CODE: Final = ("-m", "trace_dag.definitions")
+_QUIET: Final = ("--log-level", "warning")
+
+
+class Guard:
+    """An ASGI application in front of another. ``hosts``: the names it is reached by, without port."""
+
+    def __init__(self, app: App, hosts: tuple[str, ...]) -> None:
+        self._app = app
+        self._hosts = {host.lower() for host in hosts}
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it in a line."""
+        refused = self._refused(scope) if scope["type"] in ("http", "websocket") else ""
+        if not refused:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": refused})
+        else:
+            text = [(b"content-type", b"text/plain; charset=utf-8")]
+            await send({"type": "http.response.start", "status": 403, "headers": text})
+            await send({"type": "http.response.body", "body": f"trace-dag ui: {refused}\n".encode()})
+
+    def _refused(self, scope: Message) -> str:
+        """Why a request is not let through; nothing if it is."""
+        headers: dict[bytes, list[str]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.lower(), []).append(value.decode("latin-1"))
+        hosts, origins = headers.get(b"host", []), headers.get(b"origin", [])
+        if len(hosts) != 1 or (_host_of(hosts[0]) or "") not in self._hosts:
+            return "this is not a name of this server; trace-dag ui --allow-host adds one"
+        if any(urlsplit(origin).netloc.lower() != hosts[0].lower() for origin in origins):
+            return "pages of other origins may not ask this server"
+        if scope["type"] == "websocket":
+            return ""
+        navigates = headers.get(b"sec-fetch-mode") == ["navigate"] and scope["method"] in _WITHOUT_EFFECT
+        if not navigates and headers.get(b"sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
+            return "pages of other origins may not ask this server"
+        if scope["path"].rstrip("/").endswith("/graphql"):
+            return _refused_question(scope, headers)
+        return ""
+
+
+def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:
+    """Why a request to GraphQL is not let through: a link or a form is not enough to ask it anything."""
+    if scope["query_string"]:
+        return "questions to GraphQL are sent by POST, in the body"
+    content_type = headers.get(b"content-type", [""])[0].partition(";")[0].strip().lower()
+    if scope["method"] == "POST" and content_type not in ("application/json", "application/graphql"):
+        return "questions to GraphQL are sent as application/json"
+    return ""
+
+
+def _host_of(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+def serve(host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: bool = False) -> None:
+    """Serve the UI until the process is told to end; with the daemon, unless it is only to be looked at."""
+    cli: Any = importlib.import_module("dagster_webserver.cli")
+    hosts = (*_LOCAL, host, *allowed)
+    unguarded = cli.create_app_from_workspace_process_context
+
+    def guarded(*arguments: Any, **options: Any) -> Guard:
+        return Guard(unguarded(*arguments, **options), hosts)
+
+    cli.create_app_from_workspace_process_context = guarded
+    daemon = None if read_only else _start_daemon()
+    words = ["--host", host, "--port", str(port), *_CODE, "--dagster-log-level", "warning"]
+    signal.signal(signal.SIGINT, _end)  # also where a script has started this in the background
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        cli.cli(["--read-only", *words] if read_only else words, standalone_mode=False)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if daemon is not None:
+            daemon.send_signal(signal.SIGINT)
+            try:
+                daemon.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                daemon.kill()
+
+
+def _start_daemon() -> subprocess.Popen[bytes]:
+    """What runs what is launched, in a process of its own."""
+    beside = Path(sys.executable).with_name("dagster-daemon")
+    return subprocess.Popen([str(beside), "run", *_CODE, *_QUIET])  # noqa: S603 - a program of this environment
+
+
+def _end(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    _host, _port, _read_only, *_allowed = sys.argv[1:]
+    serve(_host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")
