@@ -119,7 +119,8 @@ def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[
     for index, each in enumerate(planned):
         source = "inferred" if reported.get(each.vehicle_number) is None else "as reported"
         speed = f"{mps_to_mph(each.initial_speed_mps):.0f} mph {source}"
-        words = [each.vehicle_class.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
+        what = each.kind if each.is_person else each.vehicle_class
+        words = [what.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
         entries.append(
             ({"color": vehicle_colour(index), "lw": 5}, f"{party_label(each.vehicle_number)} {', '.join(words)}")
         )
@@ -135,10 +136,6 @@ def _signs(
         signs.append(({"color": _PATH_COLOUR, "lw": 1, "ls": (0, (4, 3))}, "planned path, outline at its start"))
     if log:
         signs.append(({"color": _PATH_COLOUR, "lw": 1.6}, "driven path, pale body at rest"))
-    if log and any(body.is_person for body in log.bodies.values()):
-        signs.append(
-            ({"color": _PATH_COLOUR, "marker": "o", "ms": 8, "mfc": "white"}, "person: at the strike, pale at rest")
-        )
     if log and log.first_contact:
         signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, "first contact"))
     signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))
