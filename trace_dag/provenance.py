@@ -21,7 +21,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from trace_dag.code_versions import CodeVersion
+from trace_dag.code_versions import CodeVersion, code_version
 from trace_dag.errors import DamagedFile, Reason
 from trace_dag.plugins import Plugin, PluginKind, plugin
 from trace_dag.sealing import sealed, unsealed
@@ -226,6 +226,11 @@ def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
         if isinstance(declared, PluginKind):
             chosen.append(plugin(declared, getattr(section, name)))
     return tuple(chosen)
+
+
+def code_of(modules: tuple[str, ...], section: BaseModel | None) -> CodeVersion:
+    """The version of the code of some modules and of the plugins that a section of settings chooses."""
+    return code_version(modules, tuple(each.module for each in chosen_plugins(section)))
 
 
 def combined_digest(parts: Mapping[str, str]) -> str:

@@ -7,7 +7,7 @@ up to date like after runs of stages (:mod:`trace_dag.assets.after_runs`).
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from dagster import AssetExecutionContext, AssetsDefinition, Config, Failure, MaterializeResult, MetadataValue, asset
 from pydantic import Field
@@ -28,6 +28,7 @@ from trace_dag.studies.estimators import estimators_compared
 from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
 from trace_dag.studies.peer import published_comparison
 from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
+from trace_dag.studies.stored_crashes import cohorts_of, of_each
 from trace_dag.studies.stored_variations import FamilyRequest
 from trace_dag.studies.summaries import (
     StudyTable,
@@ -42,6 +43,7 @@ from trace_dag.studies.truth import load_truth
 from trace_dag.studies.variations import make_families
 
 GROUP = "studies"
+Found = TypeVar("Found")
 _LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not take part
 
 
@@ -126,8 +128,8 @@ def _study(description: str, deps: Sequence[str] = (Stage.VERDICT.value,)) -> Ca
     )
 
 
-def _cohorts(workspace: Workspace, cohort: str) -> list[str]:
-    return [workspace.registry.cohort(cohort).name] if cohort else list(workspace.registry.cohorts())
+def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], Found]) -> dict[str, Found]:
+    return of_each(cohorts_of(workspace, config.cohort or None), study)
 
 
 def _cases(workspace: Workspace, cohort: str, left_out: list[str]) -> list[StoredCase]:
@@ -151,12 +153,13 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
     workspace: Workspace = context.resources.workspace
     left_out: list[str] = []
     with _failing_in_a_line():
-        found = {
-            name: negative_controls(
+        found = _of_each(
+            workspace,
+            config,
+            lambda name: negative_controls(
                 workspace, name, most=config.most, complain=lambda failure: left_out.append(str(failure))
-            )
-            for name in _cohorts(workspace, config.cohort)
-        }
+            ),
+        )
     return _result(controls_table(found), left_out)
 
 
@@ -167,13 +170,14 @@ def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> Materi
     left_out: list[str] = []
     request = Request(config.most, (), tuple(config.kinds), config.draws, config.seed)
     with _failing_in_a_line():
-        rows = [
-            row
-            for name in _cohorts(workspace, config.cohort)
-            for row in perturbed_controls(
+        found = _of_each(
+            workspace,
+            config,
+            lambda name: perturbed_controls(
                 workspace, name, request, complain=lambda failure: left_out.append(str(failure))
-            )
-        ]
+            ),
+        )
+    rows = [row for of_cohort in found.values() for row in of_cohort]
     return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
 
 
@@ -183,12 +187,13 @@ def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResul
     workspace: Workspace = context.resources.workspace
     left_out: list[str] = []
     with _failing_in_a_line():
-        compared = [
-            published_comparison(
+        compared = _of_each(
+            workspace,
+            config,
+            lambda name: published_comparison(
                 workspace, name, Path(config.folder), complain=lambda failure: left_out.append(str(failure))
-            )
-            for name in _cohorts(workspace, config.cohort)
-        ]
+            ),
+        ).values()
     left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
     return _result(peer_table([row for each in compared for row in each.rows]), left_out)
 
@@ -199,11 +204,10 @@ def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> Mate
     workspace: Workspace = context.resources.workspace
     with _failing_in_a_line():
         truth = load_truth(Path(config.truth)) if config.truth else None
-        rows = [
-            row
-            for name in _cohorts(workspace, config.cohort)
-            for row in estimators_compared(workspace, name, config.estimators, truth=truth)
-        ]
+        found = _of_each(
+            workspace, config, lambda name: estimators_compared(workspace, name, config.estimators, truth=truth)
+        )
+    rows = [row for of_cohort in found.values() for row in of_cohort]
     failed = [f"{row.key} with {row.estimator}: {row.detail}" for row in rows if row.outcome == "failed"]
     return _result(estimators_table(rows), failed)
 

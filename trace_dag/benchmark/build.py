@@ -19,21 +19,20 @@ from typing import Any
 
 from trace_dag.benchmark.packaging import map_attribution, package_of, unverified_files
 from trace_dag.code_versions import code_version
-from trace_dag.cohorts.registry import CrashSource
 from trace_dag.errors import Failure
 from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, RECORD, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
-from trace_dag.flow.records import Records, read_records
-from trace_dag.flow.standing import FinalState, valid_records
+from trace_dag.flow.records import Records
+from trace_dag.flow.standing import FinalState
 from trace_dag.flow.worker import picture_name
 from trace_dag.flow.workspace import Workspace
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.leaderboard import write_leaderboard
-from trace_dag.settings import Settings
 from trace_dag.storage import Storage, StoredFile
+from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.warehouse import query
 
 FOLDER = "benchmark"
@@ -41,7 +40,6 @@ SUBJECT = "benchmark"  # of the ledger
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
-_CODE = ("trace_dag.scenario.crash_page", "trace_dag.scenario.package", "trace_dag.scenario.site")
 _FILES = f"{FOLDER}/files/"
 _OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
 
@@ -70,8 +68,6 @@ class BenchmarkReport:
 class _Task:
     """Crashes whose pages are to be made; rows are those of the warehouse."""
 
-    storage: Storage
-    settings: Settings
     crashes: tuple[_Crash, ...]
 
     def split(self) -> list[_Task]:
@@ -80,13 +76,15 @@ class _Task:
 
 @dataclass(frozen=True)
 class _Crash:
-    key: str
-    source: CrashSource
-    records: Records
+    files: CrashFiles
     row: Mapping[str, Any]
     outcomes: tuple[Mapping[str, Any], ...]
     rights: Rights
     digest: str
+
+    @property
+    def key(self) -> str:
+        return self.files.key
 
 
 def build_benchmark(workspace: Workspace, *, contents: bool = False) -> BenchmarkReport:
@@ -165,8 +163,8 @@ def benchmark_is_whole(storage: Storage) -> bool:
 
 def _crashes(workspace: Workspace, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> list[_Crash]:
     keys = [row["key"] for row in table]
-    sources = workspace.registry.sources(keys)
-    records = {key: valid_records(each) for key, each in read_records(workspace.storage, keys).items()}
+    files = {each.key: each for each in crash_files(workspace, keys)}
+    records = {key: each.records for key, each in files.items()}
     outcomes: dict[str, list[Mapping[str, Any]]] = {}
     for row in query.rows(warehouse, "stage_outcomes"):
         outcomes.setdefault(row["key"], []).append(row)
@@ -180,7 +178,7 @@ def _crashes(workspace: Workspace, warehouse: Path, table: Sequence[Mapping[str,
         parts = [code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
         said = tuple(outcomes.get(key, ()))
-        crashes.append(_Crash(key, sources[key], records[key], crash, said, rights[key], digest))
+        crashes.append(_Crash(files[key], crash, said, rights[key], digest))
     return crashes
 
 
@@ -199,10 +197,7 @@ def _rights(table: Sequence[Mapping[str, Any]], records: Mapping[str, Records]) 
 
 def _tasks(workspace: Workspace, crashes: Sequence[_Crash], workers: int) -> list[_Task]:
     size = max(1, min(workspace.settings.execution.chunk_size, math.ceil(len(crashes) / (4 * workers))))
-    return [
-        _Task(workspace.storage, workspace.settings, tuple(crashes[start : start + size]))
-        for start in range(0, len(crashes), size)
-    ]
+    return [_Task(tuple(crashes[start : start + size])) for start in range(0, len(crashes), size)]
 
 
 @dataclass(frozen=True)
@@ -218,11 +213,8 @@ def _make(task: _Task) -> _Made:
     made: list[StoredFile] = []
     errors: dict[str, str] = {}
     for crash in task.crashes:
-        files = CrashFiles(crash.key, crash.source, task.settings, task.storage)
-        for record in crash.records.values():
-            files.accept(record)
         try:
-            made += _make_one(files, crash)
+            made += _make_one(crash.files.unread(), crash)
         except Failure as failure:
             errors[crash.key] = str(failure)
         except Exception as error:
@@ -237,7 +229,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED
-    made = package_of(files, crash.records) if verified else unverified_files(files)
+    made = package_of(files) if verified else unverified_files(files)
     downloads: list[Download] = []
     written: list[StoredFile] = []
     if verified:
@@ -287,7 +279,7 @@ def is_made_by_this_code(storage: Storage) -> bool:
 
 
 def _code() -> str:
-    return code_version((__name__, *_CODE)).digest
+    return code_version((__name__,)).digest
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:

@@ -14,10 +14,11 @@ from trace_dag.benchmark.packaging import package_of, published_files, published
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import Records, log_complaint, read_records
-from trace_dag.flow.standing import FinalState, standing, valid_records
+from trace_dag.flow.records import log_complaint, read_records
+from trace_dag.flow.standing import FinalState, standing
 from trace_dag.flow.workspace import Workspace
 from trace_dag.storage import Storage
+from trace_dag.studies.stored_crashes import crash_files
 
 Layout = Literal["packages", "published"]
 
@@ -68,11 +69,11 @@ def export(
     """
     target, written = Storage.open(folder), 0
     years = {key.partition("-")[0] for key in keys}
-    for files, records in _crashes(workspace, keys):
+    for files in _crashes(workspace, keys):
         year = files.key.partition("-")[0]
         try:
             if layout == "packages":
-                contents = {f"{files.key}/{name}": data for name, data in package_of(files, records).items()}
+                contents = {f"{files.key}/{name}": data for name, data in package_of(files).items()}
             else:
                 below = f"{year}/" if len(years) > 1 else ""
                 contents = {below + name: data for name, data in published_files(files).items()}
@@ -100,15 +101,6 @@ def write_if_changed(target: Storage, name: str, data: bytes) -> bool:
     return True
 
 
-def _crashes(workspace: Workspace, keys: Sequence[str]) -> Iterator[tuple[CrashFiles, Records]]:
+def _crashes(workspace: Workspace, keys: Sequence[str]) -> Iterator[CrashFiles]:
     for start in range(0, len(keys), _AT_A_TIME):
-        some = keys[start : start + _AT_A_TIME]
-        sources, stored = workspace.registry.sources(some), read_records(workspace.storage, some)
-        for key in some:
-            files, records = (
-                CrashFiles(key, sources[key], workspace.settings, workspace.storage),
-                valid_records(stored[key]),
-            )
-            for record in records.values():
-                files.accept(record)
-            yield files, records
+        yield from crash_files(workspace, keys[start : start + _AT_A_TIME])

@@ -26,8 +26,8 @@ from trace_dag.flow.records import Records
 from trace_dag.stage import Stage
 
 
-def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
-    """The scenario package of a verified crash, by file name. ``records`` are those that count."""
+def package_of(files: CrashFiles) -> dict[str, bytes]:
+    """The scenario package of a verified crash, by file name."""
     from trace_dag.scenario.package import PackageInput, package_files
 
     verdict = files.load(VERDICT)
@@ -44,7 +44,7 @@ def package_of(files: CrashFiles, records: Records) -> dict[str, bytes]:
                     "inputs": record.provenance.inputs,
                     "fingerprint": record.fingerprint,
                 }
-                for stage, record in records.items()
+                for stage, record in files.records.items()
             },
             network=files.load(ROAD_MAP),
             map_report=files.load(MAP_REPORT),

@@ -10,7 +10,7 @@ import click
 from trace_dag.cli.options import ManyValuesCommand, examples, execution_overrides, executor_options
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_told
-from trace_dag.cli.study import cohorts_of, into_warehouse, judged_by, of_each, rules_option
+from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 
 if TYPE_CHECKING:
     from trace_dag.cli.complaints import Complaints
@@ -88,8 +88,9 @@ def controls(
     workspace = judged_by(workspace, rules)
     most = _MOST_CONTROLS if most is None else most
     with progress_told("read, then judged") as tell:
-        found = of_each(
-            cohorts_of(workspace, cohort),
+        found = of_cohorts(
+            workspace,
+            cohort,
             lambda name: negative_controls(workspace, name, most=most, tell=tell, complain=complaints.hear),
             complaints,
         )
@@ -121,8 +122,9 @@ def _perturbed(
     overrides: dict[str, Any] = {"execution": execution}
     workspace = workspace.with_settings(overrides | ({"verdict": {"rule_set": rules}} if rules else {}))
     with progress_told("changed reports") as tell:
-        found = of_each(
-            cohorts_of(workspace, cohort),
+        found = of_cohorts(
+            workspace,
+            cohort,
             lambda name: perturbed_controls(workspace, name, request, tell=tell, complain=complaints.hear),
             complaints,
         )

@@ -10,7 +10,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
-from trace_dag.cli.study import cohorts_of, into_warehouse, judged_by, of_each, rules_option
+from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
 
 if TYPE_CHECKING:
     from trace_dag.settings import RuleSetName
@@ -40,8 +40,9 @@ def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None,
     from trace_dag.studies.summaries import peer_table
 
     workspace, complaints = Workspace.open(root), Complaints()
-    compared = of_each(
-        cohorts_of(workspace, cohort),
+    compared = of_cohorts(
+        workspace,
+        cohort,
         lambda name: published_comparison(judged_by(workspace, rules), name, folder, complain=complaints.hear),
         complaints,
     ).values()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 import click
@@ -23,36 +23,22 @@ rules_option = click.option(
 
 
 def judged_by(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
+    """The workspace with other rules to judge by; itself where none are given."""
     return workspace.with_settings({"verdict": {"rule_set": rules}} if rules else {})
 
 
-def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
+def of_cohorts(
+    workspace: Workspace, cohort: str | None, study: Callable[[str], Found], complaints: Complaints
+) -> dict[str, Found]:
+    """A study of one cohort, or of each; where there is nothing to study, what was left out is said first."""
     from trace_dag.errors import UserError
+    from trace_dag.studies.stored_crashes import cohorts_of, of_each
 
-    registry = workspace.registry
-    if cohort is not None:
-        return [registry.cohort(cohort).name]
-    names = list(registry.cohorts())
-    if not names:
-        raise UserError(f"no crash is registered in {workspace.root}; see trace-dag ingest")
-    return names
-
-
-def of_each(cohorts: Sequence[str], compared: Callable[[str], Found], complaints: Complaints) -> dict[str, Found]:
-    """What was found of every cohort that has something to compare; the last one's complaint if none has."""
-    from trace_dag.errors import UserError
-
-    found: dict[str, Found] = {}
-    complaint: UserError | None = None
-    for name in cohorts:
-        try:
-            found[name] = compared(name)
-        except UserError as error:
-            complaint = error
-    if complaint is not None and not found:
-        complaints.told()  # why there is nothing
-        raise complaint
-    return found
+    try:
+        return of_each(cohorts_of(workspace, cohort), study)
+    except UserError:
+        complaints.told()
+        raise
 
 
 def into_warehouse(workspace: Workspace, complaints: Complaints) -> BuildReport:

@@ -98,7 +98,7 @@ def vary(
         with progress_of("packages", len(stored)) as tell:
             for case in stored:
                 try:
-                    archive = zip_files(package_of(workspace, case), folder=case.case_id)
+                    archive = zip_files(package_of(case), folder=case.case_id)
                     (output / f"{case.case_id}.zip").write_bytes(archive)
                 except Failure as failure:
                     complaints.hear(failure)

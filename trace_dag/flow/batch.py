@@ -49,19 +49,9 @@ def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) ->
 
 def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
     """For each crash that is not up to date, the first stage that would have to run."""
-    work, sources = work_of(workspace, ""), workspace.registry.sources(keys)
-    records = read_records(workspace.storage, keys)
-    whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
-    stale = {}
-    for key in keys:
-        for definition in workspace.flow.stages:
-            record = records[key].get(definition.stage)
-            if not is_current(record, provenance_of(definition, work, sources[key], records[key]), whole):
-                stale[key] = definition.stage
-                break
-            if record is not None and record.outcome is Outcome.REJECTED:
-                break
-    return stale
+    crashes = _Crashes(work_of(workspace, ""), keys, workspace.registry.sources(keys))
+    first = {key: crashes.first_to_run(crash, tuple(Stage)) for key, crash in crashes.by_key.items()}
+    return {key: stage for key, stage in first.items() if stage is not None}
 
 
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
@@ -100,6 +90,32 @@ def run_stages(
         yield from batch.run()
 
 
+class _Crashes:
+    """Some crashes as they are stored, and what a run would have to do for each."""
+
+    def __init__(self, work: Work, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> None:
+        self.work = work
+        records = read_records(work.storage, keys)
+        self.by_key = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        self._whole = intact(work.storage, [record for each in records.values() for record in each.values()])
+
+    def has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
+        """Whether a stage has to run for a crash that reaches it."""
+        made_from = provenance_of(definition, self.work, crash.source, crash.records)
+        record = crash.records.get(definition.stage)
+        return definition.stage in self.work.force or not is_current(record, made_from, self._whole)
+
+    def first_to_run(self, crash: _Crash, stages: Collection[Stage]) -> Stage | None:
+        """The first of some stages that has to run; None where all are current, or an earlier one ends the crash."""
+        for definition in self.work.flow.stages:
+            if definition.stage in stages and self.has_work(crash, definition):
+                return definition.stage
+            record = crash.records.get(definition.stage)
+            if record is None or record.outcome is not Outcome.ACCEPTED:
+                return None
+        return None
+
+
 class _Batch:
     def __init__(
         self,
@@ -112,21 +128,17 @@ class _Batch:
         self.work = work
         self.executor = executor
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
-        records = read_records(work.storage, keys)
-        self.whole = intact(work.storage, [record for each in records.values() for record in each.values()])
-        self.crashes = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        self._stored = _Crashes(work, keys, sources)
+        self.crashes = self._stored.by_key
 
     def to_run(self) -> set[Stage]:
         """The stages that some crash may have to go through: from the first that is not current on."""
-        found: set[Stage] = set()
+        before = self.stages  # those that no crash seen so far has to go through
         for crash in self.crashes.values():
-            for position, stage in enumerate(self.stages):
-                if stage in found or self._ended_before(crash, stage) is not None:
-                    break
-                if self._has_work(crash, self.work.flow.definition(stage)):
-                    found.update(self.stages[position:])
-                    break
-        return found
+            first = self._stored.first_to_run(crash, before)
+            if first is not None:
+                before = before[: before.index(first)]
+        return set(self.stages[len(before) :])
 
     def run(self) -> Iterator[StageEvent]:
         for stage in self.stages:
@@ -160,12 +172,6 @@ class _Batch:
         run_id = self.work.run_id
         write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
 
-    def _has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
-        """Whether a stage has to run for a crash that reaches it."""
-        made_from = provenance_of(definition, self.work, crash.source, crash.records)
-        record = crash.records.get(definition.stage)
-        return definition.stage in self.work.force or not is_current(record, made_from, self.whole)
-
     def _without_work(self, crash: _Crash, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
         """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""
         events: list[StageEvent] = []
@@ -173,7 +179,7 @@ class _Batch:
             ended = self._ended_before(crash, definition.stage)
             if ended is not None:
                 return events + self._with_later(crash, ended)
-            if self._has_work(crash, definition):
+            if self._stored.has_work(crash, definition):
                 return None
             record = crash.records.get(definition.stage)
             event = StageEvent(crash.key, definition.stage, Action.UNCHANGED, record)
@@ -233,10 +239,7 @@ class _Batch:
         return CrashTask(crash.key, crash.source, dict(crash.records))
 
     def _files(self, crash: _Crash) -> CrashFiles:
-        files = CrashFiles(crash.key, crash.source, self.work.settings, self.work.storage)
-        for record in crash.records.values():
-            files.accept(record)
-        return files
+        return CrashFiles.recorded(crash.key, crash.source, self.work.settings, self.work.storage, crash.records)
 
     def _lost(self, task: CrashTask, segment: Sequence[StageDefinition], lost: WorkerLost) -> list[StageEvent]:
         """A crash whose worker died every time: a failure of the first stage it had not finished."""

@@ -25,13 +25,13 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
-from trace_dag.code_versions import CodeVersion, code_version, referred, signature_of
+from trace_dag.code_versions import CodeVersion, referred, signature_of
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.flow.artefacts import ARTEFACTS, Artefact
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.provenance import OutcomeRecord, artefact_name, chosen_plugins
+from trace_dag.provenance import OutcomeRecord, artefact_name, code_of
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -80,6 +80,27 @@ class CrashFiles:
         self._contents: dict[str, bytes] = {}
         self._parsed: dict[str, Any] = {}
 
+    @classmethod
+    def recorded(
+        cls,
+        key: str,
+        source: CrashSource,
+        settings: Settings,
+        storage: Storage,
+        records: Mapping[Stage, OutcomeRecord],
+        *,
+        run_id: str = "",
+    ) -> CrashFiles:
+        """A crash with the outcomes of its stages so far. Nothing is read yet."""
+        files = cls(key, source, settings, storage, run_id=run_id)
+        for record in records.values():
+            files.accept(record)
+        return files
+
+    def unread(self) -> CrashFiles:
+        """The same crash with nothing read yet: for work on many, so that what each has read is let go."""
+        return self.recorded(self.key, self.source, self.settings, self.storage, self._records, run_id=self.run_id)
+
     def accept(
         self,
         record: OutcomeRecord,
@@ -99,14 +120,15 @@ class CrashFiles:
         """What may be asked of the world outside for this crash."""
         return Services(self.storage, self.settings.services, self.run_id)
 
+    @property
+    def records(self) -> dict[Stage, OutcomeRecord]:
+        """The outcomes of its stages so far."""
+        return self._records
+
     def has(self, artefact: Artefact[Any]) -> bool:
         """Whether there is such an artefact."""
         record = self._records.get(artefact.stage)
         return record is not None and all(record.artefact(extension) for extension in artefact.extensions)
-
-    def outcome(self, stage: Stage) -> OutcomeRecord | None:
-        """The outcome of an earlier stage, if it has one."""
-        return self._records.get(stage)
 
     def figures(self, stage: Stage) -> Mapping[str, Figure]:
         """The figures an earlier stage recorded: enough to arrange work by, without reading its artefacts."""
@@ -213,8 +235,8 @@ class Flow:
     def code(self, definition: StageDefinition, settings: Settings) -> CodeVersion:
         """The version of the code that makes a stage: its function's module, what reads its inputs, chosen plugins."""
         readers = {each.reader for each in self.inputs(definition).values() if each.reader}
-        chosen = tuple(each.module for each in chosen_plugins(definition.section(settings)))
-        return code_version(tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers))), chosen)
+        modules = tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers)))
+        return code_of(modules, definition.section(settings))
 
     def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
         """A stage made for one crash."""

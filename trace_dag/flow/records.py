@@ -24,6 +24,8 @@ from trace_dag.storage import Entry, Storage
 Records = dict[Stage, OutcomeRecord]  # of one crash
 log = logging.getLogger(__name__)
 
+FOLDER = "outcomes"
+"""Where the records of a run lie as one file, on an object store."""
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
 
 
@@ -107,9 +109,6 @@ def after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: Outco
     ):
         return earlier.outlasting(failed)
     return failed.superseding(earlier)
-
-
-FOLDER = "outcomes"
 
 
 def write_index(storage: Storage, run_id: str, records: Iterable[OutcomeRecord]) -> None:

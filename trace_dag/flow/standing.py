@@ -12,9 +12,7 @@ from trace_dag.flow.records import Records
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.provenance import Outcome, OutcomeRecord
 from trace_dag.stage import Stage
-
-CORROBORATED = "corroborated"
-"""The grade of such a verdict, as the verdict stage names it among its figures."""
+from trace_dag.verdict.types import Grade
 
 
 class FinalState(StrEnum):
@@ -94,7 +92,7 @@ def standing_of_valid(key: str, valid: Records) -> Standing:
         last.stage,
         last.reason,
         last.detail,
-        corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == CORROBORATED,
+        corroborated=state is FinalState.VERIFIED and last.figures.get("grade") == Grade.CORROBORATED,
         made=made,
         outdated=outdated.stage if outdated else None,
         outdated_because=outdated.failed_attempt.detail if outdated and outdated.failed_attempt else "",

@@ -104,9 +104,9 @@ class _CrashWorker:
         self.work = work
         self.task = task
         self.records = dict(task.records)
-        self.files = CrashFiles(task.key, task.source, work.settings, work.storage, run_id=work.run_id)
-        for record in self.records.values():
-            self.files.accept(record)
+        self.files = CrashFiles.recorded(
+            task.key, task.source, work.settings, work.storage, self.records, run_id=work.run_id
+        )
         self.damaged: DamagedArtefactError | None = None
 
     @no_garbage_collection()

@@ -6,19 +6,17 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from trace_dag.cohorts.registry import CrashSource
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT, XODR
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import Records, log_complaint, read_records
+from trace_dag.flow.records import log_complaint
 from trace_dag.flow.selection import registered
-from trace_dag.flow.standing import FinalState, standing, valid_records
+from trace_dag.flow.standing import FinalState, standing_of_valid
 from trace_dag.flow.workspace import Workspace
-from trace_dag.settings import Settings
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage
+from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.stored_variations import families, read_variation
 
 
@@ -35,10 +33,13 @@ class AgentRole(StrEnum):
 class StoredCase:
     """Where a case comes from: a verified crash, and a variation of it if ``variation`` names one."""
 
-    key: str
-    source: CrashSource
-    records: Records
+    files: CrashFiles
     variation: str | None = None
+
+    @property
+    def key(self) -> str:
+        """The crash's key."""
+        return self.files.key
 
     @property
     def case_id(self) -> str:
@@ -48,30 +49,23 @@ class StoredCase:
     @property
     def fingerprint(self) -> str:
         """Of the verdict it rests on."""
-        return self.records[Stage.VERDICT].fingerprint
-
-    def files(self, settings: Settings, storage: Storage) -> CrashFiles:
-        """The artefacts of the crash."""
-        files = CrashFiles(self.key, self.source, settings, storage)
-        for record in self.records.values():
-            files.accept(record)
-        return files
+        return self.files.records[Stage.VERDICT].fingerprint
 
 
-def load_case(stored: StoredCase, settings: Settings, storage: Storage) -> Case:
+def load_case(stored: StoredCase) -> Case:
     """A case as it is evaluated."""
     from trace_dag.sim.run import participants, surface_friction
 
-    files = stored.files(settings, storage)
+    files = stored.files.unread()
     network, xodr = files.load(ROAD_MAP), files.load(XODR)
     if stored.variation is not None:
-        varied = read_variation(storage, stored.variation)
+        varied = read_variation(files.storage, stored.variation)
         hypothesis, log, friction = varied.hypothesis, varied.log, varied.about.friction
     else:
         verdict = files.load(VERDICT)
         hypothesis = files.load(ESTIMATE).hypotheses[verdict.hypothesis]
         log = files.load(LOGS)[verdict.hypothesis]
-        friction = surface_friction(settings.sim, files.load(RECORD))
+        friction = surface_friction(files.settings.sim, files.load(RECORD))
     return Case(
         case_id=stored.case_id,
         key=stored.key,
@@ -116,11 +110,10 @@ def verified_cases(
     ``complain`` is called for damaged records: whether their crash is verified cannot be told.
     """
     keys = registered(workspace, cohort, only)
-    sources, records = workspace.registry.sources(keys), read_records(workspace.storage, keys, complain=complain)
     cases = [
-        StoredCase(key, sources[key], valid_records(records[key]))
-        for key in keys
-        if standing(key, records[key]).final_state is FinalState.VERIFIED
+        StoredCase(files)
+        for files in crash_files(workspace, keys, complain=complain)
+        if standing_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
     ]
     if not cases:
         raise UserError(

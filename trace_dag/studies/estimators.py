@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
@@ -17,8 +17,6 @@ from trace_dag.flow.artefacts import MAP_REPORT, RECORD, ROAD_MAP, XODR
 from trace_dag.flow.batch import check_requirements
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
-from trace_dag.flow.records import read_records
-from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.progress import Progress
 from trace_dag.settings import StateSettings
@@ -31,6 +29,7 @@ from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.llm.estimator import UnusableAnswers
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import StoredFile
+from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.tables import ESTIMATORS, store_comparison
 from trace_dag.studies.truth import SampleTruth, score_truth
 from trace_dag.verdict.judge import judge
@@ -95,7 +94,8 @@ def estimators_compared(
     if len(named) < 2:
         raise UserError("give at least two different estimators to compare, such as analytic,llm")
     run_id = f"compare-{uuid.uuid4().hex}"
-    mapped = [crash for crash in _crashes(workspace, cohort, run_id) if crash.has(ROAD_MAP)]
+    crashes = crash_files(workspace, workspace.registry.keys(cohort), run_id=run_id)
+    mapped = [crash for crash in crashes if crash.has(ROAD_MAP)]
     if not mapped:
         raise UserError(f"no crash of cohort {cohort!r} has a road map yet; trace-dag run --cohort {cohort} makes them")
     for chosen in named.values():
@@ -118,16 +118,6 @@ def estimators_compared(
     content = [{"cohort": cohort, **asdict(row)} for row in found]
     store_comparison(workspace.storage, ESTIMATORS, cohort, content, files)
     return found
-
-
-def _crashes(workspace: Workspace, cohort: str, run_id: str) -> Iterator[CrashFiles]:
-    keys = workspace.registry.keys(cohort)
-    sources = workspace.registry.sources(keys)
-    for key, records in read_records(workspace.storage, keys).items():
-        crash = CrashFiles(key, sources[key], workspace.settings, workspace.storage, run_id=run_id)
-        for record in valid_records(records).values():
-            crash.accept(record)
-        yield crash
 
 
 def _compare(task: _Task) -> tuple[tuple[EstimatorRow, ...], list[StoredFile]]:

@@ -11,7 +11,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from trace_dag.code_versions import code_version
 from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.cases import Case
@@ -22,8 +21,9 @@ from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parq
 from trace_dag.flow.executors import available_cores
 from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
 from trace_dag.flow.workspace import Workspace
-from trace_dag.provenance import now
-from trace_dag.settings import Settings
+from trace_dag.plugins import PluginKind, offered
+from trace_dag.provenance import code_of, now
+from trace_dag.settings import SimSettings
 from trace_dag.sim.backends import backend, backend_factory
 from trace_dag.sim.types import Simulation
 from trace_dag.storage import Storage
@@ -31,7 +31,6 @@ from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
 from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
 
 FOLDER = "evaluations"
-_CODE = ("trace_dag.evaluation.evaluate", "trace_dag.evaluation.baselines", "trace_dag.sim.embedded")
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,7 @@ class LoadedCase:
 class EvaluationWork:
     """What the workers do; agents are made once per worker."""
 
-    storage: Storage
-    settings: Settings
+    settings: SimSettings
     cases: Mapping[str, StoredCase]
     conditions: Conditions
     _agents: dict[str, Agent] = field(default_factory=dict)
@@ -72,8 +70,8 @@ class EvaluationWork:
     def prepare(self, name: str) -> LoadedCase:
         """The case, and its map made ready. Raises :class:`Failure`."""
         try:
-            case = load_case(self.cases[name], self.settings, self.storage)
-            return LoadedCase(case, backend(self.settings.sim).load(case.network, case.xodr, friction=case.friction))
+            case = load_case(self.cases[name])
+            return LoadedCase(case, backend(self.settings).load(case.network, case.xodr, friction=case.friction))
         except Failure:
             raise
         except Exception as error:
@@ -112,14 +110,15 @@ def evaluate_agents(
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
-    work = EvaluationWork(workspace.storage, workspace.settings, by_id, conditions)
+    work = EvaluationWork(workspace.settings.sim, by_id, conditions)
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
     one_at_a_time = backend_factory(workspace.settings.sim).one_at_a_time
     workers = 1 if one_at_a_time else workspace.settings.execution.workers or available_cores()
     pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
         work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
     )
-    code = code_version(_CODE).digest
+    baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
+    code = code_of((evaluate.__module__, *sorted(baselines)), workspace.settings.sim).digest
     results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
     try:
         for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
@@ -129,7 +128,7 @@ def evaluate_agents(
                 complain(found)
                 continue
             if isinstance(found, StepLost):
-                ego = number_of(load_case(stored, workspace.settings, workspace.storage), answer.step.role)
+                ego = number_of(load_case(stored), answer.step.role)
                 found = Evaluation(stored.case_id, stored.key, ego, DriveOutcome.FAULTY, fault=found.detail)
             made = row(
                 results.labels[answer.step.name],

@@ -308,9 +308,7 @@ class _Perturbation:
 
     def _judge(self, changed: Changed, key: str, storage: Storage, point: Point | None) -> PerturbedRow:
         records = self._through_all_stages(changed, key, storage)
-        files = CrashFiles(key, self._crash.source, self._crash.settings, storage)
-        for outcome in records.values():
-            files.accept(outcome)
+        files = CrashFiles.recorded(key, self._crash.source, self._crash.settings, storage, records)
         # All of them count: to valid_records an extract that was kept would be none of the changed record's.
         stands = standing_of_valid(key, records)
         judged = stands.final_state is not FinalState.FAILED and stands.reason is not Reason.NO_MAP_COVERAGE
@@ -388,15 +386,14 @@ class _Perturbation:
         return self._copied(stage, storage) if same(before, now) else None
 
     def _copied(self, stage: Stage, storage: Storage) -> OutcomeRecord | None:
-        outcome = self._crash.outcome(stage)
+        outcome = self._crash.records.get(stage)
         for file in outcome.artefacts if outcome else ():
             storage.write(file.name, self._crash.read(stage, file.name.partition(".")[2]))
         return outcome
 
     def _record(self, records: Records, storage: Storage) -> CrashRecord:
-        files = CrashFiles(self._crash.key, self._crash.source, self._crash.settings, storage)
-        files.accept(records[Stage.CRASH_RECORD])
-        return files.load(RECORD)
+        crash = self._crash
+        return CrashFiles.recorded(crash.key, crash.source, crash.settings, storage, records).load(RECORD)
 
 
 def _grade_of(files: CrashFiles) -> tuple[str | None, float | None]:

@@ -46,13 +46,13 @@ def replay_with(
     from trace_dag.scenario.replay import write_html_player
 
     (stored,) = verified_cases(workspace, None, [key])
-    case = load_case(stored, workspace.settings, workspace.storage)
+    case = load_case(stored)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
     try:
         log = run(case, number_of(case, role), make_agent(resolve(agent)), Conditions(), simulation)
     except AgentFault as fault:
         raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
-    record = stored.files(workspace.settings, workspace.storage).load(RECORD)
+    record = stored.files.load(RECORD)
     if replay_format == "html":
         return write_html_player(record, case.network, log)
     return write_animation(record, case.network, log, image_format=replay_format)

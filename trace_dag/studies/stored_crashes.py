@@ -6,23 +6,26 @@ Belongs here: which crashes, and reading them. What is read of a crash is its
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from trace_dag.cohorts.registry import CrashSource
-from trace_dag.errors import Failure
+from trace_dag.errors import Failure, UserError
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import Records, log_complaint, read_records
+from trace_dag.flow.records import log_complaint, read_records
 from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.progress import Progress, silent
 from trace_dag.verdict.controls import JudgedCrash
 
 _SEED = 1
+
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,25 +37,48 @@ class StoredCrash:
     accepted: bool
 
 
+def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
+    """The cohort named, or all; :class:`UserError` where it is not registered, or nothing is."""
+    if cohort is not None:
+        return [workspace.registry.cohort(cohort).name]
+    names = list(workspace.registry.cohorts())
+    if not names:
+        raise UserError(f"no crash is registered in {workspace.root}; see trace-dag ingest")
+    return names
+
+
+def of_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
+    """What a study found of every cohort that has something to study; the last one's :class:`UserError` if none has."""
+    found: dict[str, Found] = {}
+    nothing: UserError | None = None
+    for name in cohorts:
+        try:
+            found[name] = study(name)
+        except UserError as error:
+            nothing = error
+    if nothing is not None and not found:
+        raise nothing
+    return found
+
+
 def stored_crash(workspace: Workspace, key: str) -> CrashFiles:
     """One crash's artefacts; :class:`UserError` for a key that is not registered."""
-    source = workspace.registry.sources([key])[key]
-    return _files(workspace, source, read_records(workspace.storage, [key])[key], key)
+    return next(crash_files(workspace, [key]))
 
 
 def crash_files(
-    workspace: Workspace, keys: Collection[str], *, complain: Complaint = log_complaint
+    workspace: Workspace, keys: Collection[str], *, run_id: str = "", complain: Complaint = log_complaint
 ) -> Iterator[CrashFiles]:
-    """The artefacts of some registered crashes, in their order; ``complain`` hears of records that are damaged."""
-    sources, records = workspace.registry.sources(keys), read_records(workspace.storage, keys, complain=complain)
-    return (_files(workspace, sources[key], records[key], key) for key in keys)
+    """The artefacts of some registered crashes, in their order; ``complain`` hears of records that are damaged.
 
-
-def _files(workspace: Workspace, source: CrashSource, records: Records, key: str) -> CrashFiles:
-    files = CrashFiles(key, source, workspace.settings, workspace.storage)
-    for record in valid_records(records).values():
-        files.accept(record)
-    return files
+    ``run_id`` is the run that is going to work on them. Raises :class:`UserError` for a key that is not registered.
+    """
+    settings, storage = workspace.settings, workspace.storage
+    sources, records = workspace.registry.sources(keys), read_records(storage, keys, complain=complain)
+    return (
+        CrashFiles.recorded(key, sources[key], settings, storage, valid_records(records[key]), run_id=run_id)
+        for key in keys
+    )
 
 
 def judged_crashes(

@@ -1,7 +1,7 @@
 """Families of variations of stored crashes, made in parallel and kept under the root. A family is made as a whole.
 
- Belongs here: which crashes, the
-workers, storage. Does not belong here: what a variation is (:mod:`trace_dag.variations`).
+Belongs here: which crashes, the workers, storage. Does not belong here: what a variation is
+(:mod:`trace_dag.variations`).
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ import math
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
 from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, OSM_XML, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
@@ -22,7 +21,7 @@ from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import sound_ledger, write_ledger
 from trace_dag.flow.workspace import Workspace
 from trace_dag.geometry import Pose
-from trace_dag.settings import Settings
+from trace_dag.provenance import code_of
 from trace_dag.sim.backends import backend
 from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.types import Participant
@@ -42,11 +41,6 @@ from trace_dag.studies.stored_variations import (
 from trace_dag.variations.family import Variation, VariationKind, family
 from trace_dag.variations.table import VARIATIONS, row
 
-if TYPE_CHECKING:
-    pass
-
-_CODE = ("trace_dag.variations.family", "trace_dag.sim.embedded")
-
 
 @dataclass(frozen=True)
 class FamilyReport:
@@ -61,8 +55,6 @@ class FamilyReport:
 
 @dataclass(frozen=True)
 class _Task:
-    storage: Storage
-    settings: Settings
     case: StoredCase
     request: FamilyRequest
 
@@ -75,8 +67,7 @@ def make_families(
     tell: Callable[[FamilyReport], None] = lambda _: None,
 ) -> list[FamilyReport]:
     """The families of some verified crashes, stored; in their order. ``tell`` hears of each crash as it is done."""
-    settings = workspace.settings
-    tasks = [_Task(workspace.storage, settings, case, request) for case in cases]
+    tasks = [_Task(case, request) for case in cases]
     reports: dict[str, FamilyReport] = {}
     with workspace.executing() as executor:
         for answer in run_redoing_lost(executor, _make, tasks, lambda task: [task]):
@@ -98,23 +89,24 @@ def _make(task: _Task) -> FamilyReport:
 
 
 def _make_family(task: _Task) -> FamilyReport:
-    request, storage, stored = task.request, task.storage, task.case
-    case = load_case(stored, task.settings, storage)
+    request, stored = task.request, task.case
+    files = stored.files.unread()
+    storage, settings = files.storage, files.settings
+    case = load_case(stored)
     contact = case.contact
     if contact is None:
         raise Failure(f"{stored.key}: its simulation has no contact; run it again")
     kept, drawn = family(
         case,
-        backend(task.settings.sim),
+        backend(settings.sim),
         count=request.count,
         seed=request.seed,
         bounds=request.bounds,
         criteria=request.criteria,
     )
-    files = stored.files(task.settings, storage)
     recorded = files.load(ESTIMATE).hypotheses[files.load(VERDICT).hypothesis]
     before = sound_ledger(storage, subject_of(stored.key)).files
-    code = code_version(_CODE).digest
+    code = code_of((family.__module__,), settings.sim).digest
     rows = []
     written: list[StoredFile] = []
     for variation in kept:
@@ -195,7 +187,7 @@ def _as_state(state: ParticipantState, participant: Participant, impact_time_s: 
     )
 
 
-def package_of(workspace: Workspace, stored: StoredCase) -> Mapping[str, bytes]:
+def package_of(stored: StoredCase) -> Mapping[str, bytes]:
     """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
     report."""
     from trace_dag.scenario.package import PackageInput, package_files
@@ -203,11 +195,11 @@ def package_of(workspace: Workspace, stored: StoredCase) -> Mapping[str, bytes]:
 
     if stored.variation is None:
         raise ValueError(f"{stored.key} is no variation")
-    files = stored.files(workspace.settings, workspace.storage)
-    varied = read_variation(workspace.storage, stored.variation)
+    files = stored.files.unread()
+    varied = read_variation(files.storage, stored.variation)
     record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)
     about: dict[str, Any] = abouts().dump_python(varied.about, mode="json")
-    verdict = judge(record, network, map_report, varied.estimate, [varied.log], workspace.settings.verdict)
+    verdict = judge(record, network, map_report, varied.estimate, [varied.log], files.settings.verdict)
     return package_files(
         PackageInput(
             record=record,
