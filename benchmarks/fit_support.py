@@ -179,7 +179,7 @@ def _at(
     try:
         built = build_road_map(extract, record, settings.roads)
         network = built.stored.network
-        states = estimate(record, network, built.report, settings.states, llm=None)
+        states = estimate(record, network, built.report, settings.states)
     except Rejection:
         return
     logs = simulate(EmbeddedBackend(settings.sim), network, built.stored.xodr, states, settings.sim, record=record)

@@ -15,7 +15,30 @@ from trace_dag.provenance import record_from_json
 
 KEY = "2023-319003"
 MODULE = '''
+from dataclasses import replace
+
 from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.states.analytic import estimate_analytic
+
+
+class Slower:
+    """The analytic estimator, which says that it is another."""
+
+    paid = False
+
+    def __init__(self, settings, files=None, ledger="run"):
+        self.settings = settings
+
+    def require(self):
+        pass
+
+    def estimate(self, record, network, report):
+        made = estimate_analytic(record, network, report, self.settings)
+        return replace(made, run=replace(made.run, estimator="elsewhere", version="7"))
+
+    @staticmethod
+    def variant(settings, name):
+        return settings.model_copy(update={"max_hypotheses": int(name.removeprefix(":"))})
 
 
 class Heavier(EmbeddedBackend):
@@ -39,6 +62,9 @@ ENTRY_POINTS = """
 elsewhere = simulator_elsewhere:Heavier
 unlicensed = simulator_elsewhere:Broken
 gone = simulator_elsewhere:Nothing
+
+[trace_dag.estimators]
+elsewhere = simulator_elsewhere:Slower
 """
 
 
@@ -88,6 +114,25 @@ def test_a_back_end_of_another_package_is_listed_run_and_part_of_the_fingerprint
     gone = trace_dag_process(root, "run", **{**environment, "TRACE_DAG_SIM__BACKEND": "gone"})
     assert gone.returncode == 2
     assert "backends gone (simulator-elsewhere 1.3) cannot be loaded" in gone.stderr
+
+
+def test_an_estimator_of_another_package_is_run_compared_and_part_of_the_fingerprint(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    environment = install(tmp_path / "site", "1.2") | {"TRACE_DAG_EXECUTION__EXECUTOR": "in_process"}
+    reports = reports_of(tmp_path / "reports", [KEY])
+    assert trace_dag_process(root, "ingest", "--reports", str(reports), "--maps", str(SAMPLE / "osm")).returncode == 0
+    done = trace_dag_process(root, "run", "--estimator", "elsewhere", **environment)
+    assert (done.returncode, "1 estimate: 1 by elsewhere" in done.stdout) == (0, True), done.stderr
+    name = f"state_estimate/{KEY}.outcome.json"
+    record = record_from_json((root / name).read_bytes(), name=name)
+    assert record.provenance.libraries["simulator-elsewhere"] == "1.2"
+    assert record.provenance.settings["estimator"] == "elsewhere"
+    compared = trace_dag_process(root, "compare", "--estimators", "analytic,elsewhere:1", "--json", **environment)
+    rows = json.loads(compared.stdout)
+    assert [(row["estimator"], row["outcome"], row["accepted"]) for row in rows] == [
+        ("analytic", "estimated", True),
+        ("elsewhere:1", "estimated", True),
+    ]
 
 
 @pytest.mark.parametrize("kind", PluginKind)

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from trace_dag.errors import UserError, UserErrors
-from trace_dag.plugins import PluginKind, offered
+from trace_dag.plugins import PluginKind, plugin
 
 _PREFIX = "TRACE_DAG_"
 _SHOWN = 80  # characters of a value that is wrong
@@ -34,8 +34,10 @@ def _one_of(kind: PluginKind) -> AfterValidator:
     """A name that an installed package offers."""
 
     def check(name: str) -> str:
-        if name not in offered(kind):
-            raise ValueError(f"expected {', '.join(offered(kind))}; trace-dag plugins lists what is installed")
+        try:
+            plugin(kind, name)
+        except UserError as error:
+            raise ValueError(str(error)) from error
         return name
 
     return AfterValidator(check)
@@ -87,7 +89,11 @@ class RoadSettings(_Section):
 class StateSettings(_Section):
     """Estimating states (stage ``state_estimate``)."""
 
-    estimator: Literal["analytic", "llm"] = Field("analytic", description="What ranks the hypotheses.")
+    estimator: Annotated[str, _one_of(PluginKind.ESTIMATOR)] = Field(
+        "analytic",
+        json_schema_extra={"plugin": PluginKind.ESTIMATOR},
+        description="What ranks the hypotheses: analytic, llm, or one that an installed package offers.",
+    )
     # Bodies overlap for some 30 ms: 10 ms short of a whole second, whoever plays it in equal steps sees them do so.
     lead_time_s: float = Field(4.99, gt=0, description="Time before the impact at which the reconstruction starts.")
     max_hypotheses: int = Field(3, ge=1, description="Hypotheses kept, simulated and judged, in order.")

@@ -9,7 +9,7 @@ from cases import Case
 from loopback import Loopback, serving
 from model_server import Respond, llm_settings
 
-from trace_dag.states.estimate import estimate, llm_client
+from trace_dag.states.llm.estimator import estimate_llm, llm_client
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
 
@@ -37,5 +37,5 @@ def asking(monkeypatch, case: Case, respond: Respond, *, files: Storage | None =
         client = llm_client(chosen, files=files)
         asked = Asked(None, server)
         client.sleep = asked.slept.append
-        asked.estimate = estimate(case.record, case.network, case.report, chosen, llm=client)
+        asked.estimate = estimate_llm(case.record, case.network, case.report, chosen, client)
     return asked

@@ -24,7 +24,7 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls
-from trace_dag.studies.estimators import estimators_compared
+from trace_dag.studies.estimators import estimators_compared, usual_estimators
 from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
 from trace_dag.studies.peer import published_comparison
 from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
@@ -77,7 +77,9 @@ class PeerConfig(CohortConfig):
 class EstimatorsConfig(CohortConfig):
     """Which estimators."""
 
-    estimators: list[str] = Field(default=["analytic", "llm"], description="As trace-dag compare names them.")
+    estimators: list[str] = Field(
+        default_factory=list, description="As trace-dag compare names them; empty: all that are installed."
+    )
     truth: str = Field(default="", description="A truth.json to measure against.")
 
 
@@ -204,9 +206,8 @@ def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> Mate
     workspace: Workspace = context.resources.workspace
     with _failing_in_a_line():
         truth = load_truth(Path(config.truth)) if config.truth else None
-        found = _of_each(
-            workspace, config, lambda name: estimators_compared(workspace, name, config.estimators, truth=truth)
-        )
+        names = config.estimators or usual_estimators(workspace.settings.states)
+        found = _of_each(workspace, config, lambda name: estimators_compared(workspace, name, names, truth=truth))
     rows = [row for of_cohort in found.values() for row in of_cohort]
     failed = [f"{row.key} with {row.estimator}: {row.detail}" for row in rows if row.outcome == "failed"]
     return _result(estimators_table(rows), failed)

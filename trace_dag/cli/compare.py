@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--estimators",
-    default="analytic,llm",
-    show_default=True,
-    help="Separated by commas: analytic, llm, llm:PROMPT, llm@MODEL. The first is what the others are compared with.",
+    help="Separated by commas: analytic, llm, llm:PROMPT, llm@MODEL, one of another package; default all that are "
+    "installed, that of the settings first. The first is what the others are compared with.",
 )
 @click.option("--cohort", help="Which cohort; can be left out if there is but one.")
 @click.option(
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
 @click.pass_obj
 def compare(
     root: str,
-    estimators: str,
+    estimators: str | None,
     cohort: str | None,
     truth: Path | None,
     as_json: bool,
@@ -56,12 +55,13 @@ def compare(
     from trace_dag.cli.complaints import Complaints
     from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.studies.estimators import estimators_compared
+    from trace_dag.studies.estimators import estimators_compared, usual_estimators
     from trace_dag.studies.summaries import estimators_table
 
     workspace = Workspace.open(root, overrides={"execution": execution_overrides(executor, workers)})
     chosen = cohort or _only_cohort(list(workspace.registry.cohorts()), root)
-    names = [name.strip() for name in estimators.split(",") if name.strip()]
+    names = [name.strip() for name in (estimators or "").split(",") if name.strip()]
+    names = names or usual_estimators(workspace.settings.states)
     with progress_told("crashes") as tell:
         rows = estimators_compared(workspace, chosen, names, truth=_truth(truth, chosen), listener=tell)
     complaints = Complaints()

@@ -91,7 +91,7 @@ def executor_options(command: F) -> F:
 def estimator_option(command: F) -> F:
     """What estimates states, over the settings of the root."""
     return click.option(
-        "--estimator", type=click.Choice(["analytic", "llm"]), help="How states are estimated, for this run."
+        "--estimator", metavar="NAME", help="How states are estimated, for this run; trace-dag plugins lists the names."
     )(command)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
     from trace_dag.http import HttpClient
     from trace_dag.osm.services import MapSource, MapSourceFactory
-    from trace_dag.states.llm.client import LlmClient
+    from trace_dag.states.estimate import Estimator
 
 CACHE_FOLDER = "cache"
 
@@ -67,9 +67,9 @@ class Services:
             )
         return copy
 
-    def language_model(self, settings: StateSettings) -> LlmClient:
-        """The model the settings name; its answers, budget and rate are in storage, where all workers find them."""
-        return _language_model(settings, self.storage, self.run_id or "run")
+    def estimator(self, settings: StateSettings) -> Estimator:
+        """The estimator the settings name; what it asks, its budget and rate are kept where all workers find them."""
+        return _estimator(settings, self.storage, self.run_id or "run")
 
 
 @lru_cache(maxsize=8)
@@ -87,11 +87,11 @@ def _map_source(name: str, settings: ServiceSettings, storage: Storage) -> MapSo
     return make(settings, _http(name, settings, storage))
 
 
-@lru_cache(maxsize=1)
-def _language_model(settings: StateSettings, storage: Storage, ledger: str) -> LlmClient:
-    from trace_dag.states.estimate import llm_client
+@lru_cache(maxsize=8)
+def _estimator(settings: StateSettings, storage: Storage, ledger: str) -> Estimator:
+    from trace_dag.states.estimate import estimator_factory
 
-    return llm_client(settings, files=storage, ledger=ledger)
+    return estimator_factory(settings)(settings, storage, ledger)
 
 
 def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh: bool = False) -> HttpClient:

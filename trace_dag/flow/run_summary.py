@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from trace_dag.flow.makers import Made, maker_of, makers_in_words
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome
+from trace_dag.settings import StateSettings
 from trace_dag.stage import Stage
 
 _SLOWEST_NAMED = 3
+_USUAL_ESTIMATOR = StateSettings().estimator
 
 
 @dataclass
@@ -106,7 +108,7 @@ class RunSummary:
             parts.append(f"most time in {figures['slowest_stage']}")
         parts.append(f"{self.retries} retries")
         parts.append(f"${self.cost_usd:.4f} for language models" if self.cost_usd else "no cost")
-        if any(made.estimator != "analytic" or made.fallback_from for made in self.estimates):
+        if any(made.estimator != _USUAL_ESTIMATOR or made.fallback_from for made in self.estimates):
             parts.append(makers_in_words(self.estimates))
         if self.without_picture:
             key, why = next(iter(self.without_picture.items()))

@@ -63,8 +63,7 @@ class Workspace:
 
     def with_one_ledger(self, overrides: Mapping[str, Any]) -> tuple[Workspace, Mapping[str, Any]]:
         """The same, and the overrides, with a name under which several runs count against one budget for models."""
-        states = self.settings.states
-        if states.estimator != "llm" or states.llm_ledger is not None:
+        if self.settings.states.llm_ledger is not None:
             return self, overrides
         named = {**overrides, "states": {**overrides.get("states", {}), "llm_ledger": uuid.uuid4().hex}}
         return self.with_settings(named), named

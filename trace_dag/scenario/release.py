@@ -62,7 +62,7 @@ RELEASE_INDEX = TableSchema(
         Column("trafficway_1", _T.TEXT, "Road of the crash", source="TWAY_ID"),
         Column("trafficway_2", _T.TEXT, "Crossing road", source="TWAY_ID2"),
         Column("map_attribution", _T.TEXT, "Whom the map is to be attributed to, and its licence"),
-        Column("estimator", _T.TEXT, "What estimated the states: analytic or llm"),
+        Column("estimator", _T.TEXT, "What estimated the states, such as analytic or llm"),
         Column("asked_estimator", _T.TEXT, "What was asked for the states; it made none where it is another"),
         Column("fallback_reason", _T.TEXT, "Why it made none"),
         Column("ambiguity", _T.REAL, "Posterior share of the hypotheses not shown, 0 to 1"),

@@ -18,15 +18,15 @@ from trace_dag.flow.batch import check_requirements
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.workspace import Workspace
+from trace_dag.plugins import PluginKind, offered
 from trace_dag.progress import Progress
 from trace_dag.settings import StateSettings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.stage import Stage
 from trace_dag.states.compare import EstimateErrors, EstimatorAttempt, EstimatorRow, compare_estimators
-from trace_dag.states.estimate import estimate
+from trace_dag.states.estimate import UnusableAnswers, estimator_factory
 from trace_dag.states.json_io import estimate_to_json
-from trace_dag.states.llm.estimator import UnusableAnswers
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import StoredFile
 from trace_dag.studies.stored_crashes import crash_files
@@ -36,24 +36,26 @@ from trace_dag.verdict.judge import judge
 
 ESTIMATES_FOLDER = "estimators"
 
-_ESTIMATOR = re.compile(r"(?P<name>analytic|llm)(:(?P<prompt>[\w-]+))?(@(?P<model>\S+))?")
+_NAME = re.compile(r"([\w-]*)(.*)", re.DOTALL)
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 
 
 def settings_of(estimator: str, states: StateSettings) -> StateSettings:
-    """The settings an estimator's name stands for: ``analytic``, ``llm``, ``llm:PROMPT``, ``llm@MODEL`` or both.
+    """The settings an estimator's name stands for: that of one that is installed, such as ``analytic`` or ``llm``.
 
-    What the name does not say is as in ``states``. Raises :class:`UserError` for any other name.
+    Behind it may stand what that one offers: ``llm:PROMPT``, ``llm@MODEL``. What the name does not say is as in
+    ``states``. Raises :class:`UserError` for any other name.
     """
-    match = _ESTIMATOR.fullmatch(estimator)
-    if match is None or (match["name"] == "analytic" and estimator != "analytic"):
-        raise UserError(
-            f"{estimator!r} is no estimator; give analytic, llm, llm:PROMPT, llm@MODEL or llm:PROMPT@MODEL, "
-            "such as llm:coordinates-v1@openai/gpt-5-mini"
-        )
-    given = {"llm_prompt": match["prompt"], "llm_model": match["model"]}
-    chosen = {name: value for name, value in given.items() if value is not None}
-    return states.model_copy(update={"estimator": match["name"], **chosen})
+    name, variant = _NAME.fullmatch(estimator).groups()  # type: ignore[union-attr] # it matches anything
+    if name not in offered(PluginKind.ESTIMATOR):
+        raise UserError(f"{estimator!r} is no estimator; give {', '.join(offered(PluginKind.ESTIMATOR))}")
+    chosen = states.model_copy(update={"estimator": name})
+    return estimator_factory(chosen).variant(chosen, variant) if variant else chosen
+
+
+def usual_estimators(states: StateSettings) -> list[str]:
+    """What is compared where nobody says: the estimator of the settings, and all others that are installed."""
+    return [states.estimator, *(name for name in offered(PluginKind.ESTIMATOR) if name != states.estimator)]
 
 
 def estimates_folder(estimator: str) -> str:
@@ -135,10 +137,9 @@ def _compare(task: _Task) -> tuple[tuple[EstimatorRow, ...], list[StoredFile]]:
 def _attempt(task: _Task, name: str, chosen: StateSettings, files: list[StoredFile]) -> EstimatorAttempt:
     """One estimator on one crash; its estimate joins the ``files``. Raises :class:`DamagedFile`."""
     crash, stored_as = task.crash, f"{estimates_folder(name)}/{task.crash.key}.json"
-    client = crash.services.language_model(chosen) if chosen.estimator == "llm" else None
     record, network, report = crash.load(RECORD), crash.load(ROAD_MAP), crash.load(MAP_REPORT)
     try:
-        made = estimate(record, network, report, chosen, llm=client)
+        made = crash.services.estimator(chosen).estimate(record, network, report)
     except UnusableAnswers as unusable:
         crash.storage.delete(stored_as)
         return EstimatorAttempt(None, unusable.run, unusable.detail)

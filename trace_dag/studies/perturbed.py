@@ -40,7 +40,9 @@ from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.progress import Progress, silent
 from trace_dag.provenance import Outcome, OutcomeRecord
+from trace_dag.settings import StateSettings
 from trace_dag.stage import Stage
+from trace_dag.states.estimate import estimator_factory
 from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import StoredCrash, crash_files, drawn, read_judged
 from trace_dag.studies.tables import PERTURBED, store
@@ -145,10 +147,10 @@ def perturbed_controls(
     would have to be paid for every changed report.
     """
     kinds = request.chosen()
-    if workspace.settings.states.estimator == "llm":
+    if estimator_factory(workspace.settings.states).paid:
         raise UserError(
-            "the estimator of the settings is a language model, which every changed report would have to be put to; "
-            "set TRACE_DAG_STATES__ESTIMATOR=analytic"
+            f"the estimator of the settings, {workspace.settings.states.estimator}, would have to be paid for every "
+            f"changed report; set TRACE_DAG_STATES__ESTIMATOR={StateSettings().estimator}"
         )
     keys = workspace.registry.keys(cohort)
     unknown = [key for key in request.only if key not in keys]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.parties import party_in_words
-from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.states.estimate import estimate
+from trace_dag.states.estimate import UnusableAnswers
 from trace_dag.states.json_io import estimate_to_json, run_to_json
-from trace_dag.states.llm.estimator import UnusableAnswers
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.services import Services
@@ -24,9 +22,8 @@ def state_estimate(
     record: CrashRecord, road_map: RoadNetwork, map_report: MapReport, settings: StateSettings, services: Services
 ) -> StageProduct:
     """Where the vehicles came from and how fast: hypotheses, best first."""
-    llm = services.language_model(settings) if settings.estimator == "llm" and not is_of_strikes(record) else None
     try:
-        made = estimate(record, road_map, map_report, settings, llm=llm)
+        made = services.estimator(settings).estimate(record, road_map, map_report)
     except UnusableAnswers as unusable:
         return StageProduct({"answers.json": run_to_json(unusable.run)}, _run_figures(unusable.run), unusable)
     best = made.best

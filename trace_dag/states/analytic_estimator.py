@@ -1,0 +1,36 @@
+"""The estimator ``analytic`` of the settings: collisions of two vehicles, and vehicles that strike people."""
+
+from __future__ import annotations
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import is_of_strikes
+from trace_dag.errors import UserError
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.analytic import NAME, estimate_analytic
+from trace_dag.states.strikes import estimate_strikes
+from trace_dag.states.types import StateEstimate
+from trace_dag.storage import Storage
+
+
+class AnalyticEstimator:
+    """Asks nobody, and gives the same estimate for the same crash."""
+
+    paid = False
+
+    def __init__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> None:
+        self._settings = settings
+
+    def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
+        """See :func:`estimate_analytic` and :func:`estimate_strikes`."""
+        made_by = estimate_strikes if is_of_strikes(record) else estimate_analytic
+        return made_by(record, network, report, self._settings)
+
+    def require(self) -> None:
+        """It needs nothing."""
+
+    @staticmethod
+    def variant(settings: StateSettings, name: str) -> StateSettings:
+        """There is only one."""
+        raise UserError(f"{NAME + name!r} is no estimator; {NAME} has no variants")
