@@ -146,6 +146,16 @@ def test_a_name_nobody_offers_is_said_with_those_there_are() -> None:
         load(PluginKind.BACKEND, "beamng")
 
 
+def test_an_installation_from_before_a_kind_of_plugins_says_to_install_again(monkeypatch) -> None:
+    offered.cache_clear()
+    monkeypatch.setattr("trace_dag.plugins.metadata.entry_points", lambda group: ())
+    try:
+        with pytest.raises(UserError, match=r"knows no estimator.*pip install -e \."):
+            load(PluginKind.ESTIMATOR, "analytic")
+    finally:
+        offered.cache_clear()
+
+
 def test_a_setting_that_names_no_plugin_is_one_line(tmp_path: Path) -> None:
     done = trace_dag_process(tmp_path, "run", TRACE_DAG_ROADS__CONVERTER="beamng")
     assert done.returncode == 2

@@ -64,13 +64,17 @@ def offered(kind: PluginKind) -> dict[str, Plugin]:
 
 def plugin(kind: PluginKind, name: str) -> Plugin:
     """The plugin of that name. Raises :class:`UserError` that lists the names there are."""
-    found = offered(kind).get(name)
-    if found is None:
+    there_are = offered(kind)
+    if name in there_are:
+        return there_are[name]
+    what = kind.value.replace("_", " ").removesuffix("s")
+    if not there_are:  # a checkout that was brought up to date after it was installed
         raise UserError(
-            f"no {kind.value.replace('_', ' ').removesuffix('s')} {name!r} is installed; expected one of "
-            f"{', '.join(offered(kind))} (trace-dag plugins lists them)"
+            f"this installation knows no {what}, not even ours; install the package again (pip install -e .)"
         )
-    return found
+    raise UserError(
+        f"no {what} {name!r} is installed; expected one of {', '.join(there_are)} (trace-dag plugins lists them)"
+    )
 
 
 def load(kind: PluginKind, name: str) -> Any:
