@@ -26,6 +26,7 @@ def changed() -> set[str]:
 
 
 def imported(path: Path) -> set[str]:
+    """Every module that a file names in an import, within functions and for type checking too, and what it takes."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):

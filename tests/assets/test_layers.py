@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from touched import imported
 
 import trace_dag
 
@@ -56,18 +56,6 @@ def name_of(path: Path) -> str:
 MODULES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
-def imports(path: Path) -> set[str]:
-    """Everything a module imports, within functions and for type checking too."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= (names & MODULES.keys()) or {node.module}
-    return found
-
-
 def top(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
@@ -85,7 +73,7 @@ def test_no_arrow_points_up(layer):
         for name, path in MODULES.items():
             if top(name) == own:
                 wrong = {
-                    each for each in imports(path) if each.startswith("trace_dag.") and top(each) in above | beside
+                    each for each in imported(path) if each.startswith("trace_dag.") and top(each) in above | beside
                 }
                 assert not wrong, f"{name} imports {wrong}"
 
@@ -95,12 +83,12 @@ def test_no_arrow_points_up_in_roads(part):
     above = tuple(f"trace_dag.roads.{each}" for each in ROADS[ROADS.index(part) + 1 :])
     for name, path in MODULES.items():
         if name.startswith(f"trace_dag.roads.{part}"):
-            wrong = {each for each in imports(path) if each.startswith(above)}
+            wrong = {each for each in imported(path) if each.startswith(above)}
             assert not wrong, f"{name} imports {wrong}"
 
 
 def test_no_modules_import_each_other_in_a_circle():
-    graph = {name: imports(path) & MODULES.keys() for name, path in MODULES.items()}
+    graph = {name: imported(path) & MODULES.keys() for name, path in MODULES.items()}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -111,7 +99,8 @@ def test_only_assets_the_code_location_and_the_command_line_import_dagster():
     guilty = {
         name
         for name, path in MODULES.items()
-        if any(each.split(".")[0].startswith("dagster") for each in imports(path)) and top(name) not in MAY_KNOW_DAGSTER
+        if any(each.split(".")[0].startswith("dagster") for each in imported(path))
+        and top(name) not in MAY_KNOW_DAGSTER
     }
     assert guilty == set()
 
@@ -120,7 +109,7 @@ def test_one_module_uses_private_parts_of_dagster():
     private = {
         name
         for name, path in MODULES.items()
-        if any(each.startswith(("dagster._", "dagster_")) for each in imports(path))
+        if any(each.startswith(("dagster._", "dagster_")) for each in imported(path))
     }
     assert private == {"trace_dag.assets.dagster_internals"}
 
