@@ -56,6 +56,18 @@ class Provenance:
         parts = asdict(self)
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
+    def changed_to(self, other: Provenance) -> tuple[str, ...]:
+        """What differs between the two, in words: "code", "setting radius_m", "input maps", "library numpy"."""
+        found = ["code"] if self.code != other.code else []
+        for what, before, after in (
+            ("setting", self.settings, other.settings),
+            ("input", self.inputs, other.inputs),
+            ("library", self.libraries, other.libraries),
+        ):
+            names = sorted(before.keys() | after.keys())
+            found += [f"{what} {name}" for name in names if before.get(name) != after.get(name)]
+        return tuple(found)
+
 
 @dataclass(frozen=True)
 class EarlierOutcome:

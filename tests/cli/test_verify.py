@@ -25,6 +25,20 @@ def test_everything_agrees_after_a_run(root):
     assert "storage, Dagster and the warehouse agree" in done.stdout
 
 
+def test_stages_that_are_older_than_the_settings_are_named_and_are_no_disagreement(root):
+    assert json.loads(trace_dag(root, "verify", "--json").stdout)["stale"] == {}
+    assert "stale" not in trace_dag(root, "status").stdout
+    changed = {"TRACE_DAG_VERDICT__MAX_CLOCK_ERROR_H": "1.5"}
+    done = trace_dag(root, "verify", "--json", **changed)
+    crashes = json.loads(trace_dag(root, "status", "--json", **changed).stdout)["crashes"]
+    judged = [key for key, crash in crashes.items() if crash["stage_reached"] == "verdict"]
+    assert (done.returncode, json.loads(done.stdout)["stale"]) == (0, {"verdict": len(judged)})
+    assert {key for key, crash in crashes.items() if crash["stale"] == "verdict"} == set(judged)
+    assert crashes[VERIFIED]["stale_because"] == ["setting max_clock_error_h"]
+    shown = trace_dag(root, "status", **changed).stdout
+    assert shown.splitlines()[-2].split() == ["verdict", str(len(judged)), "setting", "max_clock_error_h"]
+
+
 def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(root):
     (root / f"road_map/{VERIFIED}.xodr").write_bytes(b"<OpenDRIVE/>")
     (root / "verdict/2023-319999.json").write_text("{}")

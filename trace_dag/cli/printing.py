@@ -6,13 +6,15 @@ import csv
 import json
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.standing import Standing
+    from trace_dag.stage import Stage
 
 _LONG_TEXT = 40  # characters
 
@@ -54,6 +56,21 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
     if estimated:
         click.echo()
         click.echo(makers_in_words(estimated))
+
+
+def print_stale(stale: Iterable[StaleResult]) -> None:
+    """Which stages' results do not hold any more, of how many crashes, and what has changed since they were made."""
+    by_stage: dict[Stage, list[StaleResult]] = {}
+    for each in stale:
+        by_stage.setdefault(each.stage, []).append(each)
+    print_table(
+        ["stale", "crashes", "changed since"],
+        [
+            (stage, len(found), ", ".join(dict.fromkeys(change for each in found for change in each.changed)))
+            for stage, found in sorted(by_stage.items(), key=lambda item: item[0].position)
+        ],
+    )
+    click.echo("trace-dag run makes them again, and what was made from them.")
 
 
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:

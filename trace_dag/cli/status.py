@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import one_line, print_standings, print_table, write_json
+from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, write_json
 
 _FAILED_SHOWN = 20
 
@@ -21,15 +21,16 @@ _FAILED_SHOWN = 20
 @click.pass_obj
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
-    from trace_dag.cohorts.registry import Registry
+    from trace_dag.flow.batch import stale_results
     from trace_dag.flow.records import read_records
     from trace_dag.flow.standing import FinalState, funnel, standings
-    from trace_dag.storage import Storage
+    from trace_dag.flow.workspace import Workspace
 
-    storage = Storage.open(root)
-    registry = Registry(storage)
+    workspace = Workspace.open(root)
+    storage, registry = workspace.storage, workspace.registry
     keys = registry.keys(cohort)
     crashes = standings(read_records(storage, keys))
+    stale = {each.key: each for each in stale_results(workspace, keys)}
     if as_json:
         cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
         write_json(
@@ -51,6 +52,8 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
                         "detail": crash.detail,
                         "outdated": crash.outdated.value if crash.outdated else None,
                         "outdated_because": crash.outdated_because,
+                        "stale": stale[key].stage.value if key in stale else None,
+                        "stale_because": list(stale[key].changed) if key in stale else [],
                         "estimator": crash.made.estimator if crash.made else None,
                         "estimator_asked": (crash.made.fallback_from or crash.made.estimator) if crash.made else None,
                     }
@@ -81,3 +84,6 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
             click.echo(f"... and {len(outdated) - _FAILED_SHOWN} more (status --json lists all)")
     if failed or outdated:
         click.echo("trace-dag rerun --failed runs them again.")
+    if stale:
+        click.echo()
+        print_stale(stale.values())

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trace_dag.cli.options import examples
-from trace_dag.cli.printing import one_line, print_table, write_json
+from trace_dag.cli.printing import one_line, print_stale, print_table, write_json
 from trace_dag.cli.progress import progress_told
 
 if TYPE_CHECKING:
+    from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.verify import Disagreement, StorageReport
     from trace_dag.flow.workspace import Workspace
 
@@ -35,15 +36,16 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
 
     Run it while no other command works on the root: what is being written looks like a disagreement. Exit code 0 if
     everything agrees, 1 if something does not (with --repair: if something is left, such as stages to be run again).
+    Stages whose results are older than code, settings or inputs are listed too, and are no disagreement.
     """
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark
     from trace_dag.definitions.launch import open_instance, summarise
     from trace_dag.flow.verify import DisagreementKind, repair_storage
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.storage import Storage
 
-    storage, workspace = Storage.open(root), Workspace.open(root)
+    workspace = Workspace.open(root)
+    storage = workspace.storage
     with open_instance(workspace) as instance:
         report, found = _look(storage, workspace, instance, contents)
         before = found
@@ -63,13 +65,25 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
                 for error in summarise(workspace, instance).errors:
                     click.echo(f"failed: {one_line(error, 500)}", err=True)
             report, found = _look(storage, workspace, instance)
+    stale = _stale(workspace, report)
     left = set(found)
     mended = [each for each in before if each not in left]
     if as_json:
-        write_json({**_figures(report), "repaired": list(map(_row, mended)), "disagreements": list(map(_row, found))})
+        by_stage = Counter(each.stage.value for each in stale)
+        write_json(
+            {
+                **_figures(report),
+                "stale": by_stage,
+                "repaired": list(map(_row, mended)),
+                "disagreements": list(map(_row, found)),
+            }
+        )
     else:
         _print("repaired", mended)
         _print("disagreement", found)
+        if stale:
+            print_stale(stale)
+            click.echo()
         click.echo(_summary(report, found, repair))
     sys.exit(1 if found else 0)
 
@@ -91,6 +105,19 @@ def _look(
         *verify_warehouse(workspace.warehouse, report.records),
     ]
     return report, found
+
+
+def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
+    """Results that agree with everything stored, but that a run would make again: no disagreement."""
+    from trace_dag.errors import DamagedFile
+    from trace_dag.flow.batch import stale_results
+
+    try:
+        stale = stale_results(workspace, list(report.records))
+    except DamagedFile:
+        return []  # of the registry, which is listed
+    damaged = {(each.key, each.stage) for each in report.disagreements}
+    return [each for each in stale if (each.key, each.stage) not in damaged]
 
 
 def _figures(report: StorageReport) -> dict[str, int]:

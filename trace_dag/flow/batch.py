@@ -54,6 +54,32 @@ def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
     return {key: stage for key, stage in first.items() if stage is not None}
 
 
+@dataclass(frozen=True)
+class StaleResult:
+    """A stored result that a run would make again, and what has changed since, such as "code" or "setting radius_m"."""
+
+    key: str
+    stage: Stage
+    changed: tuple[str, ...]
+
+
+def stale_results(workspace: Workspace, keys: Sequence[str]) -> list[StaleResult]:
+    """The first result of each crash that does not hold any more, though nothing has failed; what follows hangs on it.
+
+    Not among them: what was never made, and what a run has tried to make again and could not.
+    """
+    crashes = _Crashes(work_of(workspace, ""), keys, workspace.registry.sources(keys))
+    found = []
+    for key, crash in crashes.by_key.items():
+        stage = crashes.first_to_run(crash, tuple(Stage))
+        record = crash.records.get(stage) if stage is not None else None
+        if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.failed_attempt:
+            continue
+        made_from = provenance_of(workspace.flow.definition(record.stage), crashes.work, crash.source, crash.records)
+        found.append(StaleResult(key, record.stage, record.provenance.changed_to(made_from) or ("files",)))
+    return found
+
+
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
     """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
 
