@@ -65,6 +65,7 @@ def test_a_study_is_stored_and_shown(
     assert event is not None
     assert event.asset_materialization is not None
     assert shown in event.asset_materialization.metadata["table"].value
+    assert "](data:image/svg+xml," in event.asset_materialization.metadata["picture"].value
     assert workspace.storage.exists(stored)
 
 

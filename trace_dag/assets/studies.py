@@ -21,6 +21,8 @@ from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.evaluation.registry import BASELINES
 from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.share_chart import share_chart
+from trace_dag.scenario.sketch import data_url
 from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls
@@ -44,6 +46,7 @@ from trace_dag.studies.variations import make_families
 
 GROUP = "studies"
 Found = TypeVar("Found")
+_BARS = 40  # of a picture at the most
 _LEFT_OUT = "left_out"  # metadata: a sentence for each crash that could not take part
 
 
@@ -144,6 +147,9 @@ def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> 
         "dagster/row_count": len(table.rows),
         **figures,
     }
+    if table.shares:
+        chart = share_chart(table.of_what, table.shares[:_BARS])
+        metadata["picture"] = MetadataValue.md(f"![{table.of_what}]({data_url(chart)})")
     if left_out:
         metadata[_LEFT_OUT] = MetadataValue.json(list(left_out))
     return MaterializeResult(metadata=metadata)

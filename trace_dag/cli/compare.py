@@ -72,7 +72,7 @@ def compare(
     if as_json:
         write_json([{"cohort": chosen, **asdict(row)} for row in rows])
         sys.exit(complaints.told())
-    print_table(*estimators_table(rows))
+    print_table(*estimators_table(rows)[:2])
     sys.exit(complaints.told())
 
 

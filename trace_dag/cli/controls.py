@@ -98,7 +98,7 @@ def controls(
     if as_json:
         write_json([{"cohort": name, **asdict(row)} for name, rows in found.items() for row in rows])
         sys.exit(complaints.told())
-    print_table(*controls_table(found))
+    print_table(*controls_table(found)[:2])
     sys.exit(complaints.told())
 
 
@@ -134,4 +134,4 @@ def _perturbed(
         return
     for name, rows in found.items():
         click.echo(f"cohort {name}, {len({row.key for row in rows})} verified crashes, seed {request.seed}")
-        print_table(*perturbed_table(rows))
+        print_table(*perturbed_table(rows)[:2])

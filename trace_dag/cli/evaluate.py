@@ -146,7 +146,7 @@ def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimensio
     """How often each agent did what, in all and by class of crash; and what faulty ones did."""
     from trace_dag.studies.summaries import evaluations_table
 
-    print_table(*evaluations_table(rows, class_of, dimension))
+    print_table(*evaluations_table(rows, class_of, dimension)[:2])
     faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])
     for (agent, fault), count in faults.most_common(_FAULTS_SHOWN):
         click.echo(f"{agent} faulty in {count}: {fault}", err=True)

@@ -56,5 +56,5 @@ def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None,
     if as_json:
         write_json([asdict(row) for row in found])
         sys.exit(complaints.told())
-    print_table(*peer_table(found))
+    print_table(*peer_table(found)[:2])
     sys.exit(complaints.told())

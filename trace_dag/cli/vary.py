@@ -88,7 +88,7 @@ def vary(
     if as_json:
         write_json([asdict(report) for report in reports])
     else:
-        print_table(*families_table(reports))
+        print_table(*families_table(reports)[:2])
     for report in reports:
         if report.error:
             complaints.hear(Failure(f"{report.key}: {report.error.strip().splitlines()[-1]}"))

@@ -1,4 +1,4 @@
-"""The table that people read of each study, for the terminal and for the UI."""
+"""The table that people read of each study, for the terminal and for the UI, and the shares that the UI draws of it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from trace_dag.crash.kind import OF_PERSONS
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
+from trace_dag.scenario.share_chart import Share
 from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
 from trace_dag.studies.perturbed import PerturbedRow
 from trace_dag.studies.variations import FamilyReport
@@ -19,10 +20,12 @@ from trace_dag.verdict.types import Grade
 
 
 class StudyTable(NamedTuple):
-    """Names of columns, and rows of cells."""
+    """Names of columns, and rows of cells. ``shares`` are what a picture shows of it, ``of_what`` its title."""
 
     names: list[str]
     rows: list[tuple[Any, ...]]
+    shares: Sequence[Share] = ()
+    of_what: str = ""
 
 
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
@@ -52,7 +55,12 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
             kept = [row for row in accepted if row.speeds_kept is not False]
             rates = [f"{100 * len(part) / len(judged):.1f} %" if judged else "" for part in (accepted, kept)]
             lines.append((cohort, kind, title, len(judged), len(accepted), *rates))
-    return StudyTable(["cohort", "kind", "judged against", "judgements", "accepted", "rate", "speeds kept too"], lines)
+    names = ["cohort", "kind", "judged against", "judgements", "accepted", "rate", "speeds kept too"]
+    shares = [
+        Share(f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", accepted, judged)
+        for cohort, kind, title, judged, accepted, *_ in lines
+    ]
+    return StudyTable(names, lines, shares, "Accepted by the verdict")
 
 
 def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
@@ -69,14 +77,19 @@ def perturbed_table(rows: Sequence[PerturbedRow]) -> StudyTable:
         accepted = sum(bool(row.accepted) for row in judged)
         crashes = len({row.key for row in of_kind})
         lines.append((name, kind.title, crashes, len(judged), accepted, corroborated, f"{sum(own)} of {len(own)}"))
-    return StudyTable(["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"], lines)
+    names = ["perturbation", "changed", "crashes", "judged", "verified", "corroborated", "own"]
+    shares = [Share(changed, verified, judged) for _, changed, _, judged, verified, *_ in lines]
+    return StudyTable(names, lines, shares, "Still verified, by what was changed")
 
 
 def peer_table(rows: Sequence[ComparisonRow]) -> StudyTable:
     """Both benchmarks side by side, a column each."""
     names = sorted({row.benchmark for row in rows})
     columns = [_peer_column([row for row in rows if row.benchmark == name]) for name in names]
-    return StudyTable(["", *names], [(title, *(column[title] for column in columns)) for title in columns[0]])
+    by_name = [[row.accepted for row in rows if row.benchmark == name] for name in names]
+    shares = [Share(name, sum(accepted), len(accepted)) for name, accepted in zip(names, by_name, strict=True)]
+    lines = [(title, *(column[title] for column in columns)) for title in columns[0]]
+    return StudyTable(["", *names], lines, shares, "Accepted by the verdict")
 
 
 def estimators_table(rows: Sequence[EstimatorRow]) -> StudyTable:
@@ -87,7 +100,14 @@ def estimators_table(rows: Sequence[EstimatorRow]) -> StudyTable:
     return StudyTable(
         ["", *(summary.estimator for summary in summaries)],
         [(name, *(column[name] for column in columns)) for name in shown],
+        [_accepted_share(each.estimator, rows) for each in summaries],
+        "Accepted by the verdict, of what it estimated itself",
     )
+
+
+def _accepted_share(estimator: str, rows: Sequence[EstimatorRow]) -> Share:
+    own = [row.accepted for row in rows if row.estimator == estimator and row.outcome == "estimated"]
+    return Share(estimator, sum(bool(accepted) for accepted in own), len(own))
 
 
 def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimension: str) -> StudyTable:
@@ -103,7 +123,10 @@ def evaluations_table(rows: Sequence[Row], class_of: Callable[[Row], str], dimen
         counts = Counter(row["outcome"] for row in members)
         off_road = sum((row.get("off_road_s") or 0.0) > OFF_ROAD_S for row in members)
         lines.append((agent, group.replace("_", " "), len(members), *(counts[each] for each in DriveOutcome), off_road))
-    return StudyTable(["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"], lines)
+    names = ["agent", dimension.replace("_", " "), "runs", *DriveOutcome, "off road"]
+    avoided = names.index(DriveOutcome.AVOIDED)
+    shares = [Share(line[0], line[avoided], line[2]) for line in lines if line[1] == "all"]
+    return StudyTable(names, lines, shares, "Crashes avoided")
 
 
 def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
@@ -113,6 +136,8 @@ def families_table(reports: Sequence[FamilyReport]) -> StudyTable:
     return StudyTable(
         ["crashes", "variations", "collisions", "near misses", "drawn"],
         [(len(reports), kept, kept - near_misses, near_misses, drawn)],
+        [Share(each.key, each.kept, each.drawn) for each in reports],
+        "Variations kept, of those drawn",
     )
 
 
