@@ -28,7 +28,8 @@ ASK = """
 import json, multiprocessing, pathlib, sys
 from trace_dag.code_versions import code_version
 from trace_dag.flow.stages import FLOW
-from trace_dag.settings import Settings
+from trace_dag.settings import Settings, StateSettings
+from trace_dag.stage import Stage
 
 def versions(change):
     name, file, content = change
@@ -36,6 +37,8 @@ def versions(change):
     before = path.read_text()
     path.write_text(content)
     found = {definition.stage: FLOW.code(definition, Settings()).digest for definition in FLOW.stages}
+    asking = Settings(states=StateSettings(estimator="llm"))
+    found["asked"] = FLOW.code(FLOW.definition(Stage.STATE_ESTIMATE), asking).digest
     found["warehouse"] = code_version(("trace_dag.warehouse.build",)).digest
     path.write_text(before)
     return name, found
@@ -43,6 +46,9 @@ def versions(change):
 with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
     print(json.dumps(dict(pool.imap(versions, json.load(sys.stdin), chunksize=1))))
 """
+
+
+ASKED = "asked"  # the estimates of a language model, which only those who choose it have
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,9 @@ CHANGES = {
     "an import inside a function": Change(
         "verdict/rules.py", lambda source: source + "\ndef _unused():\n    import trace_dag.osm.xml\n", {Stage.VERDICT}
     ),
-    "a table read by the code": Change(
-        "states/prompts/segments-v1.md", lambda text: text + "Be brief.\n", {Stage.STATE_ESTIMATE}
-    ),
+    "a table read by the code": Change("states/prompts/segments-v1.md", lambda text: text + "Be brief.\n", {ASKED}),
+    "a plugin that is not chosen": Change("states/llm/estimator.py", with_statement, {ASKED}),
+    "a plugin that is": Change("states/solver.py", with_statement, {Stage.STATE_ESTIMATE}),
     "a view": Change("warehouse/sql/run_summary.sql", otherwise("BY began_at", "BY began_at DESC"), warehouse=True),
     "how work is done": Change("flow/worker.py", with_statement),
     "how services are asked": Change("cohorts/services.py", with_statement),
@@ -134,6 +140,8 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, st
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_makes_stale_exactly_what_runs_it(versions, name):
     before, after, change = dict(versions["nothing"]), dict(versions[name]), CHANGES[name]
+    if Stage.STATE_ESTIMATE in change.stale:
+        assert before.pop(ASKED) != after.pop(ASKED), "language models are asked on top of the analytic estimator"
     rebuilt = before.pop("warehouse") != after.pop("warehouse")
     assert {stage for stage in before if before[stage] != after[stage]} == change.stale
     assert change.warehouse is None or rebuilt == change.warehouse
