@@ -72,9 +72,8 @@ def _sentence(workspace: Workspace, key: str, records: Records) -> str:
     from trace_dag.flow.artefacts import RECORD
     from trace_dag.flow.contract import CrashFiles
 
-    files = CrashFiles(key, workspace.registry.sources([key])[key], workspace.settings, workspace.storage)
-    for record in records.values():
-        files.accept(record)
+    source = workspace.registry.sources([key])[key]
+    files = CrashFiles.recorded(key, source, workspace.settings, workspace.storage, records)
     return in_one_sentence(files.load(RECORD)) if files.has(RECORD) else ""
 
 

@@ -57,7 +57,9 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
             lines.append((cohort, kind, title, len(judged), len(accepted), *rates))
     names = ["cohort", "kind", "judged against", "judgements", "accepted", "rate", "speeds kept too"]
     shares = [
-        Share(f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", accepted, judged)
+        Share(
+            f"{kind.replace('_', ' ')}: {title}" if len(found) == 1 else f"{cohort}, {kind}: {title}", accepted, judged
+        )
         for cohort, kind, title, judged, accepted, *_ in lines
     ]
     return StudyTable(names, lines, shares, "Accepted by the verdict")
