@@ -1,6 +1,7 @@
 """Makes the bundled sample anew: ``python data/sample/make_sample.py [--out DIR]``. Same bytes on every run.
 
-Writes ``osm/*.osm``, ``reports/crash_<case>.xml`` and ``truth.json`` into ``--out`` (default: beside this script).
+Writes ``osm/*.osm``, ``reports/crash_<case>.xml`` and ``truth.json`` into ``--out`` (default: beside this script), and
+the crashes with people in the same town as ``people/reports/crash_<case>.xml`` and ``people/truth.json``.
 """
 
 from __future__ import annotations
@@ -8,8 +9,9 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
-from make import broken_map, crossings, stretches, town
+from make import broken_map, crossings, people, stretches, town
 from make.crash import Crash
 from make.crashapi import crashapi_xml
 from make.motion import Collision, collide
@@ -46,10 +48,21 @@ def files() -> dict[str, bytes]:
         out[f"reports/crash_{item.case}.xml"] = item.xml
         expected = {"final_state": "rejected", "reason": item.reason}
         rows.append({"key": f"2023-{item.case}", "title": item.title, "expected": expected, "vehicles": []})
-    # One line for each crash: readable enough, and a change shows where it is.
-    lines = ",\n".join(json.dumps(row, ensure_ascii=False, separators=(",", ":")) for row in rows)
-    out["truth.json"] = f'{{"about":{json.dumps(ABOUT)},"crashes":[\n{lines}\n]}}\n'.encode()
+    out["truth.json"] = _truth(rows)
+    rows = []
+    for crash_of_people in people.crashes(roads):
+        touch = people.collision_of(crash_of_people)
+        told = people.coded(crash_of_people, touch)
+        out[f"people/reports/crash_{told.case}.xml"] = crashapi_xml(told)
+        rows.append(people.truth_of(crash_of_people, told, touch))
+    out["people/truth.json"] = _truth(rows)
     return out
+
+
+def _truth(rows: list[dict[str, Any]]) -> bytes:
+    """One line for each crash: readable enough, and a change shows where it is."""
+    lines = ",\n".join(json.dumps(row, ensure_ascii=False, separators=(",", ":")) for row in rows)
+    return f'{{"about":{json.dumps(ABOUT)},"crashes":[\n{lines}\n]}}\n'.encode()
 
 
 def main() -> None:

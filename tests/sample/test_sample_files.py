@@ -65,11 +65,12 @@ def test_making_it_again_gives_the_same(sample: Path) -> None:
     made = make_sample.files()
     stored = {
         str(path.relative_to(sample)): path.read_bytes()
-        for pattern in ("osm/*.osm", "reports/*.xml", "truth.json")
+        for pattern in ("osm/*.osm", "reports/*.xml", "truth.json", "people/reports/*.xml", "people/truth.json")
         for path in sample.glob(pattern)
     }
     assert sorted(made) == sorted(stored)
-    truth = [numbers_apart(each.pop("truth.json").decode()) for each in (made, stored)]
+    names = ("truth.json", "people/truth.json")
+    truth = [numbers_apart("".join(each.pop(name).decode() for name in names)) for each in (made, stored)]
     assert [name for name in made if made[name] != stored[name]] == []
     assert truth[0][0] == truth[1][0]
     for again, kept in zip(truth[0][1], truth[1][1], strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, astuple, fields
 from typing import Any
 
 import click
@@ -33,12 +33,15 @@ def score_truth(root: str, as_json: bool) -> None:
     from trace_dag.states.json_io import estimate_from_json
     from trace_dag.studies.truth import load_truth
     from trace_dag.studies.truth import score_truth as score
+    from trace_dag.studies.truth_of_people import KindSummary, by_kind, load_people_truth, score_people
     from trace_dag.verdict.json_io import verdict_from_json
 
     truth = load_truth(sample_folder() / "truth.json")
+    of_people = load_people_truth(sample_folder() / "people" / "truth.json")
     storage = Workspace.open(root).storage
     complaints = Complaints()
-    records = read_records(storage, truth.by_key, complain=complaints.hear)
+    keys = [*truth.by_key, *(crash.key for crash in of_people.crashes)]
+    records = read_records(storage, keys, complain=complaints.hear)
     if not any(records.values()):
         raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
     estimates, hypotheses, outcomes = {}, {}, {}
@@ -54,17 +57,24 @@ def score_truth(root: str, as_json: bool) -> None:
         except DamagedFile as damaged:
             complaints.hear(damaged)
     result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
+    people = score_people(of_people, estimates, hypotheses)
     if as_json:
         write_json(
             {
                 "summary": asdict(result.summary),
                 "vehicles": [asdict(row) for row in result.rows],
+                "people": [{**asdict(row), "course_correct": row.course_correct} for row in people],
                 "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
             }
         )
         sys.exit(complaints.told())
     rows: list[tuple[str, Any]] = [(name.replace("_", " "), value) for name, value in asdict(result.summary).items()]
     print_table(["estimates against the truth", ""], rows)
+    if any(row.course_correct is not None for row in people):
+        click.echo()
+        print_table(
+            [each.name.replace("_", " ") for each in fields(KindSummary)], [astuple(row) for row in by_kind(people)]
+        )
     unexpected = [row for row in result.outcomes if not row.as_expected]
     if unexpected:
         click.echo()

@@ -81,11 +81,29 @@ def crashapi_xml(report: Report) -> bytes:
     for vehicle in report.vehicles:
         _write_vehicle(x, report, vehicle)
     x.close("Vehicles")
+    if report.people:
+        _write_people(x, report)
     x.lists("CEvents", "CEvent", [_event(report, i, e) for i, e in enumerate(report.events, 1)])
     for tag in ("CrashResultSet", "CaseDetail", "ArrayOfCaseDetail", "Results"):
         x.close(tag)
     text = "\n".join([_ROOT, *x.lines, "</ResponseOfListOfCaseDetail>"])
     return (text.replace("&amp;", "&") if report.bare_ampersand else text).encode()
+
+
+def _write_people(x: _Xml, report: Report) -> None:
+    """The lists about persons outside the vehicles, their codes alone: labels change, codes are what is read."""
+    typed, persons, acts = [], [], []
+    for number, person in enumerate(report.people, 1):
+        own: Fields = [f for f in _head(report, ("VEH_NO", 0), ("PER_NO", number)) if f[0] != "STATEINITIAL"]
+        typed.append([*own, ("PBPTYPE", person.kind), ("PBAGE", person.age), ("PBSEX", person.sex), *person.typing])
+        persons.append([
+            *own, ("VE_FORMS", len(report.vehicles)), ("STR_VEH", person.struck_by), ("AGE", person.age),
+            ("SEX", person.sex), ("PER_TYP", person.kind), ("INJ_SEV", 4), ("LOCATION", person.location),
+        ])  # fmt: skip
+        acts.append([*own, ("MPR_ACT", person.action), ("NMACTION", person.action)])
+    x.lists("PbTypes", "PBType", typed)
+    x.lists("NPersons", "Person", persons)
+    x.lists("NmPriors", "NMPrior", acts)
 
 
 def _search(case: int) -> str:
@@ -137,6 +155,7 @@ def _crash(report: Report) -> dict[str, object]:
     people = sum(v.occupants for v in report.vehicles)
     return {
         **_ids(report), "State": STATE, "VE_TOTAL": len(report.vehicles), "VE_FORMS": len(report.vehicles),
+        "PEDS": len(report.people), "PERNOTMVIT": len(report.people),
         "PERMVIT": people, "PERSONS": people, "COUNTY": COUNTY, "COUNTYNAME": COUNTY_NAME,
         "CITY": CITY if in_town else 0, "CITYNAME": CITY_NAME if in_town else "NOT APPLICABLE", **_time(report),
         "DAY_WEEK": weekday + 1, "DAY_WEEKNAME": WEEKDAYS[weekday],

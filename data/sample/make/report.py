@@ -58,6 +58,19 @@ class VehicleCodes:
 
 
 @dataclass(frozen=True)
+class PersonCodes:
+    """What is coded of a person outside the vehicles: FARS elements in order of the fields' names, and the typing."""
+
+    kind: int
+    struck_by: int
+    age: int
+    sex: int
+    location: int
+    action: int
+    typing: tuple[tuple[str, object], ...]
+
+
+@dataclass(frozen=True)
 class Report:
     """What is coded of a crash."""
 
@@ -79,6 +92,7 @@ class Report:
     weather: int
     vehicles: tuple[VehicleCodes, ...]
     events: tuple[EventCodes, ...]
+    people: tuple[PersonCodes, ...] = ()
     bare_ampersand: bool = False  # served as not well-formed, as some real answers are
 
     @property
@@ -98,7 +112,7 @@ def coded(crash: Crash, collision: Collision) -> Report:
     dead = min((0, 1), key=lambda i: _FATAL_ORDER.index(crash.units[i].body.kind))
     latitude, longitude = reported_place(collision.point)
     vehicles = tuple(
-        _vehicle(i + 1, unit, hours[i], deaths=int(i == dead), surface=crash.surface, seed=crash.number)
+        coded_vehicle(i + 1, unit, hours[i], deaths=int(i == dead), surface=crash.surface, seed=crash.number)
         for i, unit in enumerate(crash.units)
     )
     # A vehicle that hit something else first has that as its initial contact.
@@ -106,10 +120,10 @@ def coded(crash: Crash, collision: Collision) -> Report:
         first = crash.other_harmful_first[0] - 1
         vehicles = tuple(replace(v, impact=1) if i == first else v for i, v in enumerate(vehicles))
     road = crash.units[0].approach.road if crash.units[0].approach.road.trafficway else crash.units[1].approach.road
-    route, system = _signing(road)
+    route, system = signing(road)
     return Report(
         number=crash.number, when=crash.when, latitude_deg=latitude, longitude_deg=longitude, ways=crash.ways,
-        route=route, functional_system=system, rural=_limit(road) >= 50,
+        route=route, functional_system=system, rural=limit_of(road) >= 50,
         harmful=crash.other_harmful_first[1] if crash.other_harmful_first else 12, manner=crash.manner,
         intersection=crash.intersection, interchange=crash.interchange, junction=crash.junction,
         relation_to_road=crash.relation_to_road, light=crash.light, weather=crash.weather,
@@ -123,14 +137,15 @@ def reported_place(point: FloatArray) -> tuple[float, float]:
     return round(float(degrees[0]), 8), round(float(degrees[1]), 8)
 
 
-def _vehicle(number: int, unit: Unit, hour: int, *, deaths: int, surface: int, seed: int) -> VehicleCodes:
+def coded_vehicle(number: int, unit: Unit, hour: int, *, deaths: int, surface: int, seed: int) -> VehicleCodes:
+    """What is coded of one vehicle that was struck at an hour of the clock."""
     road = unit.approach.road
     section = road.section(road.at(*unit.approach.at))
     off_road = road.trafficway == 0
     lanes = len(section.forward) + len(section.backward) + (1 if section.centre else 0)
     return VehicleCodes(
         number=number, body=unit.body, travel_speed=unit.travel_speed,
-        speed_limit=0 if off_road else _limit(road, unit), lanes=0 if off_road else lanes,
+        speed_limit=0 if off_road else limit_of(road, unit), lanes=0 if off_road else lanes,
         trafficway=road.trafficway, alignment=0 if off_road else unit.alignment, control=unit.control, surface=surface,
         movement=unit.movement, event=unit.event, avoidance=unit.avoidance,
         stability=2 if unit.avoidance == 16 else 1, location=unit.location, crash_type=unit.crash_type, impact=hour,
@@ -138,12 +153,13 @@ def _vehicle(number: int, unit: Unit, hour: int, *, deaths: int, surface: int, s
     )  # fmt: skip
 
 
-def _limit(road: Road, unit: Unit | None = None) -> int:
+def limit_of(road: Road, unit: Unit | None = None) -> int:
+    """Speed limit (mph)."""
     station = road.at(*unit.approach.at) if unit else road.curve.length / 2
     return int(road.section(station).tags.get("maxspeed", "25 mph").split()[0])
 
 
-def _signing(road: Road) -> tuple[int, int]:
+def signing(road: Road) -> tuple[int, int]:
     """``ROUTE`` and ``FUNC_SYS``."""
     highway = road.common["highway"]
     ref = road.common.get("ref", "")

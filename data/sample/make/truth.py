@@ -37,8 +37,8 @@ class LocalFrame:
         ahead = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])
         here, there = self.points(np.stack([np.array(state[:2]), state[:2] + ahead]))
         return {
-            "x_m": _rounded(here[0], 3), "y_m": _rounded(here[1], 3),
-            "heading_rad": _rounded(math.atan2(there[1] - here[1], there[0] - here[0]), 5),
+            "x_m": rounded_to(here[0], 3), "y_m": rounded_to(here[1], 3),
+            "heading_rad": rounded_to(math.atan2(there[1] - here[1], there[0] - here[0]), 5),
         }  # fmt: skip
 
 
@@ -54,14 +54,17 @@ def truth_of(crash: Crash, report: Report, collision: Collision) -> dict[str, An
         "longitude_deg": report.longitude_deg,
         "lead_time_s": LEAD_TIME_S,
         "layer": crash.layer,
-        "impact_point": {"x_m": _rounded(impact[0], 3), "y_m": _rounded(impact[1], 3)},
-        "vehicles": [_vehicle(i + 1, unit, unit.driving(), collision, i, frame) for i, unit in enumerate(crash.units)],
+        "impact_point": {"x_m": rounded_to(impact[0], 3), "y_m": rounded_to(impact[1], 3)},
+        "vehicles": [
+            vehicle_row(i + 1, unit, unit.driving(), collision, i, frame) for i, unit in enumerate(crash.units)
+        ],
     }
 
 
-def _vehicle(
+def vehicle_row(
     number: int, unit: Unit, driving: Driving, collision: Collision, index: int, frame: LocalFrame
 ) -> dict[str, Any]:
+    """The row of one vehicle."""
     start = driving.state(collision.t - LEAD_TIME_S)
     impact = collision.states[index]
     body = unit.body
@@ -74,9 +77,9 @@ def _vehicle(
         "manoeuvre": unit.manoeuvre,
         "speed_reported": unit.travel_speed < 998,
         "initial_pose": frame.pose(start),
-        "initial_speed_mps": _rounded(start.speed_mps, 4),
+        "initial_speed_mps": rounded_to(start.speed_mps, 4),
         "impact_pose": frame.pose(impact),
-        "impact_speed_mps": _rounded(impact.speed_mps, 4),
+        "impact_speed_mps": rounded_to(impact.speed_mps, 4),
         "impact_clock_h": clock(collision.on_body[index], body),
         "approach": _approach(unit, start, driving.path.heading(driving.station(collision.t - LEAD_TIME_S))),
         "path": _path(driving, collision.t, frame),
@@ -97,8 +100,8 @@ def _approach(unit: Unit, start: State, course_rad: float) -> dict[str, Any]:
         "lane_from_left": approach.lane,
         "lanes": len(section.forward if approach.direction > 0 else section.backward),
         "wrong_way": approach.wrong_way,
-        "lane_width_m": _rounded(approach.width_m(), 2),
-        "room_m": [_rounded(left, 2), _rounded(right, 2)],
+        "lane_width_m": rounded_to(approach.width_m(), 2),
+        "room_m": [rounded_to(left, 2), rounded_to(right, 2)],
     }
 
 
@@ -109,8 +112,9 @@ def _path(driving: Driving, t_impact: float, frame: LocalFrame) -> list[list[flo
         first = max(first, min(0.0, driving.station(t_impact - LEAD_TIME_S)))
     stations = np.linspace(first, last, max(2, math.ceil((last - first) / 2.0) + 1))
     points = frame.points(np.array([driving.path.point(s) for s in stations]))
-    return [[_rounded(x, 2), _rounded(y, 2)] for x, y in points]
+    return [[rounded_to(x, 2), rounded_to(y, 2)] for x, y in points]
 
 
-def _rounded(value: float, digits: int) -> float:
+def rounded_to(value: float, digits: int) -> float:
+    """A number as it is stored."""
     return round(float(value), digits) + 0.0  # no negative zero

@@ -1,0 +1,64 @@
+"""The sample's crashes with people: estimates against the truth they were made of, and reports that must be refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cases import SETTINGS, Case, cases
+
+from trace_dag.crash.completeness import check
+from trace_dag.crash.parse import read_report
+from trace_dag.errors import Rejection
+from trace_dag.states.estimate import estimate
+from trace_dag.studies.truth_of_people import PeopleTruth, by_kind, load_people_truth, score_people
+
+
+@pytest.fixture(scope="module")
+def people(sample: Path) -> PeopleTruth:
+    return load_people_truth(sample / "people" / "truth.json")
+
+
+@pytest.fixture(scope="module")
+def found(sample: Path) -> list[Case]:
+    reports = {path.name: path.read_bytes() for path in (sample / "people" / "reports").glob("*.xml")}
+    return cases(reports, sample / "osm")
+
+
+def test_every_way_a_person_can_go_occurs(people: PeopleTruth) -> None:
+    walked = [person for crash in people.crashes for person in crash.people]
+    assert len(walked) >= 12
+    assert {person.course for person in walked} == {"from_left", "from_right", "along", "towards"}
+    assert {crash.kind for crash in people.crashes} == {"pedestrian", "cyclist"}
+
+
+def test_side_and_place_are_right_where_the_report_tells(people: PeopleTruth, found: list[Case]) -> None:
+    made = {case.key: estimate(case.record, case.network, case.report, SETTINGS.states) for case in found}
+    rows = score_people(people, made)
+    assert all(row.course_correct is not None for row in rows)
+    told = [row for row in rows if row.told]
+    assert sum(bool(row.course_correct) for row in told) / len(told) >= 0.95
+    for summary in by_kind(rows):
+        assert summary.estimated == summary.people
+        assert summary.worst_impact_point_error_m is not None
+        assert summary.worst_impact_point_error_m <= 0.5
+
+
+def test_a_perfect_estimate_has_no_error_and_none_is_none(people: PeopleTruth) -> None:
+    rows = score_people(people, {})
+    assert [row.course_correct for row in rows] == [None] * len(rows)
+    assert {summary.estimated for summary in by_kind(rows)} == {0}
+
+
+def test_reports_that_say_too_little_are_refused(sample: Path, people: PeopleTruth) -> None:
+    refused = {}
+    for crash in people.crashes:
+        path = sample / "people" / "reports" / f"crash_{crash.key[-6:]}.xml"
+        record = read_report(path.read_bytes(), name=path.name, settings=SETTINGS.crash)
+        assert record.kind == crash.kind
+        try:
+            check(record, SETTINGS.crash)
+        except Rejection as rejection:
+            refused[crash.key] = rejection.reason.value
+    assert refused == {crash.key: crash.expected.reason for crash in people.crashes if crash.expected.reason}
+    assert len(refused) >= 2
