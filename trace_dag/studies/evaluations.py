@@ -137,8 +137,8 @@ def evaluate_agents(
                 code_version=code,
                 verdict_fingerprint=stored.fingerprint,
             )
-            if results.add(answer.step.name, made):
-                tell(made)
+            results.add(answer.step.name, made)
+            tell(made)
     finally:
         results.store(references)
     return results.in_order()
@@ -153,12 +153,10 @@ class _Results:
         self._storage = storage
         self._rows: dict[str, list[Row]] = {name: [] for name in labels}
 
-    def add(self, name: str, made: Row) -> bool:
-        """Whether it is new: of a crash with a person two roles are the same vehicle's."""
-        if any(_identity(each) == _identity(made) for each in self._rows[name]):
-            return False
-        self._rows[name].append(made)
-        return True
+    def add(self, name: str, made: Row) -> None:
+        """Keep a row once: of a crash with a person two roles are the same vehicle's."""
+        if not any(_identity(each) == _identity(made) for each in self._rows[name]):
+            self._rows[name].append(made)
 
     def in_order(self) -> list[Row]:
         return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
