@@ -10,6 +10,7 @@ from tests.states.test_strikes import estimated, rider, struck, walker
 from tests.verdict.crashes import STREET, record, vehicle
 from tests.verdict.test_strikes import FROM_RIGHT, crossing, simulated
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import strikes_of
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.types import Manoeuvre
 from trace_dag.verdict.controls import JudgedCrash, shifted_row
@@ -68,6 +69,15 @@ def test_parties_get_the_numbers_of_the_own_report() -> None:
     (event,) = found.events
     assert (event.party_1, event.party_2) == (1, 1001)
     assert not strikes_differ(found, struck(FROM_RIGHT), SETTINGS)
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_a_report_that_lists_no_person_can_be_set_beside_another(listed: bool) -> None:
+    theirs = struck(walker())
+    events = tuple(replace(event, party_2=None) for event in theirs.events) if listed else ()
+    found = in_place_of(replace(theirs, non_motorists=(), events=events), struck(FROM_RIGHT))
+    assert found is not None
+    assert [strike.pair for strike in strikes_of(found)] == [(1, 1001)]
 
 
 def shifted(crash: CrashRecord) -> tuple[bool | None, float | None]:

@@ -58,11 +58,13 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
         return None
     vehicles = tuple(replace(strike.vehicle, number=renamed[strike.vehicle.number]) for strike in theirs)
     persons = {strike.person.party: strike.person for strike in theirs}
+    # A report may list a strike and not the person: then the event names nobody.
+    struck = {number: strike.person.party for strike in theirs for number in (strike.event_number, *strike.going_on)}
     events = tuple(
         replace(
             event,
             party_1=renamed.get(event.party_1 or 0),
-            party_2=renamed.get(event.party_2 or 0, event.party_2),
+            party_2=renamed.get(struck.get(event.number, event.party_2) or 0, event.party_2),
         )
         for event in other.events
     )
