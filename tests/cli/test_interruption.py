@@ -23,9 +23,7 @@ def under_way(root: Path) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 60
     while not list((root / "road_map").glob("*.outcome.json")):
-        assert time.monotonic() < deadline
         assert process.poll() is None, "ended before it could be stopped"
         time.sleep(0.02)
     return process
@@ -57,7 +55,7 @@ def test_ctrl_c_ends_a_run_with_its_workers_in_one_line_and_the_next_finishes_it
     ingest(root, reports_of(tmp_path / "reports", KEYS))
     process = under_way(root)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all processes in the foreground
-    said, _ = process.communicate(timeout=30)
+    said, _ = process.communicate()
     assert process.returncode == 130
     assert "Traceback" not in said
     assert said.splitlines()[-1] == "interrupted; what was finished is kept, run again for the rest"
@@ -66,10 +64,8 @@ def test_ctrl_c_ends_a_run_with_its_workers_in_one_line_and_the_next_finishes_it
 
 
 def wait_for_none_of_group(group: int) -> None:
-    """A process that was killed takes a moment to be gone."""
-    deadline = time.monotonic() + 5
-    while left := processes_of_group(group):
-        assert time.monotonic() < deadline, left
+    """A process that was killed takes a moment to be gone; one that stays keeps this test from ending."""
+    while processes_of_group(group):
         time.sleep(0.05)
 
 
