@@ -105,6 +105,11 @@ def test_who_stands_cannot_be_late() -> None:
     assert late_person(estimated(struck(walker(pedestrian_type_code=610))).best) is None
 
 
+def test_no_delay_makes_a_cyclist_miss_a_standing_car() -> None:
+    crash = struck(rider(cyclist_type_code=243), code=9, clock_h=6, speed_mps=0.0)
+    assert late_person(estimated(crash).best) is None
+
+
 def test_a_person_from_the_other_side_is_refused() -> None:
     crash = judged()
     other_side = mirrored(crash.record, crash.hypothesis)

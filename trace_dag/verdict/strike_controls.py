@@ -20,7 +20,7 @@ from trace_dag.crash.zones import reported_zones
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.courses import COMPASS_DEG, CROSSING, told_courses
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState
-from trace_dag.verdict.controls import LEAST_SHIFT_S, ControlRow, JudgedCrash, Shift, delayed, row_of
+from trace_dag.verdict.controls import LEAST_SHIFT_S, STANDING_MPS, ControlRow, JudgedCrash, Shift, delayed, row_of
 from trace_dag.verdict.directions import reported_turns_deg
 from trace_dag.verdict.judge import judge_strikes
 from trace_dag.verdict.metrics import clock_error_h
@@ -112,11 +112,14 @@ def _opposite(one: int | None, two: int | None) -> bool:
 
 def late_person(hypothesis: Hypothesis) -> Shift | None:
     """The hypothesis with its first person late: two seconds if it crosses, longer if it goes along the road; None if
-    the person stands."""
+    the person or the vehicle stands where they meet."""
     person = _first_person(hypothesis)
     if person is None or abs(person.impact_speed_mps) < _STANDING_MPS:
         return None
-    vehicle = next(state for state in hypothesis.participants if not state.is_person)
+    striking = hypothesis.planned[0].party_1
+    vehicle = next(state for state in hypothesis.participants if state.vehicle_number == striking)
+    if abs(vehicle.impact_speed_mps) < STANDING_MPS:
+        return None
     shift_s = LEAST_SHIFT_S
     if person.manoeuvre not in _CROSSES:
         shift_s = max(shift_s, (_MISS_BY_M + (person.length_m + vehicle.length_m) / 2) / abs(person.impact_speed_mps))
