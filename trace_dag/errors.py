@@ -117,8 +117,8 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.INCOMPLETE_IMPACT: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "No field of the report says where any of the vehicles was struck: a simulation cannot be judged by it.",
-        "Nothing: the areas of impact are not known.",
+        "No field of the report says on which side any of the vehicles was struck: nothing could judge a simulation.",
+        "Nothing: no area of impact is known that has a clock position.",
     ),
     Reason.OUTSIDE_COHORT: _ReasonFacts(
         Stage.CRASH_RECORD,

@@ -161,7 +161,7 @@ UNTOLD = {"IMPACT1": 99, "ACC_TYPE": 98}
 @pytest.mark.parametrize(
     ("first", "second", "areas", "lacks"),
     [
-        (UNTOLD, UNTOLD, 99, "nothing tells where vehicle 1 and vehicle 2 were struck"),
+        (UNTOLD, UNTOLD, 99, "nothing tells on which side vehicle 1 and vehicle 2 were struck"),
         ({"IMPACT1": 12, "ACC_TYPE": 98}, UNTOLD, 99, None),
         (UNTOLD, UNTOLD, 6, None),
     ],

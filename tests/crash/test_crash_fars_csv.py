@@ -91,6 +91,8 @@ def test_two_vehicle_crashes_are_rejected_only_where_no_table_tells_enough(
         "2015-40238": Reason.NOT_MODELLED,
         # HARM_EV 8, a pedestrian, of two vehicles without events: which of them struck it?
         "2013-40022": Reason.INCOMPLETE_SEQUENCE,
+        # AOI 13 and 14: the top of one, the undercarriage of the other, and no IMPACT1.
+        "2015-390746": Reason.INCOMPLETE_IMPACT,
     }
 
 

@@ -237,7 +237,8 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 def _impact(record: CrashRecord) -> str | None:
-    """A verdict needs an area of impact: without any, whatever is simulated would agree."""
+    """A verdict needs an area of impact on a side of a body (the top and the undercarriage are none): without any,
+    whatever is simulated would agree."""
     if is_of_strikes(record):
         struck = [(strike.vehicle.number, strike.area) for strike in strikes_of(record)]
     else:
@@ -246,7 +247,7 @@ def _impact(record: CrashRecord) -> str | None:
         return None
     numbers = sorted({number for number, _ in struck})
     said = " and ".join(f"vehicle {number}" for number in numbers)
-    return f"nothing tells where {said} {'was' if len(numbers) == 1 else 'were'} struck"
+    return f"nothing tells on which side {said} {'was' if len(numbers) == 1 else 'were'} struck"
 
 
 KINDS: Final[tuple[Rule, ...]] = (
@@ -266,6 +267,6 @@ RULES: Final[tuple[Rule, ...]] = (
 """The paper's rules, in the order they are applied."""
 
 OF_VERDICTS: Final[tuple[Rule, ...]] = (
-    Rule("impact", Reason.INCOMPLETE_IMPACT, "where a vehicle was struck is known of one at least", _impact),
+    Rule("impact", Reason.INCOMPLETE_IMPACT, "on which side a vehicle was struck is known of one at least", _impact),
 )
 """What a verdict cannot do without, beyond the paper's rules."""
