@@ -26,6 +26,7 @@ from trace_dag.stage import Stage
 # Each change is asked about in a process of its own, forked before anything has been read.
 ASK = """
 import json, multiprocessing, pathlib, sys
+from concurrent.futures import ProcessPoolExecutor
 from trace_dag.code_versions import code_version
 from trace_dag.flow.stages import FLOW
 from trace_dag.settings import Settings, StateSettings
@@ -43,8 +44,12 @@ def versions(change):
     path.write_text(before)
     return name, found
 
-with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
-    print(json.dumps(dict(pool.imap(versions, json.load(sys.stdin), chunksize=1))))
+found = {}
+for change in json.load(sys.stdin):  # in a process for each: a version is read once in each
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as alone:
+        name, of_change = alone.submit(versions, change).result()
+    found[name] = of_change
+print(json.dumps(found))
 """
 
 
