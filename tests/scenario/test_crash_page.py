@@ -133,7 +133,7 @@ def test_a_page_names_the_parties_of_every_event():
     page = html.fromstring(write_crash_page(CrashPage(crash(0), (), RIGHTS, record=crashed)))
     text = " ".join(page.itertext())
     seen = " ".join(text.split())
-    assert "person 1 pedestrian in a crosswalk V1 38" in seen
-    assert "1 person struck 8 V1 person 1" in seen
+    assert "P1 pedestrian in a crosswalk V1 38" in seen
+    assert "1 person struck 8 V1 P1" in seen
     assert "2 object struck 42 V1 what event 2 struck" in seen
     assert "What the report leaves open who came first" in seen

@@ -104,7 +104,8 @@ def judge_geometry(hypothesis: Hypothesis) -> None:
         travelled = np.hypot(np.diff(t.x_m), np.diff(t.y_m))
         mean_speed = np.abs(t.speed_mps[1:] + t.speed_mps[:-1]) / 2
         assert travelled == pytest.approx(mean_speed * step, rel=0.02, abs=2e-3)
-        assert np.abs(np.diff(t.heading_rad)).max() < 0.05
+        turned = np.abs(np.diff(t.heading_rad))
+        assert (turned < np.maximum(0.05, travelled / 5.0)).all()  # whoever backs up fast turns on 5 m at least
         moving = mean_speed > 1
         course = np.arctan2(np.diff(t.y_m), np.diff(t.x_m)) + np.where(t.speed_mps[:-1] < 0, np.pi, 0)
         apart = np.abs(np.remainder(course - t.heading_rad[:-1] + np.pi, 2 * np.pi) - np.pi)
@@ -262,7 +263,7 @@ def accepted(case: Case, made: StateEstimate, backend: EmbeddedBackend) -> bool:
 def test_real_crashes_pass_every_check_and_are_accepted(shared_data):
     folder = shared_data / "va-2023"
     reports = {path.name: path.read_bytes() for path in (folder / "reports").glob("*.xml")}
-    found = cases(reports, folder / "osm")
+    found = [case for case in cases(reports, folder / "osm") if case.record.colliding_vehicles is not None]
     assert len(found) >= 30
     backend = EmbeddedBackend(SETTINGS.sim)
     verdicts, failed = [], {}
