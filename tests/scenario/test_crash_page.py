@@ -37,6 +37,7 @@ VERDICT = Verdict(
         Criterion("contact_distance", 1.23, 5.0, "m", True, Reason.WRONG_LOCATION),
         Criterion("clock_error", 1.5, 2.0, "h", True, Reason.WRONG_IMPACT, "", 1),
         Criterion("clock_error", None, 2.0, "h", None, Reason.WRONG_IMPACT, "not reported", 2),
+        Criterion("zone_error", 0.0, 1.0, "m", True, Reason.WRONG_ZONE, "", 1001),
         Criterion("closing_speed", 20.0, None, "mps", None),
         Criterion("clock", 4.5, None, "h", None, None, "", 1),
         Criterion("reported_clock", 3.0, None, "h", None, None, "", 1),
@@ -94,6 +95,7 @@ def test_numbers_and_reasons_are_said_in_words():
     assert "The reported parties touch" in for_it
     assert "First street agrees with the map: MAIN ST – Main Street" in for_it
     assert "Vehicle 1 struck where the report says: 1.5 clock positions off, 2 allowed" in for_it
+    assert "Person 1 struck in the part of the road that the report says: 0.0 m, 1 allowed" in for_it
     assert "Lanes differs with the map: 4 – 2" in against
     assert "The report contradicts itself: a, not b" in against
     assert "Vehicle 2 struck where the report says" in untold

@@ -14,6 +14,7 @@ from typing import Any
 
 from trace_dag import __version__
 from trace_dag.crash.codes.vehicle import ACC_TYPE
+from trace_dag.crash.parties import party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
 from trace_dag.osm.rights import Rights
@@ -215,13 +216,16 @@ _CRITERIA = {
     "clock_error": "struck where the report says",
     "direction_error": "course as reported",
     "relation_error": "angle between the courses as reported",
+    "zone_error": "struck in the part of the road that the report says",
+    "course_error": "way across or along the road as reported",
+    "compass_error": "heading by the compass as reported",
     "initial_speed_error": "speed as reported",
 }
 _UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off", "m": " m"}
 
 
 def _criterion_in_words(criterion: Criterion) -> str:
-    whose = f"vehicle {criterion.vehicle_number} " if criterion.vehicle_number is not None else ""
+    whose = f"{party_in_words(criterion.vehicle_number)} " if criterion.vehicle_number is not None else ""
     what = _CRITERIA.get(criterion.name, words(criterion.name))
     sentence = f"{whose}{what}"
     if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
