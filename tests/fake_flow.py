@@ -72,6 +72,7 @@ def _behave(key: str, services: Services, stage: Stage, content: bytes) -> Stage
     if f"slow:{stage}" in words:
         time.sleep(0.2)
     while f"hang:{stage}" in words:
+        # As code does that catches whatever comes: a time limit has to end this stage all the same.
         try:
             time.sleep(0.01)
         except Exception:
