@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from trace_dag.crash.record import VehicleRecord
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneMatch
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.checks import check
 from trace_dag.states.encounters import Party
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.paths import Path
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
 from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
@@ -69,14 +73,40 @@ def _participant(
     *,
     lead_time_s: float,
 ) -> ParticipantState:
-    vehicle = party.vehicle
     after_s = AFTER_IMPACT_S
     if profile.impact_mps > 0:
         after_s = min(max(after_s, AFTER_IMPACT_M / profile.impact_mps), LONGEST_AFTER_S)
+    state = driven(
+        network,
+        party.vehicle,
+        placed.option,
+        placed.path,
+        placed.station_m,
+        speed,
+        profile,
+        lead_time_s=lead_time_s,
+        after_s=after_s,
+    )
+    return replace(state, impact_clock_h=round(bearing_to_clock_h(placed.bearing_rad), 3))
+
+
+def driven(
+    network: RoadNetwork,
+    vehicle: VehicleRecord,
+    option: Option,
+    path: Path,
+    station_m: float,
+    speed: TravelSpeed,
+    profile: SpeedProfile,
+    *,
+    lead_time_s: float,
+    after_s: float,
+) -> ParticipantState:
+    """A vehicle driven along a path, at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and for ``after_s``
+    seconds more."""
     time, distance, speeds = profile.sample(lead_time_s, after_s)
-    x, y, z, heading = placed.path.at(placed.station_m + distance)
-    backing = placed.option.backing
-    if backing:
+    x, y, z, heading = path.at(station_m + distance)
+    if option.backing:
         heading, speeds = heading + math.pi, -speeds
     trajectory = rounded(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
@@ -88,7 +118,7 @@ def _participant(
         width_m=vehicle.width_m,
         height_m=vehicle.height_m,
         mass_kg=vehicle.mass_kg,
-        manoeuvre=placed.option.manoeuvre,
+        manoeuvre=option.manoeuvre,
         initial_pose=initial_pose,
         initial_speed_mps=float(trajectory.speed_mps[0]),
         impact_pose=impact_pose,
@@ -97,7 +127,6 @@ def _participant(
         trajectory=trajectory,
         initial_lane=lane_under(network, initial_pose),
         impact_lane=lane_under(network, impact_pose),
-        impact_clock_h=round(bearing_to_clock_h(placed.bearing_rad), 3),
         braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
     )
 

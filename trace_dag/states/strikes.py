@@ -24,12 +24,12 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import build_scene
-from trace_dag.states.assemble import AFTER_IMPACT_S, lane_under, pose_of, rounded
+from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven, lane_under, pose_of, rounded
 from trace_dag.states.encounters import Party, party
 from trace_dag.states.manoeuvres import Option, steepest_slope
 from trace_dag.states.paths import LateralShift, Path, shifted
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes, speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 from trace_dag.states.striking import StrikePlan, Walk, best_of_groups, strike_plans, ways_of
 from trace_dag.states.types import (
     EstimateCheck,
@@ -214,38 +214,13 @@ def _driven(
 ) -> ParticipantState:
     vehicle = who.vehicle
     drives_on = bool(vehicle.hit_and_run)
-    after_s = _HIT_AND_RUN_AFTER_S if drives_on else max(AFTER_IMPACT_S, 25.0 / max(profile.impact_mps, 2.5))
-    time, distance, speeds = profile.sample(lead_s, after_s)
-    x, y, z, heading = path.at(station_m + distance)
-    if option.backing:
-        heading, speeds = heading + math.pi, -speeds
-    trajectory = rounded(time, x, y, z, heading, speeds)
-    at = int(np.argmin(np.abs(trajectory.time_s - lead_s)))
-    start, strike = pose_of(trajectory, 0), pose_of(trajectory, at)
+    after_s = _HIT_AND_RUN_AFTER_S if drives_on else max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(profile.impact_mps, 2.5))
+    state = driven(scene.network, vehicle, option, path, station_m, speed, profile, lead_time_s=lead_s, after_s=after_s)
     clock_h = None
     if plan is not None:
-        ahead, left = _in_axes(strike, plan.contact_xy_m)
+        ahead, left = _in_axes(state.impact_pose, plan.contact_xy_m)
         clock_h = round(bearing_to_clock_h(math.atan2(left / vehicle.width_m, ahead / vehicle.length_m)), 3)
-    return ParticipantState(
-        vehicle_number=vehicle.number,
-        vehicle_class=vehicle.vehicle_class,
-        length_m=vehicle.length_m,
-        width_m=vehicle.width_m,
-        height_m=vehicle.height_m,
-        mass_kg=vehicle.mass_kg,
-        manoeuvre=option.manoeuvre,
-        initial_pose=start,
-        initial_speed_mps=float(trajectory.speed_mps[0]),
-        impact_pose=strike,
-        impact_speed_mps=float(trajectory.speed_mps[at]),
-        speed_source=speed.source,
-        trajectory=trajectory,
-        initial_lane=lane_under(scene.network, start),
-        impact_lane=lane_under(scene.network, strike),
-        impact_clock_h=clock_h,
-        braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
-        drives_on=drives_on,
-    )
+    return replace(state, impact_clock_h=clock_h, drives_on=drives_on)
 
 
 def _in_axes(pose: Pose, xy_m: tuple[float, float]) -> tuple[float, float]:
