@@ -27,7 +27,7 @@ from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
-from trace_dag.states.types import Hypothesis, SpeedSource, StateEstimate
+from trace_dag.states.types import EstimateCheck, Hypothesis, ParticipantState, SpeedSource, StateEstimate
 from trace_dag.studies.truth import SampleTruth, load_truth
 from trace_dag.units import clock_to_bearing_rad
 from trace_dag.verdict.judge import judge
@@ -89,6 +89,14 @@ def outline(state, index: int) -> shapely.Polygon:
     return shapely.Polygon(rectangle_corners(pose, state.length_m, state.width_m))
 
 
+TIGHTEST_TURN_M = 2.0  # no lane of a map turns tighter: the gate of maps sees to it
+
+
+def named_check(hypothesis: Hypothesis, name: str, state: ParticipantState) -> EstimateCheck:
+    (found,) = (check for check in hypothesis.checks if check.name == f"{name} (vehicle {state.vehicle_number})")
+    return found
+
+
 def judge_geometry(hypothesis: Hypothesis) -> None:
     """Bodies touch at the impact and never before, motion is smooth and consistent; by shapely and differences."""
     one, two = hypothesis.participants
@@ -105,7 +113,9 @@ def judge_geometry(hypothesis: Hypothesis) -> None:
         mean_speed = np.abs(t.speed_mps[1:] + t.speed_mps[:-1]) / 2
         assert travelled == pytest.approx(mean_speed * step, rel=0.02, abs=2e-3)
         turned = np.abs(np.diff(t.heading_rad))
-        assert (turned < np.maximum(0.05, travelled / 5.0)).all()  # whoever backs up fast turns on 5 m at least
+        assert (turned <= travelled / TIGHTEST_TURN_M + 1e-3).all()
+        if named_check(hypothesis, "lateral acceleration", state).passed:
+            assert turned.max() < 0.05
         moving = mean_speed > 1
         course = np.arctan2(np.diff(t.y_m), np.diff(t.x_m)) + np.where(t.speed_mps[:-1] < 0, np.pi, 0)
         apart = np.abs(np.remainder(course - t.heading_rad[:-1] + np.pi, 2 * np.pi) - np.pi)
