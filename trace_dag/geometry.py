@@ -158,13 +158,21 @@ def hermite(
 
 
 def arc_lengths(xy_m: FloatArray) -> FloatArray:
-    """Distance along a polyline of shape (n, 2 or 3) at each of its points, shape (n,), starting at 0."""
+    """Distance along a polyline of shape (n, 2 or 3) at each of its points, shape (n,), starting at 0.
+
+    >>> arc_lengths(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]])).tolist()
+    [0.0, 5.0, 11.0]
+    """
     dx, dy = np.diff(xy_m[:, 0]), np.diff(xy_m[:, 1])
     return np.concatenate([[0.0], np.cumsum(np.sqrt(dx * dx + dy * dy))])
 
 
 def headings(xy_m: FloatArray) -> FloatArray:
-    """Direction of travel at each point of a polyline of shape (n, 2), radians, unwrapped, shape (n,)."""
+    """Direction of travel at each point of a polyline of shape (n, 2), radians, unwrapped, shape (n,).
+
+    >>> np.degrees(headings(np.array([[0.0, 0.0], [0.0, 5.0], [0.0, 10.0]]))).tolist()
+    [90.0, 90.0, 90.0]
+    """
     step = np.gradient(xy_m, axis=0)
     return np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
 

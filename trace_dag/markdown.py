@@ -17,14 +17,22 @@ _TICKS = re.compile("`+")
 
 
 def escaped(text: str) -> str:
-    """``text`` in one line, to stand in a paragraph or a table's cell."""
+    """``text`` in one line, to stand in a paragraph or a table's cell.
+
+    >>> escaped('<b>MAIN</b> ST')
+    '&lt;b&gt;MAIN&lt;/b&gt; ST'
+    """
     line = " ".join(_UNSEEN.sub(" ", text).split(" "))
     line = re.sub(r"&(?=#|\w+;)", "&amp;", line).replace("<", "&lt;").replace(">", "&gt;")
     return _MARKUP.sub(lambda found: f"\\{found[0]}", line)
 
 
 def code_span(text: str) -> str:
-    """``text`` as code within a line, whatever ticks it holds."""
+    """``text`` as code within a line, whatever ticks it holds.
+
+    >>> code_span('a`b')
+    '``a`b``'
+    """
     line = _UNSEEN.sub(" ", text)
     fence = "`" * (max(map(len, _TICKS.findall(line)), default=0) + 1)
     room = " " if line[:1] in ("", "`") or line[-1:] == "`" else ""
@@ -32,7 +40,13 @@ def code_span(text: str) -> str:
 
 
 def code_block(text: str) -> str:
-    """``text`` as a block of code, line by line."""
+    """``text`` as a block of code, line by line.
+
+    >>> print(code_block('trace-dag run'))
+    ```
+    trace-dag run
+    ```
+    """
     fence = "`" * max(3, max(map(len, _TICKS.findall(text)), default=0) + 1)
     return f"{fence}\n{text}\n{fence}"
 

@@ -16,22 +16,38 @@ GRAVITY_MPS2: Final = 9.80665  # standard gravity, ISO 80000-3
 
 
 def mph_to_mps(speed_mph: float) -> float:
-    """Miles per hour to metres per second."""
+    """Miles per hour to metres per second.
+
+    >>> mph_to_mps(25)
+    11.176
+    """
     return speed_mph * MPS_PER_MPH
 
 
 def mps_to_mph(speed_mps: float) -> float:
-    """Metres per second to miles per hour."""
+    """Metres per second to miles per hour.
+
+    >>> round(mps_to_mph(11.176), 6)
+    25.0
+    """
     return speed_mps / MPS_PER_MPH
 
 
 def kmh_to_mps(speed_kmh: float) -> float:
-    """Kilometres per hour to metres per second."""
+    """Kilometres per hour to metres per second.
+
+    >>> kmh_to_mps(36)
+    10.0
+    """
     return speed_kmh * MPS_PER_KMH
 
 
 def mps_to_kmh(speed_mps: float) -> float:
-    """Metres per second to kilometres per hour."""
+    """Metres per second to kilometres per hour.
+
+    >>> mps_to_kmh(10)
+    36.0
+    """
     return speed_mps / MPS_PER_KMH
 
 
@@ -39,23 +55,38 @@ def clock_to_bearing_rad(clock_h: float) -> float:
     """Clock position on a vehicle's body to an angle, radians counter-clockwise from the vehicle's front.
 
     12 o'clock is the front (0), 9 the left (+pi/2), 6 the rear (pi), 3 the right (-pi/2), as in FARS ``IMPACT1``.
+
+    >>> math.degrees(clock_to_bearing_rad(9))
+    90.0
     """
     return wrap_angle(-clock_h * math.pi / 6)
 
 
 def bearing_to_clock_h(bearing_rad: float) -> float:
-    """Angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours."""
+    """Angle counter-clockwise from the vehicle's front to a clock position in (0, 12], hours.
+
+    >>> bearing_to_clock_h(math.pi / 2)
+    9.0
+    """
     clock_h = (-bearing_rad * 6 / math.pi) % 12
     return 12.0 if clock_h == 0 else clock_h
 
 
 def clock_difference_h(a_h: float, b_h: float) -> float:
-    """Smallest distance between two clock positions, 0 to 6 hours."""
+    """Smallest distance between two clock positions, 0 to 6 hours.
+
+    >>> clock_difference_h(11, 1)
+    2
+    """
     difference = abs(a_h - b_h) % 12
     return min(difference, 12 - difference)
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction in (-pi, pi]."""
+    """The same direction in (-pi, pi].
+
+    >>> round(math.degrees(wrap_angle(math.radians(270))), 6)
+    -90.0
+    """
     wrapped = math.remainder(angle_rad, math.tau)
     return math.pi if wrapped == -math.pi else wrapped

@@ -70,7 +70,11 @@ _ROAD_TOPOLOGIES: Final = {
 
 
 def collision_type(man_coll: int | None) -> CollisionType:
-    """Class of ``MAN_COLL``; every other code and None are others."""
+    """Class of ``MAN_COLL``; every other code and None are others.
+
+    >>> str(collision_type(6))
+    'angle'
+    """
     return _COLLISION_TYPES.get(man_coll or 0, CollisionType.OTHERS)
 
 
@@ -78,6 +82,9 @@ def road_topology(typ_int: int | None, reljct2: int | None = None) -> RoadTopolo
     """Class of ``TYP_INT``; every other code and None are others.
 
     Where ``TYP_INT`` is not known, a ``RELJCT2`` away from intersections says that the crash was at none.
+
+    >>> str(road_topology(2)), str(road_topology(None, reljct2=1))
+    ('four_way', 'not_an_intersection')
     """
     if TYP_INT.known(typ_int) is None and reljct2 in NON_JUNCTION:
         return RoadTopology.NOT_AN_INTERSECTION

@@ -275,7 +275,11 @@ class CriticalEvent:
 
 
 def critical_event(code: int | None) -> CriticalEvent:
-    """The meaning of ``P_CRASH2``; everything unknown for codes that do not concern two vehicles' approach."""
+    """The meaning of ``P_CRASH2``; everything unknown for codes that do not concern two vehicles' approach.
+
+    >>> critical_event(62).own, str(critical_event(62).relation)  # the other one came from the opposite direction
+    (False, 'opposite_direction')
+    """
     if code is None:
         return CriticalEvent()
     if code in (1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20, 21):

@@ -34,7 +34,11 @@ _SIDE_AREAS: Final[Mapping[int, tuple[float, float]]] = {
 
 
 def impact_area(code: int | None) -> ImpactArea | None:
-    """The area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it."""
+    """The area of the body a code of ``IMPACT1`` or ``AOI`` names, None for codes that name no side of it.
+
+    >>> impact_area(3).clock_h, impact_area(13)  # 3 o'clock; 13 is the top
+    (3.0, None)
+    """
     if code is None:
         return None
     if 1 <= code <= 12:
@@ -67,7 +71,11 @@ def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRe
 
 
 def in_one_configuration(one: int | None, other: int | None) -> bool:
-    """Whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21."""
+    """Whether two ``ACC_TYPE`` are the two sides of one configuration, such as 20 and 21.
+
+    >>> in_one_configuration(20, 21), in_one_configuration(20, 50)
+    (True, False)
+    """
     return crash_type(one).counterpart == (other or -1) or crash_type(other).counterpart == (one or -1)
 
 
@@ -133,7 +141,11 @@ def implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -
 
 
 def implied_impact_of_damage(damaged_areas: Sequence[int]) -> ImpactArea | None:
-    """The middle of the damaged clock positions, if they lie together; its interval covers them all."""
+    """The middle of the damaged clock positions, if they lie together; its interval covers them all.
+
+    >>> implied_impact_of_damage([11, 12, 1]).code
+    12
+    """
     bearings = [clock_to_bearing_rad(code) for code in damaged_areas if 1 <= code <= 12]
     if not bearings:
         return None

@@ -15,7 +15,11 @@ _KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
 
 
 def crash_key(case_year: int, state_case: int) -> str:
-    """The key of a crash. Raises ValueError for numbers that FARS does not use."""
+    """The key of a crash. Raises ValueError for numbers that FARS does not use.
+
+    >>> crash_key(2023, 510179)
+    '2023-510179'
+    """
     key = f"{case_year:d}-{state_case:d}"
     if not _KEY.fullmatch(key):
         raise ValueError(
@@ -26,7 +30,11 @@ def crash_key(case_year: int, state_case: int) -> str:
 
 
 def parse_key(key: str) -> tuple[int, int]:
-    """Case year and state case of a key. Raises UserError for anything that is not one."""
+    """Case year and state case of a key. Raises UserError for anything that is not one.
+
+    >>> parse_key('2023-510179')
+    (2023, 510179)
+    """
     match = _KEY.fullmatch(key)
     if match is None:
         raise UserError(f"{key!r} is no crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
@@ -34,5 +42,9 @@ def parse_key(key: str) -> tuple[int, int]:
 
 
 def state_of(state_case: int) -> int:
-    """The ``STATE`` code a state case belongs to."""
+    """The ``STATE`` code a state case belongs to.
+
+    >>> state_of(510179)  # Virginia
+    51
+    """
     return state_case // 10_000

@@ -69,6 +69,9 @@ def kind_of_codes(harm_ev: int | None, vehicles: int | None, events: Sequence[in
     """The kind of a crash from its codes: ``HARM_EV``, ``VE_FORMS``, and the ``SOE`` of its events in order.
 
     Where ``HARM_EV`` does not say it, the first harmful event is the first one of the events.
+
+    >>> str(kind_of_codes(8, 1, [8]))  # a pedestrian, and one vehicle
+    'pedestrian'
     """
     harmful = [code for code in events if codes.HARM_EV.meaning(code)]
     first = codes.HARM_EV.known(harm_ev)

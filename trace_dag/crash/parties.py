@@ -71,7 +71,11 @@ _PERSON_TYPES: Final[Mapping[int, PartyKind]] = {
 
 
 def event_kind(code: int) -> EventKind:
-    """What a code of ``SOE`` means."""
+    """What a code of ``SOE`` means.
+
+    >>> str(event_kind(12)), str(event_kind(1))
+    ('vehicle_contact', 'overturn')
+    """
     if code in _KIND_OF_CODE:
         return _KIND_OF_CODE[code]
     if codes.HARM_EV.meaning(code):
@@ -80,37 +84,65 @@ def event_kind(code: int) -> EventKind:
 
 
 def person_kind(person_type_code: int) -> PartyKind:
-    """What a person of that ``PER_TYP`` is; who was in a building, on an animal-drawn vehicle and the like is other."""
+    """What a person of that ``PER_TYP`` is; who was in a building, on an animal-drawn vehicle and the like is other.
+
+    >>> str(person_kind(5)), str(person_kind(6))
+    ('pedestrian', 'cyclist')
+    """
     return _PERSON_TYPES.get(person_type_code, PartyKind.OTHER_PERSON)
 
 
 def thing_struck(code: int) -> PartyKind | None:
-    """The kind of thing an event with that code strikes; None if it strikes none."""
+    """The kind of thing an event with that code strikes; None if it strikes none.
+
+    >>> str(thing_struck(42)), thing_struck(1)  # a tree; an overturn strikes nothing
+    ('object', None)
+    """
     return _THING_STRUCK.get(event_kind(code))
 
 
 def person_party(number: int) -> int:
-    """The party number of the person with that ``PER_NO``."""
+    """The party number of the person with that ``PER_NO``.
+
+    >>> person_party(1)
+    1001
+    """
     return _PERSONS + number
 
 
 def thing_party(event_number: int) -> int:
-    """The party number of the object, animal or train struck in the event of that number."""
+    """The party number of the object, animal or train struck in the event of that number.
+
+    >>> thing_party(2)
+    2002
+    """
     return _THINGS + event_number
 
 
 def is_vehicle(party: int | None) -> bool:
-    """Whether a party number is that of a motor vehicle."""
+    """Whether a party number is that of a motor vehicle.
+
+    >>> is_vehicle(2), is_vehicle(1001), is_vehicle(None)
+    (True, False, False)
+    """
     return party is not None and party <= HIGHEST_NUMBER
 
 
 def party_label(party: int) -> str:
-    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person."""
+    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person.
+
+    >>> party_label(2), party_label(1001)
+    ('V2', 'P1')
+    """
     return f"V{party}" if party < _PERSONS else f"P{party - _PERSONS}"
 
 
 def party_in_words(party: int) -> str:
-    """``vehicle 2``, ``person 1``; what has no number of its own is named by its event."""
+    """``vehicle 2``, ``person 1``; what has no number of its own is named by its event.
+
+    >>> party_in_words(1001)
+    'person 1'
+    """
     if party < _PERSONS:
         return f"vehicle {party}"
     return f"person {party - _PERSONS}" if party < _THINGS else f"what event {party - _THINGS} struck"

@@ -22,7 +22,11 @@ _BY_NAME: Final = {name.casefold(): code for names in (STATES, _POSTAL) for code
 
 
 def state_code(text: str) -> int:
-    """The ``STATE`` code of a state by its code, postal abbreviation or name. Raises UserError for anything else."""
+    """The ``STATE`` code of a state by its code, postal abbreviation or name. Raises UserError for anything else.
+
+    >>> state_code('VA'), state_code('virginia'), state_code('51')
+    (51, 51, 51)
+    """
     if text.isascii() and text.isdigit() and int(text) in STATES:
         return int(text)
     code = _BY_NAME.get(" ".join(text.split()).casefold())
@@ -34,5 +38,9 @@ def state_code(text: str) -> int:
 
 
 def state_abbreviation(code: int) -> str:
-    """The postal abbreviation of a ``STATE`` code, the code itself if no state has it."""
+    """The postal abbreviation of a ``STATE`` code, the code itself if no state has it.
+
+    >>> state_abbreviation(51)
+    'VA'
+    """
     return _POSTAL.get(code, str(code))

@@ -60,5 +60,9 @@ def make_agent(reference: str) -> Agent:
 
 
 def label(agent: str) -> str:
-    """The agent's name as part of a file's name and in tables: ``pkg.module.Class`` for ``pkg.module:Class``."""
+    """The agent's name as part of a file's name and in tables: ``pkg.module.Class`` for ``pkg.module:Class``.
+
+    >>> label('my_stack.agents:Careful')
+    'my_stack.agents.Careful'
+    """
     return agent.replace(":", ".")

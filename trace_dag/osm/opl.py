@@ -40,12 +40,20 @@ class WayNodes(NamedTuple):
 
 
 def read_id(line: bytes) -> int:
-    """The id of an object."""
+    """The id of an object.
+
+    >>> read_id(b'n42 x-77.4 y37.5')
+    42
+    """
     return int(line[1 : line.index(b" ")])
 
 
 def read_tags(line: bytes) -> dict[str, str]:
-    """The tags of an object."""
+    """The tags of an object.
+
+    >>> read_tags(b'w7 Thighway=primary,name=Main%20%Street Nn1,n2')
+    {'highway': 'primary', 'name': 'Main Street'}
+    """
     field = _field(line, 1)
     return dict(map(_tag, field.split(","))) if field else {}
 

@@ -78,5 +78,9 @@ def _category(vehicle_class: VehicleClass) -> xosc.VehicleCategory:
 
 
 def rounded_m(value_m: float) -> float:
-    """To a tenth of a millimetre, without a negative zero."""
+    """To a tenth of a millimetre, without a negative zero.
+
+    >>> rounded_m(1.23456), rounded_m(-0.00001)
+    (1.2346, 0.0)
+    """
     return round(value_m, 4) + 0.0

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 
 
 def words(value: object) -> str:
-    """``"two_vehicles"`` as ``"two vehicles"``."""
+    """``"two_vehicles"`` as ``"two vehicles"``.
+
+    >>> words('two_vehicles')
+    'two vehicles'
+    """
     return str(value).replace("_", " ") if value else ""
 
 

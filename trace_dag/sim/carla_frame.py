@@ -13,32 +13,56 @@ from trace_dag.units import wrap_angle
 
 
 def location_from_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """CARLA's x, y to the local frame's."""
+    """CARLA's x, y to the local frame's.
+
+    >>> location_from_carla(10.0, 3.0)
+    (10.0, -3.0)
+    """
     return x_m, -y_m
 
 
 def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
-    """The local frame's x, y to CARLA's."""
+    """The local frame's x, y to CARLA's.
+
+    >>> location_to_carla(10.0, -3.0)
+    (10.0, 3.0)
+    """
     return x_m, -y_m
 
 
 def heading_from_carla(yaw_deg: float) -> float:
-    """CARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
+    """CARLA's yaw to radians counter-clockwise from east, in (-pi, pi].
+
+    >>> heading_from_carla(-90.0) == math.pi / 2
+    True
+    """
     return wrap_angle(-math.radians(yaw_deg))
 
 
 def heading_to_carla(heading_rad: float) -> float:
-    """Radians counter-clockwise from east to CARLA's yaw, in [-180, 180)."""
+    """Radians counter-clockwise from east to CARLA's yaw, in [-180, 180).
+
+    >>> heading_to_carla(math.pi / 2)
+    -90.0
+    """
     return -math.degrees(wrap_angle(heading_rad))
 
 
 def yaw_rate_from_carla(yaw_rate_dps: float) -> float:
-    """CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
+    """CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise.
+
+    >>> yaw_rate_from_carla(-180.0) == math.pi
+    True
+    """
     return -math.radians(yaw_rate_dps)
 
 
 def yaw_rate_to_carla(yaw_rate_rps: float) -> float:
-    """Radians/s counter-clockwise to CARLA's angular velocity about z, degrees/s."""
+    """Radians/s counter-clockwise to CARLA's angular velocity about z, degrees/s.
+
+    >>> yaw_rate_to_carla(math.pi)
+    -180.0
+    """
     return -math.degrees(yaw_rate_rps)
 
 

@@ -121,6 +121,9 @@ def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> flo
     """Steepest slope of a shift by ``total_m`` that keeps the lateral acceleration, at most 40 degrees.
 
     The ramp is as long as the slope and the acceleration demand, and both ramps fit into the shift.
+
+    >>> steepest_slope(3.0, 20.0, 2.0)  # sqrt(3 * 2 / (1.5 * 20 ** 2))
+    0.1
     """
     limit = math.tan(math.radians(40))
     return min(limit, math.sqrt(abs(total_m) * lateral_mps2 / (1.5 * speed_mps**2)))

@@ -61,7 +61,11 @@ class Variation:
 
 
 def variation_id(key: str, number: int) -> str:
-    """The id of a crash's variation: ``2023-510179-v001``."""
+    """The id of a crash's variation: ``2023-510179-v001``.
+
+    >>> variation_id('2023-510179', 1)
+    '2023-510179-v001'
+    """
     return f"{key}-v{number:03d}"
 
 

@@ -354,7 +354,11 @@ def course_error_deg(seen: ObservedStrike, person: NonMotorist, turn: Turn | Non
 
 
 def compass_error_deg(heading_rad: float, code: int | None) -> float | None:
-    """How far a heading is outside the quarter of the compass that is coded; None if none is."""
+    """How far a heading is outside the quarter of the compass that is coded; None if none is.
+
+    >>> round(compass_error_deg(math.radians(90), 1), 6)  # north, as coded
+    0.0
+    """
     if code is None or code not in COMPASS_DEG:
         return None
     apart = abs(math.degrees(wrap_angle(heading_rad - math.radians(COMPASS_DEG[code]))))

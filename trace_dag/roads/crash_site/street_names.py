@@ -192,7 +192,11 @@ _SHORTEST_MISSPELT: Final = 5  # letters: shorter names with a difference are ot
 
 @lru_cache(maxsize=4096)
 def parse_street(text: str) -> StreetName:
-    """Read one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street."""
+    """Read one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street.
+
+    >>> parse_street('N MAIN ST').names[0].core
+    ('MAIN',)
+    """
     upper = text.upper().replace("½", " 1/2").replace("U.S.", "US").replace("&AMP;", "&")
     upper = re.sub(r"(?<=\d) ?1/2", " HALF", upper)
     routes: dict[Route, None] = {}

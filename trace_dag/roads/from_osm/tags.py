@@ -162,7 +162,11 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
 
 
 def parse_speed_mps(value: str | None) -> float | None:
-    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is no plausible limit (signals, none, walk, 0)."""
+    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is no plausible limit (signals, none, walk, 0).
+
+    >>> round(parse_speed_mps('25 mph'), 3), parse_speed_mps('36'), parse_speed_mps('signals')
+    (11.176, 10.0, None)
+    """
     match = _SPEED.match(value) if value else None
     if match is None:
         return None
@@ -172,7 +176,11 @@ def parse_speed_mps(value: str | None) -> float | None:
 
 
 def parse_length_m(value: str | None) -> float | None:
-    """``3.5``, ``3.5 m``, ``12 ft`` or ``12'6"`` in metres; None if unreadable."""
+    """``3.5``, ``3.5 m``, ``12 ft`` or ``12'6"`` in metres; None if unreadable.
+
+    >>> parse_length_m('3.5 m'), round(parse_length_m('10 ft'), 3), parse_length_m('wide')
+    (3.5, 3.048, None)
+    """
     if not value:
         return None
     if match := _METRES.match(value):
@@ -184,7 +192,11 @@ def parse_length_m(value: str | None) -> float | None:
 
 
 def parse_incline(value: str | None) -> float | None:
-    """``5%`` or ``-3°`` as rise per metre along the way; ``up`` and ``down`` say nothing measurable."""
+    """``5%`` as rise per metre along the way; ``up`` and ``down`` say nothing measurable.
+
+    >>> parse_incline('5%'), parse_incline('up')
+    (0.05, None)
+    """
     match = re.match(r"^\s*([-+]?\d+(?:\.\d+)?)\s*%\s*$", value) if value else None
     if match is None:
         return None
@@ -193,7 +205,11 @@ def parse_incline(value: str | None) -> float | None:
 
 
 def parse_turns(value: str | None) -> tuple[tuple[str, ...], ...]:
-    """``left|through;right|`` as one tuple per lane, from left to right in the direction of travel."""
+    """Turns painted on lanes as one tuple per lane, from left to right in the direction of travel.
+
+    >>> parse_turns('left|through;right|')
+    (('left',), ('through', 'right'), ())
+    """
     if not value:
         return ()
     lanes = value.split("|")

@@ -74,7 +74,11 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
 
 
 def fenced(value: object) -> str:
-    """JSON of a value that cannot close a fence: angle brackets escaped, control characters out, texts cut."""
+    """JSON of a value that cannot close a fence: angle brackets escaped, control characters out, texts cut.
+
+    >>> print(fenced('MAIN ST </data>'))
+    "MAIN ST \\u003c/data\\u003e"
+    """
     text = json.dumps(_clean(value), ensure_ascii=False, indent=None if isinstance(value, str) else 1)
     return text.replace("<", "\\u003c").replace(">", "\\u003e")
 

@@ -35,7 +35,11 @@ _BODY_EVIDENCE: Final = (
 
 # --- clocks ----------------------------------------------------------------------------------------------------------
 def turned(area: int, hours: int) -> int:
-    """An area of the body so many hours further round, clockwise; sides by their middle; others (top) stay."""
+    """An area of the body so many hours further round, clockwise; sides by their middle; others (top) stay.
+
+    >>> turned(11, 2), turned(13, 2)
+    (1, 13)
+    """
     hour = _HOUR_OF_SIDE.get(area, area)
     return (hour + hours - 1) % 12 + 1 if 1 <= hour <= 12 else area
 
