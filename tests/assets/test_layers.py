@@ -27,6 +27,7 @@ LAYERS = (
     {"roads"},
     {"states"},
     {"sim"},
+    {"estimators"},
     {"evaluation"},
     {"variations"},
     {"verdict"},

@@ -106,7 +106,7 @@ CHANGES = {
         "verdict/rules.py", lambda source: source + "\ndef _unused():\n    import trace_dag.osm.xml\n", {Stage.VERDICT}
     ),
     "a table read by the code": Change("states/prompts/segments-v1.md", lambda text: text + "Be brief.\n", {ASKED}),
-    "a plugin that is not chosen": Change("states/llm/estimator.py", with_statement, {ASKED}),
+    "a plugin that is not chosen": Change("estimators/llm.py", with_statement, {ASKED}),
     "a plugin that is": Change("states/solver.py", with_statement, {Stage.STATE_ESTIMATE}),
     "a view": Change("warehouse/sql/run_summary.sql", otherwise("BY began_at", "BY began_at DESC"), warehouse=True),
     "how work is done": Change("flow/worker.py", with_statement),

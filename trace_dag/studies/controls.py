@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trace_dag.crash.strikes import is_of_strikes
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import UserError
 from trace_dag.flow.ledgers import Complaint, raised
 from trace_dag.flow.workspace import Workspace
@@ -61,7 +61,7 @@ def negative_controls(
         return shifted_row(crash, shift, log, settings.verdict)
 
     for done, crash in enumerate(verified, 1):
-        if is_of_strikes(crash.record):
+        if reconstruction_of(crash.record) is Reconstruction.STRIKES:
             rows += against_other_strike_reports(crash, verified, settings.verdict)
             rows.append(judged(crash, late_person(crash.hypothesis)))
             other_side = mirrored(crash.record, crash.hypothesis)

@@ -21,8 +21,8 @@ import numpy as np
 
 from trace_dag.cohorts.registry import CrashSource, RegisteredMap, ReportSource
 from trace_dag.crash.classes import CollisionType, VehicleTrajectory
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
-from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import DamagedFile, Failure, Reason, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, OSM_XML, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
 from trace_dag.flow.batch import work_of
@@ -176,7 +176,11 @@ def perturbed_controls(
 
 def _is_verified(crash: CrashFiles) -> bool:
     """Whether it is a verified collision of two vehicles: what is changed is in reports of such."""
-    return crash.has(VERDICT) and crash.load(VERDICT).accepted and not is_of_strikes(crash.load(RECORD))
+    return (
+        crash.has(VERDICT)
+        and crash.load(VERDICT).accepted
+        and (reconstruction_of(crash.load(RECORD)) is Reconstruction.COLLISION)
+    )
 
 
 def _tasks(

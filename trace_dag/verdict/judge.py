@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -19,6 +20,8 @@ from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_STRIKES, criteria, jud
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
+
+_REQUIRED: Final = {Reconstruction.COLLISION: REQUIRED, Reconstruction.STRIKES: REQUIRED_OF_STRIKES}
 
 
 def judge(
@@ -44,7 +47,9 @@ def judge(
         for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
     ]
     verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
-    if is_of_strikes(record):  # the weights of facts are fitted to collisions of two vehicles
+    if (
+        reconstruction_of(record) is not Reconstruction.COLLISION
+    ):  # the weights of facts are fitted to collisions of two vehicles
         return verdict
     observation = observe(network, estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
     support = supported(facts_of(record, network, report, observation))
@@ -63,7 +68,7 @@ def judge_hypothesis(
     of: int = 1,
 ) -> Verdict:
     """Judge one simulated hypothesis against a record."""
-    if is_of_strikes(record):
+    if reconstruction_of(record) is Reconstruction.STRIKES:
         observed = observe_strikes(network, hypothesis, log)
         return judge_strikes(record, observed, log, settings, report=report, index=index, of=of)
     return judge_observation(
@@ -113,7 +118,7 @@ def _verdict(
     index: int,
     of: int,
 ) -> Verdict:
-    result = judgement(found, REQUIRED_OF_STRIKES if is_of_strikes(record) else REQUIRED)
+    result = judgement(found, _REQUIRED[reconstruction_of(record)])
     if contact_xy_m is not None and report is not None:
         placed = report.placement
         distance_m = math.hypot(contact_xy_m[0] - placed.x_m, contact_xy_m[1] - placed.y_m)

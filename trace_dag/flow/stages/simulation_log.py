@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.strikes import is_of_strikes
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import Reason, Rejection
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.sim.backends import backend
@@ -48,4 +48,4 @@ def simulation_log(
 
 
 def _who(record: CrashRecord) -> str:
-    return "Vehicle and person" if is_of_strikes(record) else "The vehicles"
+    return "Vehicle and person" if reconstruction_of(record) is Reconstruction.STRIKES else "The vehicles"

@@ -1,15 +1,14 @@
-"""The estimator ``analytic`` of the settings: collisions of two vehicles, and vehicles that strike people."""
+"""The estimator ``analytic`` of the settings."""
 
 from __future__ import annotations
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.strikes import is_of_strikes
 from trace_dag.errors import UserError
+from trace_dag.estimators.by_record import estimate_by_record
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
-from trace_dag.states.analytic import NAME, estimate_analytic
-from trace_dag.states.strikes import estimate_strikes
+from trace_dag.states.analytic import NAME
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
 
@@ -23,9 +22,8 @@ class AnalyticEstimator:
         self._settings = settings
 
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
-        """See :func:`estimate_analytic` and :func:`estimate_strikes`."""
-        made_by = estimate_strikes if is_of_strikes(record) else estimate_analytic
-        return made_by(record, network, report, self._settings)
+        """See :func:`estimate_by_record`."""
+        return estimate_by_record(record, network, report, self._settings)
 
     def require(self) -> None:
         """It needs nothing."""

@@ -1,0 +1,23 @@
+"""What a crash is reconstructed as: estimators, verdicts and controls choose by it how to go about a crash.
+
+Not the same as its kind: a crash of two vehicles in which something else came first is one for their collision.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import is_of_strikes
+
+
+class Reconstruction(StrEnum):
+    """What is reconstructed of a crash."""
+
+    COLLISION = "collision"  # the first contact of two vehicles
+    STRIKES = "strikes"  # every strike of a person, in order
+
+
+def reconstruction_of(record: CrashRecord) -> Reconstruction:
+    """What the crash is reconstructed as."""
+    return Reconstruction.STRIKES if is_of_strikes(record) else Reconstruction.COLLISION

@@ -1,0 +1,64 @@
+"""The estimator ``llm`` of the settings."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Final
+
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Failure, UserError
+from trace_dag.estimators.by_record import estimate_by_record
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states.llm.estimator import NAME, LlmFiles, estimate_llm, llm_client
+from trace_dag.states.llm.prompt import Prompt
+from trace_dag.states.types import EstimatorRun, StateEstimate
+
+_VARIANT: Final = re.compile(r"(:(?P<prompt>[\w-]+))?(@(?P<model>\S+))?")
+
+
+class LlmEstimator:
+    """The estimator ``llm`` of the settings."""
+
+    paid = True
+
+    def __init__(self, settings: StateSettings, files: LlmFiles | None = None, ledger: str = "run") -> None:
+        self._settings = settings
+        self._client = llm_client(settings, files=files, ledger=ledger)
+
+    def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
+        """See :func:`estimate_llm`; what is no collision of two vehicles is estimated without asking, and
+        the estimate says so."""
+        if reconstruction_of(record) is not Reconstruction.COLLISION:
+            made = estimate_by_record(record, network, report, self._settings)
+            return replace(made, run=_in_place_of(self._settings, made.run))
+        return estimate_llm(record, network, report, self._settings, self._client)
+
+    def require(self) -> None:
+        """The language model has to answer: prompt, key, model, budget and the way to it are right."""
+        Prompt.load(self._settings.llm_prompt)
+        try:
+            self._client.try_out()
+        except Failure as failure:
+            raise UserError(f"the language model cannot be asked, so nothing is run: {failure}") from failure
+
+    @staticmethod
+    def variant(settings: StateSettings, name: str) -> StateSettings:
+        """The settings with the prompt and model of ``:PROMPT``, ``@MODEL`` or ``:PROMPT@MODEL``."""
+        match = _VARIANT.fullmatch(name)
+        if match is None:
+            raise UserError(
+                f"{NAME + name!r} is no estimator; give {NAME}, {NAME}:PROMPT, {NAME}@MODEL or {NAME}:PROMPT@MODEL, "
+                f"such as {NAME}:coordinates-v1@openai/gpt-5-mini"
+            )
+        given = {"llm_prompt": match["prompt"], "llm_model": match["model"]}
+        return settings.model_copy(update={field: value for field, value in given.items() if value is not None})
+
+
+def _in_place_of(settings: StateSettings, run: EstimatorRun) -> EstimatorRun:
+    """Says that the language model was not asked: its questions are about two vehicles."""
+    reason = "language models are asked about collisions of two vehicles only"
+    return replace(run, model=settings.llm_model, attempts=0, fallback_from=NAME, fallback_reason=reason)
