@@ -61,6 +61,33 @@ def test_what_cannot_be_asked_is_refused_in_words(variable):
     assert done.stderr.count("\n") == 1
 
 
+LIBRARIES = """
+import logging, warnings
+from trace_dag.cli.progress import progress_of
+from trace_dag.logs import complain, configure_logging
+configure_logging()
+logging.getLogger("alembic.runtime.migration").info("Context impl SQLiteImpl.")
+logging.getLogger("trace_dag.flow").info("ours")
+with progress_of("stages", 1) as tell:
+    tell("2023-510179")
+warnings.warn("soon gone")
+complain("failed: 2023-510179 in road_map")
+"""
+
+
+def test_json_lines_are_all_that_goes_to_standard_error():
+    said = [json.loads(line) for line in lines(LIBRARIES, TRACE_DAG_LOG="INFO", TRACE_DAG_LOG_FORMAT="json")]
+    assert [line["logger"] for line in said] == ["trace_dag.flow", "py.warnings", "trace_dag"]
+    assert said[-1]["message"] == "failed: 2023-510179 in road_map"
+
+
+def test_as_text_progress_and_complaints_are_as_people_read_them():
+    said = lines(LIBRARIES, TRACE_DAG_LOG="INFO")
+    assert said[-1] == "failed: 2023-510179 in road_map"
+    assert any("2023-510179" in line and "1/1" in line for line in said)
+    assert not any("SQLiteImpl" in line for line in said)
+
+
 def test_every_outcome_of_a_run_is_a_line_with_duration_and_size(tmp_path):
     import fake_flow
 

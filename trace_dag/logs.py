@@ -1,8 +1,10 @@
 """What is logged, and how: one line per message on standard error, as text or as JSON, naming the crash and stage.
 
-``TRACE_DAG_LOG`` is the level (default WARNING); ``TRACE_DAG_LOG_FORMAT=json`` writes one JSON object per line with
-``time``, ``level``, ``logger``, ``message``, ``crash`` and ``stage`` where there is one, its figures, and
-``error`` with the traceback. Both hold for worker processes too, which inherit them.
+``TRACE_DAG_LOG`` is the level of our own messages (default WARNING); of the libraries only warnings are logged, since
+below that they tell of migrations and requests. ``TRACE_DAG_LOG_FORMAT=json`` writes one JSON object per line with
+``time``, ``level``, ``logger``, ``message``, ``crash`` and ``stage`` where there is one, its figures, and ``error``
+with the traceback; then nothing else goes to standard error, no progress bar and no plain line (:func:`complain`). Both
+hold for worker processes too, which inherit them.
 
 Belongs here: format and context. Does not belong here: what is worth logging.
 """
@@ -26,6 +28,7 @@ FORMAT_VARIABLE: Final = "TRACE_DAG_LOG_FORMAT"
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 _FORMATS = ("text", "json")
 
+log = logging.getLogger("trace_dag")
 _AT_WORK: ContextVar[tuple[str, str]] = ContextVar("at_work", default=("", ""))
 
 
@@ -53,7 +56,22 @@ def configure_logging() -> None:
             raise UserError(f"{variable}={value}: expected one of {', '.join(known)}")
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonLines() if style == "json" else _Text("%(levelname)s %(message)s"))
-    logging.basicConfig(level=level, handlers=[handler])
+    logging.basicConfig(level=max(logging.getLevelName(level), logging.WARNING), handlers=[handler])
+    log.setLevel(level)
+    logging.captureWarnings(style == "json")
+
+
+def writes_json() -> bool:
+    """Whether standard error is to hold JSON lines and nothing else."""
+    return os.environ.get(FORMAT_VARIABLE, "text").lower() == "json"
+
+
+def complain(line: str, *, level: int = logging.ERROR) -> None:
+    """A line of a command on standard error: as it stands, or as a message of the log where that is JSON."""
+    if writes_json():
+        log.log(level, "%s", line)
+    else:
+        sys.stderr.write(f"{line}\n")
 
 
 class _Text(logging.Formatter):

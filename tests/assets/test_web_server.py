@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import http.client
+import itertools
 import json
 import os
 import signal
 import socket
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,15 +60,10 @@ def serving(root: Path, *options: str) -> Iterator[Server]:
         env=os.environ | {"TRACE_DAG_EXECUTION__EXECUTOR": "in_process"},
     )
     try:
-        deadline = time.monotonic() + 300
-        while True:
-            try:
-                assert server.ask("GET", "/server_info")[0] == 200
-                break
-            except OSError:
-                assert process.poll() is None, process.communicate()[0]
-                assert time.monotonic() < deadline
-                time.sleep(0.3)
+        greeting = f"Dagster UI on http://127.0.0.1:{server.port} for {root}"
+        said = list(itertools.takewhile(lambda line: not line.startswith(greeting), process.stdout))
+        assert process.poll() is None, said
+        assert server.ask("GET", "/server_info")[0] == 200, "the address was printed before it answered"
         yield server
     finally:
         process.send_signal(signal.SIGTERM)

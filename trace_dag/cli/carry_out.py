@@ -13,6 +13,7 @@ import click
 
 from trace_dag.cli.progress import progress_of, progress_told
 from trace_dag.errors import UserError
+from trace_dag.logs import complain
 
 if TYPE_CHECKING:
     from trace_dag.flow.executors import Executor
@@ -42,18 +43,18 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
     for crash in failed[:_FAILURES_SHOWN]:
-        click.echo(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}", err=True)
+        complain(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}")
     if len(failed) > _FAILURES_SHOWN:
-        click.echo(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
+        complain(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status")
     outdated = [crash for crash in stand.values() if crash.outdated]
     for crash in outdated[:_FAILURES_SHOWN]:
         why = one_line(crash.outdated_because, 200)
-        click.echo(f"outdated: {crash.key} in {crash.outdated}: the new attempt failed: {why}", err=True)
+        complain(f"outdated: {crash.key} in {crash.outdated}: the new attempt failed: {why}")
     if len(outdated) > _FAILURES_SHOWN:
-        click.echo(f"outdated: {len(outdated) - _FAILURES_SHOWN} more; see trace-dag status", err=True)
+        complain(f"outdated: {len(outdated) - _FAILURES_SHOWN} more; see trace-dag status")
     if not failed and not outdated:
         for error in errors:
-            click.echo(f"failed: {one_line(error, 500)}", err=True)
+            complain(f"failed: {one_line(error, 500)}")
     return 1 if failed or outdated or errors else 0
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import click
-
 from trace_dag.cli.printing import one_line
 from trace_dag.errors import Failure
+from trace_dag.logs import complain
 
 _SHOWN = 20
 _LINE = 500
@@ -24,7 +23,7 @@ class Complaints:
     def told(self) -> int:
         """Say them; the exit code: 1 if there are any."""
         for said in list(self._said)[:_SHOWN]:
-            click.echo(f"failed: {one_line(said, _LINE)}", err=True)
+            complain(f"failed: {one_line(said, _LINE)}")
         if len(self._said) > _SHOWN:
-            click.echo(f"failed: {len(self._said) - _SHOWN} more; trace-dag verify --contents lists them", err=True)
+            complain(f"failed: {len(self._said) - _SHOWN} more; trace-dag verify --contents lists them")
         return 1 if self._said else 0

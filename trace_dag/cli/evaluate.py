@@ -14,6 +14,7 @@ from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
+from trace_dag.logs import complain
 
 if TYPE_CHECKING:
     from trace_dag.evaluation.table import Row
@@ -149,6 +150,6 @@ def _print_results(rows: Sequence[Row], class_of: Callable[[Row], str], dimensio
     print_table(*evaluations_table(rows, class_of, dimension)[:2])
     faults = Counter((row["agent"], row["fault"]) for row in rows if row["fault"])
     for (agent, fault), count in faults.most_common(_FAULTS_SHOWN):
-        click.echo(f"{agent} faulty in {count}: {fault}", err=True)
+        complain(f"{agent} faulty in {count}: {fault}")
     if len(faults) > _FAULTS_SHOWN:
-        click.echo(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"', err=True)
+        complain(f'... and {len(faults) - _FAULTS_SHOWN} other faults; trace-dag sql "FROM evaluations"')

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import click
 
 from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.progress import progress_told
 from trace_dag.errors import UserError
 
 if TYPE_CHECKING:
@@ -95,26 +95,22 @@ def ingest(
     services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
     if len(services) > 1:
         raise UserError(f"ingest: a cohort asks one service for maps, not {' and '.join(services)}")
-    report = ingest_into(
-        workspace.storage,
-        cohort,
-        reports=[Path(path) for path in reports],
-        maps=[Path(path) for path in maps if path not in services],
-        tables=[*(("fars-csv", path) for path in fars_csv), *source],
-        crash_api=crash_api(workspace.settings.services, workspace.storage, refresh=refresh) if crashapi else None,
-        choice=choice,
-        map_service=services[0] if services else None,
-        watch=watch,
-        progress=_tell_progress,
-    )
+    with progress_told("reports looked up") as tell:
+        report = ingest_into(
+            workspace.storage,
+            cohort,
+            reports=[Path(path) for path in reports],
+            maps=[Path(path) for path in maps if path not in services],
+            tables=[*(("fars-csv", path) for path in fars_csv), *source],
+            crash_api=crash_api(workspace.settings.services, workspace.storage, refresh=refresh) if crashapi else None,
+            choice=choice,
+            map_service=services[0] if services else None,
+            watch=watch,
+            progress=tell,
+        )
     _add_partitions(root)
     for line in _lines(report, cohort):
         click.echo(line)
-
-
-def _tell_progress(done: int, of: int) -> None:
-    if sys.stderr.isatty() or done == of:
-        click.echo(f"\r{done} of {of} reports looked up", nl=done == of, err=True)
 
 
 def _add_partitions(root: str) -> None:

@@ -33,7 +33,7 @@ from trace_dag.cli.ui import ui
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
 from trace_dag.errors import Failure, UserError, UserErrors
-from trace_dag.logs import configure_logging
+from trace_dag.logs import complain, configure_logging, writes_json
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -75,17 +75,20 @@ def main() -> None:
         configure_logging()
         sys.exit(cli.main(standalone_mode=False))
     except click.ClickException as error:
-        error.show()
+        if writes_json():
+            complain(error.format_message())
+        else:
+            error.show()
         sys.exit(EXIT_USAGE)
     except click.exceptions.Abort:
-        click.echo("interrupted; what was finished is kept, run again for the rest", err=True)
+        complain("interrupted; what was finished is kept, run again for the rest")
         sys.exit(130)
     except UserError as error:
         for said in error.messages if isinstance(error, UserErrors) else (str(error),):
-            click.echo(f"trace-dag: {_one_line(said)}", err=True)
+            complain(f"trace-dag: {_one_line(said)}")
         sys.exit(EXIT_USAGE)
     except Failure as error:
-        click.echo(f"trace-dag: failed: {_one_line(str(error))}", err=True)
+        complain(f"trace-dag: failed: {_one_line(str(error))}")
         sys.exit(EXIT_FAILED)
     except BrokenPipeError:
         # The reader (head, less) has had enough.

@@ -11,6 +11,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.study import into_warehouse, judged_by, of_cohorts, rules_option
+from trace_dag.logs import complain
 
 if TYPE_CHECKING:
     from trace_dag.settings import RuleSetName
@@ -50,9 +51,9 @@ def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None,
     left_out = {key: why for each in compared for key, why in each.left_out.items()}
     into_warehouse(workspace, complaints)
     if left_out:
-        click.echo(f"{len(left_out)} left out of both, no collision of two vehicles by their reports:", err=True)
+        complain(f"{len(left_out)} left out of both, no collision of two vehicles by their reports:")
         for key, why in left_out.items():
-            click.echo(f"  {key}  {why}", err=True)
+            complain(f"  {key}  {why}")
     if as_json:
         write_json([asdict(row) for row in found])
         sys.exit(complaints.told())

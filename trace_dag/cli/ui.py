@@ -38,11 +38,9 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     workspace = Workspace.open(root)
     with open_instance(workspace) as instance:
         add_partitions(instance, workspace.registry.keys())
-    only = ", read-only" if read_only else ""
-    click.echo(f"Dagster UI on http://{host}:{port} for {workspace.root}{only} (Ctrl-C ends it)")
     os.chdir(workspace.dagster_home)
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process
-    command = [sys.executable, "-m", "trace_dag.definitions.webserver", host, str(port)]
+    command = [sys.executable, "-m", "trace_dag.definitions.webserver", str(workspace.root), host, str(port)]
     command += ["read-only" if read_only else "-", *allowed]
     # In place of this process, so that a signal sent to it reaches the servers.
     os.execv(sys.executable, command)  # noqa: S606 - our own interpreter

@@ -12,6 +12,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_stale, print_table, write_json
 from trace_dag.cli.progress import progress_told
+from trace_dag.logs import complain
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
@@ -63,7 +64,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
             )
             if any(each.kind in made_together for each in (*before, *found)):
                 for error in summarise(workspace, instance).errors:
-                    click.echo(f"failed: {one_line(error, 500)}", err=True)
+                    complain(f"failed: {one_line(error, 500)}")
             report, found = _look(storage, workspace, instance)
     stale = _stale(workspace, report)
     left = set(found)

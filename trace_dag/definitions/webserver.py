@@ -8,15 +8,20 @@ It is no substitute for users and passwords where others reach the port: ``deplo
 
 from __future__ import annotations
 
+import http.client
 import importlib
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 from urllib.parse import urlsplit
+
+import click
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -86,8 +91,11 @@ def _host_of(host: str) -> str | None:
         return None
 
 
-def serve(host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: bool = False) -> None:
-    """Serve the UI until the process is told to end; with the daemon, unless it is only to be looked at."""
+def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: bool = False) -> None:
+    """Serve the UI until the process is told to end; with the daemon, unless it is only to be looked at.
+
+    The address is printed once it answers, so that a script can wait for that line.
+    """
     cli: Any = importlib.import_module("dagster_webserver.cli")
     hosts = (*_LOCAL, host, *allowed)
     unguarded = cli.create_app_from_workspace_process_context
@@ -100,6 +108,9 @@ def serve(host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: boo
     words = ["--host", host, "--port", str(port), *_CODE, "--dagster-log-level", "warning"]
     signal.signal(signal.SIGINT, _end)  # also where a script has started this in the background
     signal.signal(signal.SIGTERM, _end)
+    only = ", read-only" if read_only else ""
+    greeting = f"Dagster UI on http://{host}:{port} for {root}{only} (Ctrl-C ends it)"
+    threading.Thread(target=_print_once_it_answers, args=(host, port, greeting), daemon=True).start()
     try:
         cli.cli(["--read-only", *words] if read_only else words, standalone_mode=False)
     except KeyboardInterrupt:
@@ -113,6 +124,22 @@ def serve(host: str, port: int, *, allowed: tuple[str, ...] = (), read_only: boo
                 daemon.kill()
 
 
+def _print_once_it_answers(host: str, port: int, greeting: str) -> None:
+    local = "127.0.0.1" if host in ("", "0.0.0.0", "::") else host  # noqa: S104 - every interface holds this one
+    while True:
+        connection = http.client.HTTPConnection(local, port, timeout=5)
+        try:
+            connection.request("GET", "/server_info", headers={"Host": "localhost"})
+            connection.getresponse().read()
+        except (OSError, http.client.HTTPException):
+            time.sleep(0.2)
+        else:
+            click.echo(greeting)
+            return
+        finally:
+            connection.close()
+
+
 def _start_daemon() -> subprocess.Popen[bytes]:
     """What runs what is launched, in a process of its own."""
     beside = Path(sys.executable).with_name("dagster-daemon")
@@ -124,5 +151,5 @@ def _end(_signal: int, _frame: FrameType | None) -> None:
 
 
 if __name__ == "__main__":
-    _host, _port, _read_only, *_allowed = sys.argv[1:]
-    serve(_host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")
+    _root, _host, _port, _read_only, *_allowed = sys.argv[1:]
+    serve(_root, _host, int(_port), allowed=tuple(_allowed), read_only=_read_only == "read-only")

@@ -19,7 +19,17 @@ from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
 from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
-from trace_dag.flow.tasks import Action, Attempt, Chunk, CrashTask, StageEvent, Work, is_current, provenance_of
+from trace_dag.flow.tasks import (
+    Action,
+    Attempt,
+    Chunk,
+    CrashTask,
+    StageEvent,
+    Work,
+    is_current,
+    log_outcome,
+    provenance_of,
+)
 from trace_dag.flow.worker import work_on_chunk
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome, now
@@ -193,6 +203,8 @@ class _Batch:
                     crash = crashes[event.key]
                     if event.record is not None:
                         crash.records[event.stage] = event.record
+                        if event.action is Action.COMPUTED:
+                            log_outcome(event.record)
                     yield from self._with_later(crash, event)
         recorded = [record for crash in crashes.values() for record in crash.records.values()]
         run_id = self.work.run_id

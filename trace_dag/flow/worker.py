@@ -31,7 +31,6 @@ from trace_dag.flow.tasks import (
     Work,
     failed_record,
     is_current,
-    log_outcome,
     made_record,
     provenance_of,
 )
@@ -220,7 +219,6 @@ class _CrashWorker:
         self._delete(replaced - {file.name for file in standing.artefacts})
         self.records[definition.stage] = standing
         self.files.accept(standing, contents, parsed)
-        log_outcome(record)
         return record
 
     def _begun(self, earlier: OutcomeRecord | None) -> OutcomeRecord | None:
