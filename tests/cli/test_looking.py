@@ -78,6 +78,7 @@ def test_tables_say_what_they_and_their_columns_mean():
     assert "verdicts" in listed
     assert "funnel_by_kind" in listed
     columns = trace_dag(finished(), "tables", "verdicts").stdout
+    assert trace_dag(finished(), "sql", "DESCRIBE verdicts").stdout == columns
     names = trace_dag(finished(), "sql", "FROM verdicts LIMIT 0", "--format", "csv").stdout.strip().split(",")
     assert all(name in columns for name in names)
     assert trace_dag(finished(), "tables", "verdict").returncode == 2

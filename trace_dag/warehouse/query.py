@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
 MAX_ROWS = 5_000_000
 """Of one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for each."""
 
+_DESCRIBE = re.compile(r'\s*DESC(?:RIBE)?\s+"?(?P<table>\w+)"?\s*;?\s*', re.IGNORECASE)
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
 
 
@@ -77,13 +79,19 @@ def _digest(path: Path, _inode: int, _size: int, _mtime_ns: int) -> str:
 
 def query(path: Path, sql: str) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Column names and rows of one query; :class:`UserError` for what DuckDB refuses, and for more rows than can be
-    held."""
+    held.
+
+    ``DESCRIBE`` of a table says what each column means, which DuckDB's own leaves out.
+    """
     import duckdb
 
     try:
         sql.encode()
     except UnicodeEncodeError as error:
         raise UserError("sql: the question is not UTF-8; expected a query in SQL") from error
+    described = _DESCRIBE.fullmatch(sql)
+    if described and (columns := columns_of(path, described["table"])):
+        return ["column", "type", "what it means"], columns
     with open_warehouse(path) as connection:
         try:
             connection.execute(sql)
