@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from urllib.parse import unquote
+
 import pytest
 from lxml import etree
 
 from trace_dag.scenario.share_chart import Share, share_chart, wilson_interval
+from trace_dag.scenario.sketch import data_url
 
 
 def test_the_interval_is_wilsons():
@@ -26,3 +30,11 @@ def test_a_bar_is_as_long_as_its_share():
     texts = [text.text for text in chart.findall("{*}text")]
     assert texts[:3] == ["a < b", "half & half", "5 of 10"]
     assert len(bars) == 2, "no bar where there were no cases"
+
+
+def test_a_chart_is_one_address_in_markdown():
+    chart = share_chart("a (b)", [Share("half & half", 5, 10), Share("another's", 3, 3)])
+    address = data_url(chart)
+    assert not re.search(r"[\s()<>#&\"]", address), "nothing that ends an address in Markdown or is read as an entity"
+    shown = etree.fromstring(unquote(address.removeprefix("data:image/svg+xml,")))
+    assert [text.text for text in shown.findall("{*}text")][-1] == "100 %"

@@ -22,7 +22,7 @@ MOST_CHARACTERS = 900
 _HALF_WINDOW_M = 35
 _WIDTH_PX = 320
 _TOLERANCES_M = (0.7, 1.5, 3.0, 6.0, 12.0)
-_ESCAPES = str.maketrans({"<": "%3C", ">": "%3E", "#": "%23", " ": "%20", '"': "'"})
+_ESCAPES = str.maketrans({'"': "'"} | {sign: f"%{ord(sign):02X}" for sign in "%<># \n&()"})
 
 
 def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most: int = MOST_CHARACTERS) -> str:
@@ -43,7 +43,11 @@ def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most:
 
 
 def data_url(svg: str) -> str:
-    """An SVG as the address of an image, escaped no more than Markdown and browsers ask for."""
+    """An SVG as the address of an image, escaped no more than Markdown and browsers ask for.
+
+    >>> data_url('<text x="1">50 %</text>')
+    "data:image/svg+xml,%3Ctext%20x='1'%3E50%20%25%3C/text%3E"
+    """
     return "data:image/svg+xml," + svg.translate(_ESCAPES)
 
 
