@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, TRUCK, crossing, participant, straight
+from tests.sim.motions import CAR, TRUCK, crossing, driven, participant, straight
 from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import Failure
 from trace_dag.settings import SimSettings
@@ -21,7 +21,16 @@ from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
 from trace_dag.sim.fronts import front_shape
 from trace_dag.sim.log_io import logs_from_files, logs_to_files
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import AfterStriking, Body, BodyKind, Participant, SimulationLog, Termination, VehicleLog
+from trace_dag.sim.types import (
+    PULSE_S,
+    AfterStriking,
+    Body,
+    BodyKind,
+    Participant,
+    SimulationLog,
+    Termination,
+    VehicleLog,
+)
 from trace_dag.units import GRAVITY_MPS2
 
 ADULT, CHILD = person_body(BodyKind.PEDESTRIAN, 35), person_body(BodyKind.PEDESTRIAN, 7)
@@ -236,6 +245,42 @@ def test_two_vehicles_strike_one_person_in_order() -> None:
     struck = next(contact for contact in log.contacts if contact.number_1 == 2)
     assert struck.time_s > first.contacts[0].time_s + 1.0
     assert struck.pose_2.x_m == pytest.approx(x, abs=1.2)
+
+
+@pytest.mark.parametrize("speed", [7.0, 18.0])
+@pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
+def test_who_lies_on_the_road_is_driven_over_and_not_thrown_up(vehicle: Body, speed: float) -> None:
+    """The vehicle loses no more than what takes the person along to its own speed, and the road's friction under a
+    wheel's load for as long as a contact is counted."""
+    one, person = crossing(CAR, ADULT, 12.0)
+    first = run(one, person)
+    lies = logged(first, 1001)
+    x, y, t = float(lies.x_m[-1]), float(lies.y_m[-1]), float(lies.time_s[-1])
+    wheels_m = vehicle.width_m / 2 - 0.15  # a truck goes over who lies between them
+    two = participant(2, straight(x + speed * (t + 1.0), y + wheels_m, math.pi, speed), vehicle)
+    log = run(one, two, person)
+    struck = next(contact for contact in log.contacts if contact.number_1 == 2)
+    again = logged(log, 1001)
+    assert again.above_road_m[again.time_s > struck.time_s].max() < 1.0
+    dragged = MU * GRAVITY_MPS2 / 4 * PULSE_S
+    assert math.hypot(*struck.delta_v_1_mps) < ADULT.mass_kg * speed / vehicle.mass_kg + dragged + 0.1
+
+
+@pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
+def test_a_driver_who_brakes_in_a_bend_stays_on_it(vehicle: Body) -> None:
+    """Radius 60 m at 17 m/s takes 4.8 m/s2 of the tyres' 7.4; braking takes no more than what is left."""
+    bend = driven(-40.0, 0.0, 0.0, lambda _: 17.0, lambda s: 1 / 60 if s > 20 else 0.0)
+    at = 25  # in the bend, after 2.5 s
+    ahead = bend.heading_rad[at] + np.pi / 2
+    x, y = float(bend.x_m[at]), float(bend.y_m[at])
+    stands = participant(1001, straight(x, y, float(ahead), 0.0, until_s=0.0), ADULT)
+    log = run(participant(1, bend, vehicle), stands)
+    car = logged(log, 1)
+    assert log.contacts
+    on_bend = car.x_m > -15.0
+    off = np.hypot(car.x_m + 20.0, car.y_m - 60.0)[on_bend] - 60.0
+    assert np.abs(off).max() < 2.0
+    assert car.speed_mps[-1] < 0.1
 
 
 def test_a_cyclist_rides_until_touched_and_leaves_the_bicycle() -> None:

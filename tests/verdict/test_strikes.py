@@ -10,6 +10,7 @@ import pytest
 from tests.states.test_strikes import PLACE, estimated, rider, struck, walker
 from tests.verdict.crashes import STREET, area, vehicle
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
+from trace_dag.crash.struck import ORDER_OF_STRIKES
 from trace_dag.crash.zones import Zone
 from trace_dag.errors import Reason
 from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
@@ -120,6 +121,28 @@ def test_another_vehicle_than_reported_is_refused() -> None:
     assert verdict.reason is Reason.WRONG_PARTY
 
 
+def test_vehicles_that_collide_afterwards_though_no_event_says_so_are_refused() -> None:
+    """11 km/h to one of them is a crash an event data recorder records; 4 km/h is a bump that no report need tell."""
+    crash, hypothesis, log = crossing()
+    crash = replace(crash, vehicles=(*crash.vehicles, vehicle(2, 6, 13, speed_mps=15.0)))
+    (strike,) = log.contacts
+
+    def judged_after(delta_v_mps: float, **fields: object) -> Verdict:
+        collision = replace(
+            strike, time_s=strike.time_s + 2.0, number_2=2, delta_v_1_mps=(delta_v_mps, 0.0), delta_v_2_mps=(0.0, 0.0)
+        )
+        bodies = {**log.bodies, 2: log.bodies[1]}
+        two = replace(log, contacts=(strike, collision), bodies=bodies)
+        return judge_hypothesis(replace(crash, **fields), STREET, hypothesis, two, VerdictSettings(), report=PLACE)  # type: ignore[arg-type]
+
+    hard = judged_after(3.0)
+    assert hard.reason is Reason.WRONG_SEQUENCE
+    assert "vehicle 1 and vehicle 2 collide after the last strike" in hard.detail
+    assert judged_after(1.1).accepted
+    said = EventRecord(2, 12, 1, area(12), 2, area(6))
+    assert judged_after(3.0, events=(*crash.events, said)).accepted
+
+
 def test_an_overtaken_cyclist_is_judged() -> None:
     crash = struck(rider(cyclist_type_code=231, cyclist_group_code=230), code=9)
     hypothesis = estimated(crash).best
@@ -162,3 +185,26 @@ def test_a_coded_direction_is_a_quarter_of_the_compass() -> None:
     assert compass_error_deg(0.7, 2) == 0.0  # 40 degrees off
     assert compass_error_deg(0.0, 1) == pytest.approx(45.0)
     assert compass_error_deg(0.0, None) is None
+
+
+def test_without_an_order_the_first_strike_that_happens_is_held_to_the_place() -> None:
+    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_STRIKES,))
+    first, last = crash.events
+    turned = replace(crash, events=(replace(first, party_1=2), replace(last, party_1=1)))
+    made = estimate(crash, STREET, PLACE, StateSettings(max_hypotheses=1))
+    logs = [simulated(hypothesis) for hypothesis in made.hypotheses]
+    for each in (crash, turned):
+        verdict = judge(each, STREET, PLACE, made, logs, VerdictSettings())
+        assert verdict.accepted, verdict.detail
+        (placed,) = (criterion for criterion in verdict.criteria if criterion.name == "contact_distance")
+        opening = logs[verdict.hypothesis].contacts[0].number_1
+        assert placed.event_number == next(event.number for event in each.events if event.party_1 == opening)
+
+
+def test_without_an_order_every_strike_has_to_happen() -> None:
+    crash = replace(struck(FROM_RIGHT, vehicles=2), implied=(ORDER_OF_STRIKES,))
+    _, hypothesis, log = crossing()  # only vehicle 1 strikes
+    first, last = crash.events
+    for events in (crash.events, (replace(first, party_1=2), replace(last, party_1=1))):
+        verdict = judge_hypothesis(replace(crash, events=events), STREET, hypothesis, log, VerdictSettings())
+        assert verdict.reason is Reason.WRONG_SEQUENCE

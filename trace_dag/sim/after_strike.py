@@ -1,7 +1,8 @@
 """How a driver goes on after striking a person: along the planned path, and after a reaction time on the brakes.
 
 Nobody speeds up again to make up for what the strike took: the plan's path is kept, its timetable is not. A driver
-who braked at the strike goes on braking at once, to a stop.
+who braked at the strike goes on braking at once, to a stop. In a bend the brakes get what the bend leaves of the
+tyres: who would brake as hard there as on a straight road would slide off it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from trace_dag.sim.types import AfterStriking
 
 _BRAKES_MPS2 = 1.0  # a plan that slows down by as much brakes; engine drag is less
 _STANDS_MPS = 0.3
+_LEAST_BRAKING = 0.3  # share of the wanted deceleration that a driver keeps in the sharpest bend
 _PATH_ENDS_MPS2 = 4.0  # of a driver who does not react to the strike, where the planned path is over
 
 
@@ -50,8 +52,8 @@ class DriverAfterStrike:
         c, s = math.cos(course), math.sin(course)
         along = (x_m - x) * c + (y_m - y) * s
         sense = -1.0 if ahead_mps < 0 else 1.0
-        wanted = -sense * self._deceleration_mps2 if self.stops else self._planned_mps2
         across = ahead_mps * ahead_mps * curvature
+        wanted = -sense * self._braking_mps2(across) if self.stops else self._planned_mps2
         speed = 0.0 if self.stops and abs(ahead_mps) < _STANDS_MPS else ahead_mps
         return (
             x + along * c,
@@ -65,3 +67,7 @@ class DriverAfterStrike:
             course,
             z,
         )
+
+    def _braking_mps2(self, across_mps2: float) -> float:
+        most = self._deceleration_mps2
+        return max(math.sqrt(max(most * most - across_mps2 * across_mps2, 0.0)), _LEAST_BRAKING * most)

@@ -40,6 +40,10 @@ Impact, 2009); here the sheet metal, which gives way under a body and holds it i
 _IMPLICIT_FROM_S = 0.004
 """Steps from which on velocities are integrated implicitly: limbs that spin in flight gain energy by explicit ones."""
 _LEAN_RAD = 0.03  # of what is ridden, to the right: exactly upright, nothing would tip it over without its rider
+_MOST_WHEEL_LOAD_N = 44_500.0
+"""Load of the wheels on one side of an axle: half of 20,000 lb, the heaviest single axle on US interstates (23 CFR
+658.17); of a lighter vehicle a quarter of its weight."""
+_LIES_BELOW_M = 0.3  # centre of mass above the road
 _SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
 _VEHICLE_SLIDING = 0.3  # rate of the friction's reference, of the normal one
 _ROAD_RATE_RPS, _ROAD_DAMPING_RATIO = 100.0, 1.0
@@ -91,6 +95,8 @@ class Scene(RigidBodies):
         self._tree_of = {shape: tree for tree in self._trees for shape in tree.geoms}
         self._pushed: dict[_Tree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
         self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
+        self._pressed: dict[tuple[tuple[int, int], _Tree], list[PersonTouch]] = {}  # down, by a vehicle
+        self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
         self._shells = []
         for i, vehicle in enumerate(models):
             geoms = np.array([geom(f"v{i}_{k}") for k in range(len(shell(vehicle.body)))])
@@ -150,7 +156,9 @@ class Scene(RigidBodies):
             self._model.opt.integrator = self._fast if step_s < _IMPLICIT_FROM_S else self._implicit
         self._carried.clear()
         self._pushed.clear()
+        self._pressed.clear()
         total = super().step(forces, step_s, count)
+        self._let_up(count * step_s)
         self._settle_velocities(step_s, count)
         for pair, touches in self.touches.items():
             total[pair] = (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
@@ -189,13 +197,44 @@ class Scene(RigidBodies):
             force = tuple(
                 sense * (along * frame[k] + across_1 * frame[3 + k] + across_2 * frame[6 + k]) for k in range(3)
             )
-            self._push(self._tree_of[geoms[1] if one < vehicles else geoms[0]], force)
+            tree = self._tree_of[geoms[1] if one < vehicles else geoms[0]]
+            self._push(tree, force)
             normal = (sense * frame[0], sense * frame[1], sense * frame[2])
-            self.touches.setdefault(pair, []).append(PersonTouch(-distance, point, normal, force))
+            touch = PersonTouch(-distance, point, normal, force)
+            self.touches.setdefault(pair, []).append(touch)
+            self._pressed.setdefault((pair, tree), []).append(touch)
 
     def _push(self, tree: _Tree, force: tuple[float, ...]) -> None:
         before = self._pushed.get(tree, (0.0, 0.0, 0.0))
         self._pushed[tree] = (before[0] + force[0], before[1] + force[1], before[2] + force[2])
+
+    def _let_up(self, over_s: float) -> None:
+        """Take back what a vehicle pressed somebody on the road with beyond the load of a wheel: its springs give way
+        and it goes over who lies there. In the plane it cannot rise, and MuJoCo's solver, to part vehicle, body and
+        road, would throw the body up and stop the vehicle."""
+        for (pair, tree), touches in self._pressed.items():
+            vehicle, down_n = pair[0], -sum(min(touch.force[2], 0.0) for touch in touches)
+            too_much_n = min(down_n, self._carried.get(tree, 0.0)) - self._wheel_loads_n[vehicle]
+            if too_much_n <= 0 or not self._lies(tree):
+                continue
+            share = too_much_n / down_n
+            carried_n = self._wheel_loads_n[vehicle] + tree.mass_kg * GRAVITY_MPS2
+            self._push(tree, (0.0, 0.0, carried_n - self._carried[tree]))
+            self._carried[tree] = carried_n
+            k = 3 * vehicle
+            per_mass, per_inertia = self._inverse[vehicle]
+            for touch in touches:
+                back_x, back_y, back_z = (-share * value for value in touch.force)
+                self._push(tree, (back_x, back_y, back_z))
+                arm_x, arm_y = touch.point[0] - self._positions[k], touch.point[1] - self._positions[k + 1]
+                self._rates[k] -= back_x * per_mass * over_s
+                self._rates[k + 1] -= back_y * per_mass * over_s
+                self._rates[k + 2] -= (arm_x * back_y - arm_y * back_x) * per_inertia * over_s
+                kept = self.touches[pair]
+                kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
+
+    def _lies(self, tree: _Tree) -> bool:
+        return bool(self._data.subtree_com[tree.body_id][2] - tree.person.z < _LIES_BELOW_M)
 
     def _settle_velocities(self, step_s: float, count: int) -> None:
         """Give every centre of mass the velocity that the forces on it say, which limbs that whirl about would be

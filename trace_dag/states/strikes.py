@@ -1,10 +1,10 @@
 """The analytic estimator of crashes in which vehicles strike people: hypotheses from one strike or several in order.
 
 The first strike is planned by :mod:`trace_dag.states.striking`. Who is struck again lies where the first strike threw
-it: ahead of the first vehicle by the middle of Searle's bounds (SAE 831622; friction 0.66). How far exactly does not
-matter, since the next vehicle comes along that line; how far aside does, so that it is planned to pass at several
-distances from the first one's line. A driver whom another one follows is taken to pull over, one who left by the report
-to drive on.
+it: ahead of the first vehicle by the middle of Searle's bounds (SAE 831622), or at the vehicle's side if that struck.
+How far exactly does not matter, since the next vehicle comes along that line; how far aside does, so that it is planned
+to pass at several distances from the first one's line. A driver whom another one follows is taken to pull over, one who
+left by the report to drive on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import FloatArray, Pose, gaps_m
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import StateSettings
+from trace_dag.settings import SimSettings, StateSettings
 from trace_dag.states.analytic import build_scene
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven, lane_under, pose_of, rounded
 from trace_dag.states.encounters import Party, party
@@ -45,7 +45,7 @@ from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 NAME = "analytic"
 VERSION = "2"
 
-_PERSON_FRICTION: Final = 0.66  # Searle, SAE 831622
+_PERSON_FRICTION: Final = SimSettings().person_friction  # estimates do not depend on how they are simulated
 _LONGEST_CHAIN_S: Final = 12.0  # from the first strike to the last
 _SETTLES_S: Final = 1.0  # after a thrown person has come to rest by the formula
 _KEPT_ASIDE: Final = 1.5  # a person's own speed aside by the vehicle's: the throw slows down ahead, hardly aside
@@ -54,7 +54,10 @@ _OFF_LANE_M: Final = 2.2  # a vehicle does not pass farther off its lane's centr
 _OFF_SIGMA_M: Final = 1.0
 _OTHER_WAY: Final = -1.5  # log-likelihood of the next vehicle coming from another direction than the one before
 _PULL_OVER_M: Final = 3.2
-_PULL_OVER_G: Final = 0.12
+_PULL_OVER_G: Final = 0.35  # hard: at the side by the time the vehicle stops, after a reaction and with 0.6 g
+_HIGH: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
+"""Vehicles that go over who lies between their wheels without touching: they strike with the wheels of one side."""
+_TYRE_M: Final = 0.15  # from a vehicle's side to the middle of its tyres
 _HIT_AND_RUN_AFTER_S: Final = 12.0
 _LATER_S: Final = (0.0, 2.0, 4.0, 6.0, 8.0)  # a slower vehicle comes so much later, else it would be in the way
 _COMPANION_M: Final = 0.8  # people struck together walk so far apart
@@ -308,13 +311,17 @@ class _Thrown:
 
 def _thrown(plan: StrikePlan, lead_s: float) -> _Thrown:
     """Where the person comes to lie: ahead by the middle of Searle's bounds; aside by what it keeps of its own motion,
-    by half of that or nothing, and a step further."""
+    by half of that or nothing, and a step further. Whom the side of a vehicle strikes is pushed off it, not taken
+    along."""
     drive, walk = plan.drive, plan.walk
-    speed = max(drive.profile.impact_mps, 0.1)
     grip = _PERSON_FRICTION * GRAVITY_MPS2
-    distance = speed**2 / (2 * grip) * (1 + _PERSON_FRICTION**2 / 2)
-    ahead = drive.velocity_mps / speed
+    ahead = -drive.pose.forward if drive.option.backing else drive.pose.forward
     left = np.array([-ahead[1], ahead[0]])
+    if plan.at_side:
+        off_m = math.copysign(_ASIDE_M, float((walk.pose.xy_m - drive.pose.xy_m) @ left))
+        return _Thrown(walk.pose.xy_m, left, lead_s + _SETTLES_S, (off_m, 0.0, off_m / 2, 1.5 * off_m))
+    speed = max(drive.profile.impact_mps, 0.1)
+    distance = speed**2 / (2 * grip) * (1 + _PERSON_FRICTION**2 / 2)
     kept_m = distance * _KEPT_ASIDE * float(walk.speed_mps * walk.pose.forward @ left) / speed
     step_m = math.copysign(_ASIDE_M, kept_m)
     aside = (kept_m, kept_m / 2, 0.0, kept_m + step_m) if abs(kept_m) > _ASIDE_M else (kept_m, -step_m, 2 * step_m)
@@ -332,6 +339,8 @@ def _next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: flo
             continue
         path = option.path()
         station, off = path.project(float(lies_at[0]), float(lies_at[1]))
+        if strike.vehicle.vehicle_class in _HIGH:
+            off -= math.copysign(strike.vehicle.width_m / 2 - _TYRE_M, off)
         if abs(off) > _OFF_LANE_M:
             continue
         heading = path.pose(station).heading_rad

@@ -132,6 +132,12 @@ class StrikePlan:
         )
 
     @property
+    def at_side(self) -> bool:
+        """Whether the person is touched at a side of the vehicle, behind its front and before its rear."""
+        ahead_m, _ = self.drive.pose.to_body(np.array(self.contact_xy_m))
+        return bool(abs(ahead_m) < self.strike.vehicle.length_m / 2 - 1e-6)
+
+    @property
     def group(self) -> tuple[str, ...]:
         """Plans of one group differ in detail only."""
         option = self.drive.option

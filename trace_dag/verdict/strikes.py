@@ -26,13 +26,14 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
 from trace_dag.states.types import Hypothesis
-from trace_dag.units import wrap_angle
+from trace_dag.units import kmh_to_mps, wrap_angle
 from trace_dag.verdict.metrics import ObservedVehicle, VehicleMeasures, compared_vehicle, observed_vehicle, sides_of
 from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
 from trace_dag.verdict.types import Criterion
 
 _COMPASS_DEG: Final = 45.0  # a coded direction is a quarter of the compass
 _STANDS_MPS: Final = 0.2
+_CRASH_MPS: Final = kmh_to_mps(8.0)  # change of velocity from which an event data recorder records (49 CFR 563.5)
 _NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR
 _LANE_BESIDE_M: Final = 0.5  # the edge of a carriageway is drawn no better than so
 _BESIDE_M: Final = 4.0  # a full shoulder (AASHTO: 3.0 to 3.6 m) and its edge
@@ -150,12 +151,14 @@ def strike_criteria(
             Criterion("right_party", 0.0, 1.0, "", False, Reason.WRONG_PARTY, detail, None, strikes[0].event_number)
         )
     rejecting += _sequence(observed, strikes, matched, told=order_is_told(record))
+    rejecting += _collisions_afterwards(observed, record, strikes, matched)
     reported: list[Criterion] = []
-    for place, (strike, seen) in enumerate(zip(strikes, matched, strict=True)):
+    for strike, seen in zip(strikes, matched, strict=True):
         if seen is not None:
             own = replace(strike.vehicle, impact=strike.area)
             measures = compared_vehicle(seen.vehicle, own, record)
-            rejecting += _of_strike(strike, seen, measures, record, limits, settings, first=place == 0)
+            happened_first = seen.contact.time_s == min(each.contact.time_s for each in matched if each is not None)
+            rejecting += _of_strike(strike, seen, measures, record, limits, settings, first=happened_first)
             reported += _shown(strike, seen, measures, limits)
     return (*rejecting, *reported, *_other_events(record, strikes), *_afterwards(observed, strikes, matched))
 
@@ -179,7 +182,8 @@ def _sequence(
 ) -> list[Criterion]:
     """Every strike happens, in the reported order, and up to the last one nobody touches whom no event has touch."""
     found = []
-    for strike, seen in zip(strikes[1:], matched[1:], strict=True):
+    first = 1 if told else 0  # of strikes in order the first one is what the first contact is judged by
+    for strike, seen in zip(strikes[first:], matched[first:], strict=True):
         parties = " and ".join(party_in_words(number) for number in strike.pair)
         when = "after the strike before it" if told else "at all"
         detail = "" if seen is not None else f"{parties} do not touch {when}, which event {strike.event_number} says"
@@ -197,7 +201,7 @@ def _sequence(
                 strike.event_number,
             )
         )
-    last_s = max((seen.contact.time_s for seen in matched if seen is not None), default=0.0)
+    last_s = _last_s(matched)
     pairs = {strike.pair for strike in strikes}
     strange = next((c for c in observed.contacts if c.time_s < last_s and (c.number_1, c.number_2) not in pairs), None)
     if strange is not None:
@@ -207,11 +211,40 @@ def _sequence(
     return found
 
 
+def _collisions_afterwards(
+    observed: ObservedStrikes,
+    record: CrashRecord,
+    strikes: Sequence[Strike],
+    matched: Sequence[ObservedStrike | None],
+) -> list[Criterion]:
+    """Two vehicles that collide after the last strike, as hard as an event data recorder records: no report leaves
+    that out."""
+    last_s = _last_s(matched)
+    said = {frozenset((event.party_1, event.party_2)) for event in record.events}
+    found = []
+    for contact in observed.contacts:
+        pair = frozenset((contact.number_1, contact.number_2))
+        strike = pair in {frozenset(each.pair) for each in strikes}
+        delta_v_mps = max(math.hypot(*contact.delta_v_1_mps), math.hypot(*contact.delta_v_2_mps))
+        of_vehicles = all(any(vehicle.number == number for vehicle in record.vehicles) for number in pair)
+        if of_vehicles and contact.time_s > last_s and not strike and pair not in said and delta_v_mps >= _CRASH_MPS:
+            parties = f"{party_in_words(contact.number_1)} and {party_in_words(contact.number_2)}"
+            detail = f"{parties} collide after the last strike, which no event says"
+            found.append(
+                Criterion("unreported_collision", delta_v_mps, _CRASH_MPS, "mps", False, Reason.WRONG_SEQUENCE, detail)
+            )
+    return found[:1]
+
+
+def _last_s(matched: Sequence[ObservedStrike | None]) -> float:
+    return max((seen.contact.time_s for seen in matched if seen is not None), default=0.0)
+
+
 def _afterwards(
     observed: ObservedStrikes, strikes: Sequence[Strike], matched: Sequence[ObservedStrike | None]
 ) -> list[Criterion]:
     """Who touches after the last strike without an event that says so: shown, since it is no part of what is judged."""
-    last_s = max((seen.contact.time_s for seen in matched if seen is not None), default=0.0)
+    last_s = _last_s(matched)
     pairs = {strike.pair for strike in strikes}
     strange = {
         (c.number_1, c.number_2): None

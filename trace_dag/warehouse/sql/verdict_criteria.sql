@@ -11,6 +11,7 @@ SELECT
     rule_set,
     measured.name AS criterion,
     measured.vehicle_number AS vehicle_number,
+    measured.event_number AS event_number,
     measured.value,
     measured.threshold,
     measured.unit,
@@ -30,7 +31,8 @@ COMMENT ON COLUMN verdict_criteria.support_detail IS 'Why the crash is not corro
 COMMENT ON COLUMN verdict_criteria.hypothesis IS 'Index of the hypothesis that was judged';
 COMMENT ON COLUMN verdict_criteria.rule_set IS 'Set of rules it was judged by';
 COMMENT ON COLUMN verdict_criteria.criterion IS 'Name of the criterion';
-COMMENT ON COLUMN verdict_criteria.vehicle_number IS 'Vehicle it is about, if one';
+COMMENT ON COLUMN verdict_criteria.vehicle_number IS 'Party it is about, if one: a vehicle, or 1000 and the number of a person';
+COMMENT ON COLUMN verdict_criteria.event_number IS 'Event of the report it is about; null for collisions of two vehicles';
 COMMENT ON COLUMN verdict_criteria.value IS 'What was measured, in the unit given; null if not evaluated';
 COMMENT ON COLUMN verdict_criteria.threshold IS 'What it was compared with; null if it is only reported';
 COMMENT ON COLUMN verdict_criteria.unit IS 'Unit of value and threshold';

@@ -5,7 +5,7 @@ SELECT
         "accepted": "BOOLEAN", "grade": "VARCHAR", "hypothesis": "INTEGER", "rule_set": "VARCHAR",
         "criteria": [{
             "name": "VARCHAR", "value": "DOUBLE", "threshold": "DOUBLE", "unit": "VARCHAR", "passed": "BOOLEAN",
-            "reason": "VARCHAR", "detail": "VARCHAR", "vehicle_number": "INTEGER"
+            "reason": "VARCHAR", "detail": "VARCHAR", "vehicle_number": "INTEGER", "event_number": "INTEGER"
         }],
         "support": {
             "total": "DOUBLE", "independent_facts": "INTEGER", "detail": "VARCHAR",
