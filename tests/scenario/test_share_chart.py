@@ -38,3 +38,10 @@ def test_a_chart_is_one_address_in_markdown():
     assert not re.search(r"[\s()<>#&\"]", address), "nothing that ends an address in Markdown or is read as an entity"
     shown = etree.fromstring(unquote(address.removeprefix("data:image/svg+xml,")))
     assert [text.text for text in shown.findall("{*}text")][-1] == "100 %"
+
+
+def test_a_long_label_has_room():
+    label = "a cohort with a long name, two_vehicles: another that says something else"
+    chart = etree.fromstring(share_chart("shares", [Share(label, 1, 2)]))
+    (text,) = (text for text in chart.findall("{*}text") if text.text == label)
+    assert float(text.get("x")) > 6.5 * len(label), "its end, in letters of 12 px"
