@@ -130,12 +130,12 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
         "The crash is of a kind that cannot be judged yet, such as one with a tree; the detail names the event.",
-        "Nothing: modelled are crashes in which two vehicles in transport touched, or vehicles struck people.",
+        "Nothing: modelled are crashes in which vehicles touched each other, or struck people.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "The events of the report do not say which two vehicles met first, or which vehicle struck which person.",
+        "The events of the report do not say which vehicles met, or which vehicle struck which person.",
         "Nothing: who met whom is not known.",
     ),
     Reason.NO_MAP_COVERAGE: _ReasonFacts(
@@ -183,7 +183,7 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.WRONG_PARTY: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "Another vehicle than reported strikes the person, or another person is struck.",
+        "Other parties than reported touch first: another vehicle, or another person.",
         "Watch the replay; the contacts are in the simulation log.",
     ),
     Reason.WRONG_IMPACT: _ReasonFacts(
@@ -195,13 +195,13 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.WRONG_SEQUENCE: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "A reported strike does not happen, happens in another order, or parties touch that no event has touch.",
-        "See the criteria strike and unreported_contact.",
+        "A reported contact does not happen, happens in another order, or parties touch that no event has touch.",
+        "See the criteria strike, next_contact and unreported_contact.",
     ),
     Reason.WRONG_ZONE: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "A person is struck in another zone of the road than reported: on the carriageway, beside it, on a sidewalk.",
+        "A person or a parked vehicle is struck in another zone of the road than reported, such as beside it.",
         "See the criterion zone_error; verdict.max_zone_error_m is the limit.",
     ),
     Reason.WRONG_DIRECTION: _ReasonFacts(

@@ -174,19 +174,6 @@ def test_kinds_are_a_filter_of_the_user() -> None:
         check(record, CrashSettings(kinds=("trees",)))
 
 
-def test_of_three_vehicles_a_first_contact_is_not_all_that_happened() -> None:
-    vehicles = [{}, {"VEH_NO": 2}, {"VEH_NO": 3}]
-    events = [{"VNUMBER1": 2, "VNUMBER2": 3}, {"EVENTNUM": 2}]
-    record = read(report({"VE_FORMS": 3, "VE_TOTAL": 3}, vehicles, events))
-    assert record.kind is CrashKind.MULTI_VEHICLE
-    assert record.colliding_vehicles is not None
-    assert [vehicle.number for vehicle in record.colliding_vehicles] == [2, 3]
-    found = rejection(record, CrashSettings())
-    assert found is not None
-    assert found.reason is Reason.NOT_MODELLED
-    assert found.detail.startswith("3 vehicles in transport: event 1 vehicle 2")
-
-
 # --- completeness by role ------------------------------------------------------------------------------------------
 
 

@@ -52,6 +52,21 @@ def test_the_vehicle_with_two_contacts_is_in_the_middle(settings: CrashSettings)
     assert record.implied == ("events",)
 
 
+def test_in_a_queue_each_ran_into_its_neighbour(settings: CrashSettings) -> None:
+    """Front to rear throughout: who was behind whom could be any order, and it is that of the numbers."""
+    middle = {"ACC_TYPE": 98, "Vsoes": own((12, 6), (12, 12))}
+    record = read(
+        {"MAN_COLL": 1, "VE_FORMS": 5, "VE_TOTAL": 5},
+        {"ACC_TYPE": 24, "Vsoes": own((12, 12))},
+        {"ACC_TYPE": 25, "Vsoes": own((12, 6), (12, 12))},
+        middle,
+        middle,
+        {"ACC_TYPE": 98, "Vsoes": own((12, 6))},
+        settings=settings,
+    )
+    assert parties(record) == [(12, 1, 2), (12, 2, 3), (12, 3, 4), (12, 4, 5)]
+
+
 def test_the_manner_tells_the_first_contact_where_crash_types_do_not(settings: CrashSettings) -> None:
     record = read(
         {"MAN_COLL": 1},

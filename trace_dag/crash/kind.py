@@ -30,9 +30,8 @@ class CrashKind(StrEnum):
 COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
 """Kinds whose vehicles touched."""
 OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
-JUDGED_KINDS: Final = frozenset({CrashKind.TWO_VEHICLES, *OF_PERSONS})
-"""Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map. Of three vehicles
-and more only the first contact could be judged so far, and that is not all that happened."""
+JUDGED_KINDS: Final = frozenset({CrashKind.PARKED, *COLLISIONS, *OF_PERSONS})
+"""Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map."""
 
 _BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
     **dict.fromkeys((codes.PEDESTRIAN, codes.PERSON_ON_CONVEYANCE), CrashKind.PEDESTRIAN),

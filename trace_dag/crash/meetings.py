@@ -7,6 +7,7 @@ with three and two contacts the one with two rows is in the middle.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -19,6 +20,9 @@ from trace_dag.crash.record import EventRecord, ImpactArea, VehicleRecord
 
 MOST_CONTACTS: Final = 10
 """Contacts in all sequences together above which no pairing is looked for: those of ten can be paired in 945 ways."""
+
+_END: Final = 0.7
+"""Cosine of an area's bearing from which on it is one of the front or the rear: 11, 12, 1 and 5, 6, 7 o'clock."""
 
 _Contact: TypeAlias = tuple[int, int]
 """A vehicle's number, and which of its contacts, from 0."""
@@ -51,7 +55,9 @@ def merged(
 
     Where several pairings are possible, those stay whose first contact is what ``MAN_COLL`` and the crash types say.
     If these differ in the order of contacts only, vehicles of lower numbers met first (so in 92.5 % of the 1,712
-    crashes of three vehicles and two contacts of 2016). Where they differ in who met whom the second party stays None.
+    crashes of three vehicles and two contacts of 2016). Where they differ in who met whom, it was a queue if in one of
+    them every contact is one of a front with a rear: then each ran into its neighbour by number (so in 65 of 66 such
+    crashes of 2016). Else the second party stays None.
     """
     standing = frozenset(vehicle.number for vehicle in vehicles if not vehicle.in_transport)
     contacts = {
@@ -116,7 +122,27 @@ def _pairing(
         possible = {pairing for pairing in possible if best <= 0 or score[pairing] == best}
     if len({tuple(sorted((one[0], other[0]) for one, other in pairing)) for pairing in possible}) == 1:
         return min(possible, key=sorted), len(possible) > 1
-    return frozenset.intersection(*possible), False
+    queue = _queue(possible, contacts)
+    return (queue or frozenset.intersection(*possible)), False
+
+
+def _queue(possible: set[_Pairing], contacts: Mapping[int, Sequence[VehicleEvent]]) -> _Pairing | None:
+    """The pairing in which every contact is one of a front with a rear and each vehicle ran into its neighbour by
+    number; None if there is none, or more than one that is as near to that."""
+
+    def apart(pairing: _Pairing) -> int:
+        return sum(abs(one[0] - other[0]) for one, other in pairing)
+
+    def end(vehicle: int, index: int) -> int:
+        """1 at the front, -1 at the rear, 0 elsewhere."""
+        area = contacts[vehicle][index].area
+        along = math.cos(area.centre_rad) if area is not None else 0.0
+        return 1 if along > _END else -1 if along < -_END else 0
+
+    rear_ends = [pairing for pairing in possible if all({end(*one), end(*other)} == {1, -1} for one, other in pairing)]
+    nearest = sorted(rear_ends, key=apart)
+    alone = len(nearest) == 1 or (len(nearest) > 1 and apart(nearest[0]) < apart(nearest[1]))
+    return nearest[0] if alone else None
 
 
 def _pairings(contacts: Mapping[int, Sequence[VehicleEvent]], standing: frozenset[int]) -> set[_Pairing]:

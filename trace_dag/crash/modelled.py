@@ -10,7 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
+from trace_dag.crash.contacts import is_of_contacts, untold_contact
 from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_PERSONS, CrashKind
+from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.crash.summary import event_in_words
 
@@ -25,7 +27,10 @@ def another_kind(record: CrashRecord) -> str | None:
     met = record.colliding_vehicles is not None
     if untold_meeting(record) is not None or (met and record.moving_vehicles == 2):
         return None
-    if (
+    if is_of_contacts(record):
+        if met and not _struck_persons(record):
+            return None
+    elif (
         kind in JUDGED_KINDS
         and not (kind in COLLISIONS and not met)
         and not (kind in OF_PERSONS and _several_met(record))
@@ -34,6 +39,8 @@ def another_kind(record: CrashRecord) -> str | None:
     numbers = [str(vehicle.number) for vehicle in record.vehicles]
     if len(numbers) > 1 and not met:
         said = f"vehicles {', '.join(numbers[:-1])} and {numbers[-1]} never touch in the report"
+    elif is_of_contacts(record) and _struck_persons(record):
+        said = "vehicles that met also struck persons"
     elif met and record.moving_vehicles > 2:
         said = f"{record.moving_vehicles} vehicles in transport"
     else:
@@ -44,6 +51,8 @@ def another_kind(record: CrashRecord) -> str | None:
 def untold_meeting(record: CrashRecord) -> str | None:
     """Why it cannot be told which two vehicles met first, or whether any did; None if it can, or if the crash is of
     a kind without such a meeting."""
+    if is_of_contacts(record):
+        return untold_contact(record)
     if record.colliding_vehicles is not None or record.kind not in COLLISIONS:
         return None
     unnamed = next(
@@ -58,6 +67,10 @@ def untold_meeting(record: CrashRecord) -> str | None:
         f"nothing tells whether two vehicles met: HARM_EV {'not known' if first is None else first}, and the report "
         f"lists no {'harmful event that is known' if record.events else 'events'}"
     )
+
+
+def _struck_persons(record: CrashRecord) -> bool:
+    return any(event.kind is EventKind.PERSON_STRUCK for event in record.events)
 
 
 def _several_met(record: CrashRecord) -> bool:

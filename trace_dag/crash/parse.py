@@ -213,6 +213,7 @@ def _vehicles(fields: Fields) -> tuple[VehicleRecord, ...]:
             reported.append(read_vehicle(element, fields))
     reported += [read_parked_vehicle(element, fields) for element in fields.members("ParkWorks")]
     vehicles = [*reported, *_unreported_vehicles(unreported, reported, fields)]
+    vehicles += _counted_as_parked(vehicles, fields)
     numbers = [vehicle.number for vehicle in vehicles]
     twice = sorted({number for number in numbers if numbers.count(number) > 1})
     if twice:
@@ -239,6 +240,16 @@ def _unreported_vehicles(
         elif in_transport is None or moving < in_transport:
             moving += 1
             yield read_vehicle(element, crash)
+
+
+def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
+    """The parked or working vehicle that the only one in transport struck first, where no table at hand lists it: the
+    crash counts one vehicle more (``VE_TOTAL``) than in transport (``VE_FORMS``)."""
+    counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
+    if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:
+        element = etree.Element("ParkWork")
+        etree.SubElement(element, "VEH_NO").text = str(next(n for n in (1, 2) if n != listed[0].number))
+        yield read_parked_vehicle(element, crash)
 
 
 def _with_movement(vehicle: VehicleRecord) -> VehicleRecord:

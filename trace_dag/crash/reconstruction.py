@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from trace_dag.crash.contacts import is_of_contacts
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import is_of_strikes
 
@@ -16,8 +17,11 @@ class Reconstruction(StrEnum):
 
     COLLISION = "collision"  # the first contact of two vehicles
     STRIKES = "strikes"  # every strike of a person, in order
+    CONTACTS = "contacts"  # every contact of three and more vehicles, or with a parked one, in order
 
 
 def reconstruction_of(record: CrashRecord) -> Reconstruction:
     """What the crash is reconstructed as."""
-    return Reconstruction.STRIKES if is_of_strikes(record) else Reconstruction.COLLISION
+    if is_of_strikes(record):
+        return Reconstruction.STRIKES
+    return Reconstruction.CONTACTS if is_of_contacts(record) else Reconstruction.COLLISION

@@ -56,3 +56,8 @@ def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
         (record.road_relation_code, _ZONES_OF_REL_ROAD),
     )
     return next((table[code] for code, table in tables if code is not None and code in table), frozenset())
+
+
+def zones_of_first_event(record: CrashRecord) -> frozenset[Zone]:
+    """Where the first harmful event was (``REL_ROAD``); empty if that is not known."""
+    return _ZONES_OF_REL_ROAD.get(record.road_relation_code or 0, frozenset())

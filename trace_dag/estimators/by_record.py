@@ -7,6 +7,7 @@ from typing import Final
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
+from trace_dag.estimators.contacts import estimate_contacts
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
@@ -19,6 +20,7 @@ _MADE_BY: Final[
 ] = {
     Reconstruction.COLLISION: estimate_analytic,
     Reconstruction.STRIKES: estimate_strikes,
+    Reconstruction.CONTACTS: estimate_contacts,
 }
 
 

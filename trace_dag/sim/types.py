@@ -5,6 +5,7 @@ Frame: the crash's local frame; times in seconds from the start of the reconstru
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -157,6 +158,10 @@ class Contact:
     velocity_2_mps: tuple[float, float]
     delta_v_1_mps: tuple[float, float]
     delta_v_2_mps: tuple[float, float]
+
+    def along_m(self, course_rad: float) -> float:
+        """How far it is ahead of the frame's origin, seen along a course."""
+        return self.x_m * math.cos(course_rad) + self.y_m * math.sin(course_rad)
 
 
 @dataclass(frozen=True, eq=False)

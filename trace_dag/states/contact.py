@@ -133,45 +133,71 @@ def _first_touching(
 
 def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) -> Contacts:
     state_1, state_2 = one.at(time_1), two.at(time_2)
-    corners_1, corners_2 = _corners(state_1, one), _corners(state_2, two)
-    inside_2 = _within(corners_1, state_2, two)
-    inside_1 = _within(corners_2, state_1, one)
+    touch = touching(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
+    keep = touch.found
+    return Contacts(
+        time_1[keep],
+        time_2[keep],
+        touch.x_m[keep],
+        touch.y_m[keep],
+        touch.bearing_1_rad[keep],
+        touch.bearing_2_rad[keep],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """Where pairs of rectangles touch, arrays of equal length n: the point, its direction on each body as in
+    :func:`trace_dag.geometry.body_bearing_rad`, and whether there is one."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    bearing_1_rad: FloatArray
+    bearing_2_rad: FloatArray
+    found: NDArray[np.bool_]
+
+
+def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]) -> Touching:
+    """Where bodies touch that have just come to: the middle of the corners of each that lie against the other.
+
+    Args:
+        state_1: x, y and heading of the first bodies, each of shape (n,).
+        size_1_m: length and width of the first bodies.
+        state_2: as ``state_1``, of the second ones.
+        size_2_m: as ``size_1_m``, of the second ones.
+    """
+    corners_1, corners_2 = _corners(state_1, size_1_m), _corners(state_2, size_2_m)
+    inside_2 = _within(corners_1, state_2, size_2_m)
+    inside_1 = _within(corners_2, state_1, size_1_m)
     corners = np.concatenate([corners_1, corners_2], axis=1)
     weight = np.concatenate([inside_2, inside_1], axis=1).astype(float)
     count = np.maximum(weight.sum(axis=1), 1.0)
     x = (corners[..., 0] * weight).sum(axis=1) / count
     y = (corners[..., 1] * weight).sum(axis=1) / count
-    keep = weight.any(axis=1)
-    return Contacts(
-        time_1[keep],
-        time_2[keep],
-        x[keep],
-        y[keep],
-        _bearing(x, y, state_1, one)[keep],
-        _bearing(x, y, state_2, two)[keep],
-    )
+    bearing_1, bearing_2 = _bearing(x, y, state_1, size_1_m), _bearing(x, y, state_2, size_2_m)
+    return Touching(x, y, bearing_1, bearing_2, np.asarray(weight.any(axis=1)))
 
 
-def _corners(state: Poses, mover: Mover) -> FloatArray:
+def _corners(state: Poses, size_m: tuple[float, float]) -> FloatArray:
     x, y, heading = (value[:, None] for value in state)
-    u = np.array([1, -1, -1, 1]) * mover.length_m / 2
-    v = np.array([1, 1, -1, -1]) * mover.width_m / 2
+    u = np.array([1, -1, -1, 1]) * size_m[0] / 2
+    v = np.array([1, 1, -1, -1]) * size_m[1] / 2
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([x + u * c - v * s, y + u * s + v * c], axis=-1)
 
 
-def _within(points: FloatArray, state: Poses, mover: Mover) -> FloatArray:
+def _within(points: FloatArray, state: Poses, size_m: tuple[float, float]) -> FloatArray:
     x, y, heading = (value[:, None] for value in state)
     dx, dy = points[..., 0] - x, points[..., 1] - y
     c, s = np.cos(heading), np.sin(heading)
     ahead, left = np.abs(dx * c + dy * s), np.abs(dy * c - dx * s)
-    return np.asarray((ahead <= mover.length_m / 2 + TOUCH_M) & (left <= mover.width_m / 2 + TOUCH_M))
+    return np.asarray((ahead <= size_m[0] / 2 + TOUCH_M) & (left <= size_m[1] / 2 + TOUCH_M))
 
 
-def _bearing(x: FloatArray, y: FloatArray, state: Poses, mover: Mover) -> FloatArray:
+def _bearing(x: FloatArray, y: FloatArray, state: Poses, size_m: tuple[float, float]) -> FloatArray:
     dx, dy = x - state[0], y - state[1]
     c, s = np.cos(state[2]), np.sin(state[2])
-    return np.asarray(np.arctan2((dy * c - dx * s) / mover.width_m, (dx * c + dy * s) / mover.length_m))
+    return np.asarray(np.arctan2((dy * c - dx * s) / size_m[1], (dx * c + dy * s) / size_m[0]))
 
 
 def _nothing() -> Contacts:

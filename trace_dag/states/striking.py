@@ -171,12 +171,17 @@ def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
     return sorted(found, key=lambda plan: (-plan.score, plan.name))
 
 
-def ways_of(scene: Scene, who: Party) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
-    """The ways a vehicle can have come by itself, each with its speed and the evidence for it."""
-    for stream in _streams(scene, who):
+def ways_of(
+    scene: Scene, who: Party, *, streams: Sequence[Stream] | None = None
+) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
+    """The ways a vehicle can have come by itself, each with its speed and the evidence for it.
+
+    ``streams``: those to look at, if not those that its turn and the place of the crash leave.
+    """
+    for stream in _streams(scene, who) if streams is None else streams:
         speed = speed_of(who, stream)
         for option in _options(who, stream, speed.speed_mps):
-            yield option, speed, _way_terms(scene, who, option, speed)
+            yield option, speed, way_terms(scene, who, option, speed)
 
 
 def _streams(scene: Scene, who: Party) -> list[Stream]:
@@ -196,7 +201,8 @@ def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
     return make_turn(stream, who.vehicle, speed_mps, who.turn, slides=True)
 
 
-def _way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
+def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
+    """The evidence for one way of a vehicle, as log-likelihoods."""
     stream, number = option.stream, who.vehicle.number
     terms = {
         **evidence.street_terms(scene.network, scene.placement, scene.record, stream),

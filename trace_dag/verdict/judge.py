@@ -15,13 +15,18 @@ from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.verdict.contacts import ObservedContacts, contact_criteria, observe_contacts
 from trace_dag.verdict.metrics import FirstContact, compare, observe
-from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_STRIKES, criteria, judgement
+from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_SEQUENCES, criteria, judgement
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
 
-_REQUIRED: Final = {Reconstruction.COLLISION: REQUIRED, Reconstruction.STRIKES: REQUIRED_OF_STRIKES}
+_REQUIRED: Final = {
+    Reconstruction.COLLISION: REQUIRED,
+    Reconstruction.STRIKES: REQUIRED_OF_SEQUENCES,
+    Reconstruction.CONTACTS: REQUIRED_OF_SEQUENCES,
+}
 
 
 def judge(
@@ -35,8 +40,8 @@ def judge(
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
     The verdict is graded by what else of the report the map, the course and the report itself bear out
-    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. One
-    with people is graded no higher than consistent: what facts are worth was measured on collisions of two vehicles.
+    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. Any
+    but a collision of two vehicles is graded no higher than consistent: what facts are worth was measured on those.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -47,10 +52,8 @@ def judge(
         for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
     ]
     verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
-    if (
-        reconstruction_of(record) is not Reconstruction.COLLISION
-    ):  # the weights of facts are fitted to collisions of two vehicles
-        return verdict
+    if reconstruction_of(record) is not Reconstruction.COLLISION:
+        return verdict  # the weights of facts are fitted to collisions of two vehicles
     observation = observe(network, estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
     support = supported(facts_of(record, network, report, observation))
     return replace(verdict, grade=grade_of(verdict.accepted, support), support=support)
@@ -68,9 +71,13 @@ def judge_hypothesis(
     of: int = 1,
 ) -> Verdict:
     """Judge one simulated hypothesis against a record."""
-    if reconstruction_of(record) is Reconstruction.STRIKES:
-        observed = observe_strikes(network, hypothesis, log)
-        return judge_strikes(record, observed, log, settings, report=report, index=index, of=of)
+    reconstruction = reconstruction_of(record)
+    if reconstruction is Reconstruction.STRIKES:
+        strikes = observe_strikes(network, hypothesis, log)
+        return judge_strikes(record, strikes, log, settings, report=report, index=index, of=of)
+    if reconstruction is Reconstruction.CONTACTS:
+        contacts = observe_contacts(network, hypothesis, log)
+        return judge_contacts(record, contacts, log, settings, report=report, index=index, of=of)
     return judge_observation(
         record, observe(network, hypothesis, log), log, settings, report=report, index=index, of=of
     )
@@ -105,6 +112,22 @@ def judge_strikes(
 ) -> Verdict:
     """Judge the strikes of a simulation, as :func:`judge_observation` a contact of two vehicles."""
     found = strike_criteria(observed, record, log, settings)
+    at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
+    return _verdict(record, found, at, settings, report, index, of)
+
+
+def judge_contacts(
+    record: CrashRecord,
+    observed: ObservedContacts,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge the contacts of a simulation of several vehicles, as :func:`judge_observation` that of two."""
+    found = contact_criteria(observed, record, log, settings)
     at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
     return _verdict(record, found, at, settings, report, index, of)
 

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_vehicle_contact
@@ -114,8 +115,11 @@ class FirstContact:
 def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> FirstContact | None:
     """The first contact of a simulated hypothesis; None if there was none."""
     contact = log.first_contact
-    if contact is None:
-        return None
+    return None if contact is None else observe_contact(network, hypothesis, log, contact)
+
+
+def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog, contact: Contact) -> FirstContact:
+    """A contact up to which neither body had been in another, with what led to it."""
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {vehicle.number: vehicle for vehicle in log.vehicles}
     one, two = (
@@ -227,27 +231,59 @@ def observed_vehicle(
     network: RoadNetwork, side: Side, state: ParticipantState, log: VehicleLog, body: Body, contact: Contact
 ) -> ObservedVehicle:
     """What one body of a contact did up to it."""
-    ahead, left = side.pose.to_body(side.other.xy_m)
-    forward = side.pose.forward
-    dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))
+    struck = struck_side(side, body, contact)
     distance, speed_error = tracking_errors(state.trajectory, log, contact.time_s)
     planned = np.abs(np.interp(log.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
     went = direction(network, log, side.pose, contact.time_s, state.trajectory)
     return ObservedVehicle(
         number=side.number,
-        clock_h=contact_clock_h(side.pose, body.length_m, body.width_m, np.array([contact.x_m, contact.y_m])),
-        bearing_clock_h=bearing_to_clock_h(math.atan2(left, ahead)),
+        clock_h=struck.clock_h,
+        bearing_clock_h=struck.bearing_clock_h,
         approach_rad=went.approach_rad,
         turn_deg=went.turn_deg,
         offered_turns_deg=went.offered_turns_deg,
         initial_speed_mps=float(log.speed_mps[0]),
-        impact_speed_mps=float(side.velocity_mps[0] * forward[0] + side.velocity_mps[1] * forward[1]),
-        delta_v_mps=math.hypot(*side.delta_v_mps),
-        pdof_deg=math.degrees(math.atan2(dv_left, -dv_ahead)) % 360.0,
+        impact_speed_mps=struck.impact_speed_mps,
+        delta_v_mps=struck.delta_v_mps,
+        pdof_deg=struck.pdof_deg,
         arrival_error_m=math.hypot(side.pose.x_m - state.impact_pose.x_m, side.pose.y_m - state.impact_pose.y_m),
         path_error_p99_m=float(np.percentile(distance, 99)),
         tracked_speed_error_p99_rel=float(np.percentile(speed_error / np.maximum(planned, _LEAST_SPEED_MPS), 99)),
     )
+
+
+@dataclass(frozen=True)
+class StruckSide:
+    """What a contact was to one of its bodies, whatever led to it. As in :class:`VehicleMeasures`."""
+
+    number: int
+    clock_h: float
+    bearing_clock_h: float
+    impact_speed_mps: float
+    delta_v_mps: float
+    pdof_deg: float
+
+
+def struck_side(side: Side, body: Body, contact: Contact) -> StruckSide:
+    """Where a body was struck in a contact, how fast it was, and what that did to it."""
+    ahead, left = side.pose.to_body(side.other.xy_m)
+    forward = side.pose.forward
+    dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))
+    return StruckSide(
+        number=side.number,
+        clock_h=contact_clock_h(side.pose, body.length_m, body.width_m, np.array([contact.x_m, contact.y_m])),
+        bearing_clock_h=bearing_to_clock_h(math.atan2(left, ahead)),
+        impact_speed_mps=float(side.velocity_mps[0] * forward[0] + side.velocity_mps[1] * forward[1]),
+        delta_v_mps=math.hypot(*side.delta_v_mps),
+        pdof_deg=math.degrees(math.atan2(dv_left, -dv_ahead)) % 360.0,
+    )
+
+
+def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
+    """How far a point is outside the carriageway, negative within it."""
+    point, area = shapely.Point(x_m, y_m), network.drivable_area
+    outside = float(area.distance(point))
+    return outside if outside > 0 else -float(area.boundary.distance(point))
 
 
 def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:

@@ -13,7 +13,6 @@ to be right. A report need not give speeds.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from trace_dag.crash.parties import party_in_words
@@ -24,8 +23,9 @@ from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
 from trace_dag.verdict.types import Criterion
 
 REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
-REQUIRED_OF_STRIKES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
-"""A person's direction is coded near intersections only, and who stood or left a parking place made no turn."""
+REQUIRED_OF_SEQUENCES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
+"""Of several strikes or contacts: a person's direction is coded near intersections only, and who stood or left a
+parking place made no turn."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
@@ -40,20 +40,25 @@ _REJECTING = (
 
 @dataclass(frozen=True)
 class RuleSet:
-    """What a set of rules judges by: which of a vehicle's clock errors (hours), thresholds of its own or None for those
-    of the settings, and whether a reported speed that is not kept rejects."""
+    """What a set of rules judges by: whether the impact is the direction to the other body's centre instead of where
+    they touch, thresholds of its own or None for those of the settings, and whether a reported speed that is not kept
+    rejects."""
 
-    clock_error: Callable[[VehicleMeasures], float | None]
+    by_bearing: bool = False
     limits: VerdictSettings | None = None
     speeds_reject: bool = False
 
+    def clock_error(self, vehicle: VehicleMeasures) -> float | None:
+        """The clock error (hours) that counts."""
+        return vehicle.bearing_clock_error_h if self.by_bearing else vehicle.clock_error_h
+
 
 RULE_SETS: dict[RuleSetName, RuleSet] = {
-    "trace-dag": RuleSet(lambda vehicle: vehicle.clock_error_h),
-    "strict": RuleSet(lambda vehicle: vehicle.clock_error_h, speeds_reject=True),
+    "trace-dag": RuleSet(),
+    "strict": RuleSet(speeds_reject=True),
     "published": RuleSet(
-        lambda vehicle: vehicle.bearing_clock_error_h,
-        VerdictSettings(rule_set="published", max_contact_distance_m=10.0),
+        by_bearing=True,
+        limits=VerdictSettings(rule_set="published", max_contact_distance_m=10.0),
     ),
 }
 

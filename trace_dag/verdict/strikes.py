@@ -27,7 +27,14 @@ from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import kmh_to_mps, wrap_angle
-from trace_dag.verdict.metrics import ObservedVehicle, VehicleMeasures, compared_vehicle, observed_vehicle, sides_of
+from trace_dag.verdict.metrics import (
+    ObservedVehicle,
+    VehicleMeasures,
+    compared_vehicle,
+    observed_vehicle,
+    outside_m,
+    sides_of,
+)
 from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
 from trace_dag.verdict.types import Criterion
 
@@ -98,18 +105,12 @@ def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
                 vehicle,
                 heading if speed > _STANDS_MPS else person.pose.heading_rad,
                 speed,
-                _outside_m(network, person.pose.x_m, person.pose.y_m),
+                outside_m(network, person.pose.x_m, person.pose.y_m),
                 _exposed_s(network, driven, contact.time_s),
                 _thrown_m(driven, person.pose.x_m, person.pose.y_m, again),
             )
         )
     return ObservedStrikes(contacts, tuple(found))
-
-
-def _outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
-    point, area = shapely.Point(x_m, y_m), network.drivable_area
-    outside = float(area.distance(point))
-    return outside if outside > 0 else -float(area.boundary.distance(point))
 
 
 def _exposed_s(network: RoadNetwork, person: VehicleLog, until_s: float) -> float:
@@ -340,11 +341,10 @@ def _of_strike(
 def contact_distance_m(seen: ObservedStrike, zones: Iterable[Zone]) -> float:
     """From the reported point to the contact; along the road only where the person was off the carriageway, since the
     reported point lies on the road then."""
-    x, y = seen.contact.x_m, seen.contact.y_m
     zones = frozenset(zones)
     if not zones or Zone.CARRIAGEWAY in zones:
-        return math.hypot(x, y)
-    return abs(x * math.cos(seen.vehicle.approach_rad) + y * math.sin(seen.vehicle.approach_rad))
+        return math.hypot(seen.contact.x_m, seen.contact.y_m)
+    return abs(seen.contact.along_m(seen.vehicle.approach_rad))
 
 
 def zone_error_m(outside_m: float, zones: frozenset[Zone]) -> float | None:

@@ -1,0 +1,251 @@
+"""The estimator of crashes of three and more vehicles, and of those with parked ones: contact after contact.
+
+The first contact is estimated as that of any two vehicles. Then the next vehicle is looked for: what came before is
+simulated, and :mod:`trace_dag.estimators.arrivals` finds where it has to stand, or when it has to come, to touch the
+reported party on the reported areas. What touches then is simulated again, and so on. The simulator's own settings are
+the usual ones here, whatever those of the simulation are: an estimate follows from the record and the map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told, untold_contact
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason, Rejection
+from trace_dag.estimators.arrivals import LONGEST_WAIT_S, Arrival, Motion, arrivals
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import SimSettings, StateSettings
+from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.order import ContactOrder, in_order
+from trace_dag.sim.run import participant, surface_friction
+from trace_dag.sim.types import Simulation, SimulationLog
+from trace_dag.states.analytic import NAME, VERSION, build_scene, parties, ranked, solve_all
+from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
+from trace_dag.states.candidates import candidates
+from trace_dag.states.encounters import encounters
+from trace_dag.states.parked import parked_contacts
+from trace_dag.states.scene import Scene
+from trace_dag.states.types import (
+    EstimateCheck,
+    EstimatorRun,
+    Hypothesis,
+    ParticipantState,
+    PlannedEvent,
+    StateEstimate,
+)
+from trace_dag.units import bearing_to_clock_h
+
+_FIRST_CONTACTS: Final = 6  # hypotheses of the first contact that are gone on from
+_TRIED: Final = 6  # arrivals of one vehicle that are simulated
+_FOLLOWED: Final = 2  # of those that touch as reported, how many are gone on from
+_DECIMALS: Final = 6
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """The crash as far as it is planned: who takes part, what that comes to, and why it is likely."""
+
+    participants: tuple[ParticipantState, ...]
+    log: SimulationLog
+    order: ContactOrder
+    score: float
+    names: tuple[str, ...]
+    evidence: dict[str, float]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """Numbers of those who take part."""
+        return frozenset(state.vehicle_number for state in self.participants)
+
+    @property
+    def rank(self) -> tuple[int, int, float]:
+        """More of the contacts first, then fewer that nobody reported, then the likelier."""
+        return -self.order.happened, len(self.order.strange), -round(self.score, _DECIMALS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Crash:
+    """What is known of the crash throughout."""
+
+    scene: Scene
+    contacts: tuple[VehicleContact, ...]
+    told: bool
+    simulation: Simulation
+    time_limit_s: float
+
+    def simulated(
+        self,
+        participants: tuple[ParticipantState, ...],
+        planned: int,
+        score: float,
+        names: tuple[str, ...],
+        evidence: dict[str, float],
+    ) -> _Chain:
+        """The chain of these participants, by whom so many of the contacts are to happen."""
+        log = self.simulation.run(tuple(map(participant, participants)), time_limit_s=self.time_limit_s)
+        expected = [contact.pair for contact in self.contacts[:planned]]
+        return _Chain(participants, log, in_order(log.contacts, expected, told=self.told), score, names, evidence)
+
+
+def estimate_contacts(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
+) -> StateEstimate:
+    """The ranked hypotheses of a crash of several contacts, best first: those in which more of them happen, in order.
+
+    Raises :class:`Rejection` (``no_feasible_state``) where the first two cannot meet as reported, or a later vehicle
+    cannot come to touch its party.
+    """
+    contacts = contacts_of(record)
+    if not contacts:
+        raise Rejection(Reason.NO_FEASIBLE_STATE, untold_contact(record) or "no contact of vehicles in the record")
+    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s + LONGEST_WAIT_S)
+    usual = SimSettings()
+    simulation = EmbeddedBackend(usual).load(network, b"", friction=surface_friction(usual, record))
+    crash = _Crash(scene, contacts, order_is_told(record), simulation, usual.time_limit_s)
+    firsts = _first_contacts(scene, contacts[0], settings)
+    chains = [
+        crash.simulated(first.participants, 1, first.score, (first.name,), dict(first.evidence)) for first in firsts
+    ]
+    whole: list[tuple[_Chain, Hypothesis]] = []
+    stuck: list[str] = []
+    for first, begun in zip(firsts, chains, strict=True):
+        followed = [begun]
+        for place in range(1, len(contacts)):
+            followed = [after for chain in followed for after in _followed(crash, chain, place, stuck)]
+            followed = sorted(followed, key=lambda chain: chain.rank)[:_FOLLOWED]
+        whole += [(chain, _hypothesis(crash, chain, first, settings.lead_time_s)) for chain in followed]
+    if not whole:
+        raise Rejection(Reason.NO_FEASIBLE_STATE, stuck[0] if stuck else _no_first(scene, contacts[0]), measured=0.0)
+    whole.sort(key=lambda each: (*each[0].rank[:2], _failed(each[1]), each[0].rank[2], each[1].name))
+    best = whole[0][0].score
+    total = sum(math.exp(max(min(chain.score - best, 0.0), -50.0)) for chain, _ in whole)
+    kept = tuple(hypothesis for _, hypothesis in whole[: settings.max_hypotheses])
+    return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), _DECIMALS))
+
+
+def _first_contacts(scene: Scene, contact: VehicleContact, settings: StateSettings) -> tuple[Hypothesis, ...]:
+    most = max(settings.max_hypotheses, _FIRST_CONTACTS)
+    if not all(vehicle.in_transport for vehicle, _ in contact.sides):
+        return parked_contacts(scene, contact, lead_time_s=settings.lead_time_s, most=most)
+    readings = encounters(scene.record, *parties(scene.record))
+    found = [candidate for reading in readings for candidate in candidates(scene, reading)]
+    wanted = settings.model_copy(update={"max_hypotheses": most})
+    return ranked(scene, solve_all(scene, found), wanted)[0]
+
+
+def _no_first(scene: Scene, contact: VehicleContact) -> str:
+    one, two = contact.pair
+    ways = f"{len(scene.streams)} ways past the crash" if scene.streams else "no lane of the map passes the crash"
+    return f"{ways}, none of which lets vehicles {one} and {two} meet first, as event {contact.event_number} says"
+
+
+# --- one contact more ------------------------------------------------------------------------------------------------
+def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> list[_Chain]:
+    """The chain with one contact more: as it is where both are there already, else with the vehicle that is missing.
+
+    Where none of its arrivals comes to the contact in simulation, the likeliest is kept: a verdict says what it lacks.
+    """
+    contact = crash.contacts[place]
+    newcomers = [number for number in contact.pair if number not in chain.numbers]
+    planned = place + 1
+    if not newcomers:
+        expected = [each.pair for each in crash.contacts[:planned]]
+        return [replace(chain, order=in_order(chain.log.contacts, expected, told=crash.told))]
+    if len(newcomers) == 2:
+        one, two = contact.pair
+        stuck.append(f"event {contact.event_number}: neither vehicle {one} nor {two} had met another before")
+        return []
+    found = arrivals(
+        crash.scene, contact, newcomers[0], _motions(chain.log), after_s=_last_contact_s(chain, place, crash.told)
+    )
+    tried = [_joined(crash, chain, arrival, planned) for arrival in _leaders_first(found)[:_TRIED]]
+    if not tried:
+        (known,) = (number for number in contact.pair if number != newcomers[0])
+        stuck.append(
+            f"event {contact.event_number}: on none of {len(crash.scene.streams)} ways past the crash vehicle "
+            f"{newcomers[0]} comes to touch vehicle {known} after what was before"
+        )
+    good = [each for each in tried if each.order.happened == planned and not each.order.strange]
+    return good[:_FOLLOWED] or sorted(tried, key=lambda each: each.rank)[:1]
+
+
+def _last_contact_s(chain: _Chain, place: int, told: bool) -> float:
+    """When the contact before came about, or the first one where the order is not told."""
+    times = [contact.time_s for contact in chain.order.matched[:place] if contact is not None]
+    return (max(times) if told else min(times)) if times else chain.participants[0].trajectory.time_s[0]
+
+
+def _motions(log: SimulationLog) -> list[Motion]:
+    return [Motion.of(each, log.bodies[each.number].length_m, log.bodies[each.number].width_m) for each in log.vehicles]
+
+
+def _leaders_first(found: Sequence[Arrival]) -> list[Arrival]:
+    """The best of each group, then the others, each in the order of their scores."""
+    leaders: dict[tuple[str, bool], Arrival] = {}
+    for arrival in found:
+        leaders.setdefault(arrival.group, arrival)
+    return [*leaders.values(), *(each for each in found if each is not leaders[each.group])]
+
+
+def _joined(crash: _Crash, chain: _Chain, arrival: Arrival, planned: int) -> _Chain:
+    vehicle = arrival.who.vehicle
+    after_s = max(AFTER_IMPACT_S, AFTER_IMPACT_M / max(arrival.profile.impact_mps, AFTER_IMPACT_M / LONGEST_WAIT_S))
+    state = driven(
+        crash.scene.network,
+        vehicle,
+        arrival.placed.option,
+        arrival.placed.path,
+        arrival.placed.station_m,
+        arrival.speed,
+        arrival.profile,
+        lead_time_s=arrival.time_s,
+        after_s=after_s,
+    )
+    state = replace(state, impact_clock_h=round(bearing_to_clock_h(arrival.placed.bearing_rad), 3))
+    return crash.simulated(
+        (*chain.participants, state),
+        planned,
+        chain.score + arrival.score,
+        (*chain.names, arrival.name),
+        chain.evidence | {f"arrival of vehicle {vehicle.number}": round(arrival.score, _DECIMALS)},
+    )
+
+
+# --- hypotheses ------------------------------------------------------------------------------------------------------
+def _hypothesis(crash: _Crash, chain: _Chain, first: Hypothesis, lead_s: float) -> Hypothesis:
+    planned, checks = [], list(first.checks)
+    states = {state.vehicle_number: state for state in chain.participants}
+    for contact, seen in zip(crash.contacts, chain.order.matched, strict=True):
+        one, two = contact.one.number, contact.two.number
+        name = f"contact of event {contact.event_number}"
+        if seen is None:
+            time_s, xy_m = lead_s, first.impact_point_xy_m if contact is crash.contacts[0] else _place(states[two])
+            checks.append(EstimateCheck(name, False, f"vehicles {one} and {two} do not touch in their turn"))
+        else:
+            time_s, xy_m = seen.time_s, (seen.x_m, seen.y_m)
+            checks.append(EstimateCheck(name, True, f"vehicles {one} and {two} touch at {seen.time_s:.2f} s"))
+        where = (round(xy_m[0], _DECIMALS), round(xy_m[1], _DECIMALS))
+        planned.append(PlannedEvent(contact.event_number, one, two, round(time_s, _DECIMALS), where))
+    return Hypothesis(
+        name="; ".join(chain.names),
+        score=round(chain.score, _DECIMALS),
+        evidence=chain.evidence,
+        participants=tuple(sorted(chain.participants, key=lambda state: state.vehicle_number)),
+        impact_time_s=lead_s,
+        impact_point_xy_m=first.impact_point_xy_m,
+        checks=tuple(checks),
+        planned=tuple(planned),
+    )
+
+
+def _failed(hypothesis: Hypothesis) -> int:
+    return sum(not check.passed for check in hypothesis.checks)
+
+
+def _place(state: ParticipantState) -> tuple[float, float]:
+    return state.impact_pose.x_m, state.impact_pose.y_m

@@ -1,0 +1,289 @@
+"""A vehicle strikes one that is parked or at work: where that stands, and how the other comes to it.
+
+Who stands beside the road stands on the right of its direction of travel (on a one-way road on either side): at the
+kerb within the carriageway, on the shoulder or in the parking lane, or beyond, by the coded zone (``REL_ROAD``). Its
+exact place across the road is not coded. The vehicle that drives leaves its lane for it, as one that drifts does.
+Frame: the local frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.codes.events import RAN_OFF_LEFT, RAN_OFF_RIGHT
+from trace_dag.crash.contacts import VehicleContact
+from trace_dag.crash.crash_types import Side
+from trace_dag.crash.record import VehicleRecord
+from trace_dag.crash.zones import Zone, zones_of_first_event
+from trace_dag.geometry import FloatArray
+from trace_dag.states.assemble import AFTER_IMPACT_S, driven
+from trace_dag.states.contact import Contacts, Mover, first_contacts
+from trace_dag.states.encounters import Party, party
+from trace_dag.states.evidence import impact_area_log_likelihood, place_log_likelihood
+from trace_dag.states.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
+from trace_dag.states.paths import Path
+from trace_dag.states.scene import Scene
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.streams import Stream
+from trace_dag.states.striking import edge_m, ways_of
+from trace_dag.states.types import EstimateCheck, Hypothesis, Manoeuvre, ParticipantState, SpeedSource
+from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
+
+_FROM_KERB_M: Final = 0.3
+_BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.3, Zone.WALKED: 0.6, Zone.OUTSIDE: 3.0}
+"""How far beyond the carriageway's edge the side towards it is taken to stand."""
+_DRIFT_G, _SWERVE_G = 0.08, 0.2
+_OVERLAPS: Final = (0.0, 0.45, -0.45, 0.8, -0.8)
+"""How far the two are aside of each other, as shares of half their widths together."""
+_OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the report does not say
+_ACROSS: Final = -1.5  # of leaving across oncoming traffic, where no side is said
+_IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its edge
+_ABRUPT: Final = -0.5
+_LEAST_DRIFT_M: Final = 0.3
+_SHAPE_MPS: Final = 7.0
+_LONGEST_AFTER_S: Final = 8.0
+_SLIDES: Final = 3
+_DECIMALS: Final = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """A way of standing along a stream, ``terms`` of log-likelihood with it."""
+
+    option: Option
+    terms: dict[str, float] = field(default_factory=dict)
+
+
+STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
+
+
+def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
+    """The ways in which a parked or working vehicle can have stood by the zone of the first harmful event."""
+    zones = zones_of_first_event(scene.record) or frozenset({Zone.CARRIAGEWAY})
+    for stream in scene.on_road(scene.through):
+        if stream.wrong_way:
+            continue
+        for side in (-1.0, 1.0) if stream.one_way else (-1.0,):
+            edge = edge_m(scene, stream.path.pose(stream.station_m), side)
+            for zone in sorted(zones):
+                if zone is Zone.CARRIAGEWAY:
+                    at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
+                    if at_edge > _LEAST_DRIFT_M:
+                        yield _stand(stream, vehicle, side * at_edge)
+                    if side < 0:
+                        yield _stand(stream, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
+                else:
+                    yield _stand(stream, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
+
+
+def _stand(stream: Stream, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None) -> Stand:
+    return Stand(keep_lane(stream, vehicle, 0.0, offset_m=round(offset_m, 3)), terms or {})
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """The contact of one way to drive with one to stand."""
+
+    who: Party
+    drive: Option
+    path: Path
+    speed: TravelSpeed
+    profile: SpeedProfile
+    station_m: float
+    stand: Stand
+    parked_path: Path
+    parked_station_m: float
+    bearings_rad: tuple[float, float]
+    contact_xy_m: tuple[float, float]
+    terms: dict[str, float]
+
+    @property
+    def score(self) -> float:
+        return round(sum(self.terms.values()), _DECIMALS)
+
+    @property
+    def group(self) -> tuple[str, str, float]:
+        """Plans of one group differ in detail only."""
+        return self.drive.stream.name, self.stand.option.stream.name, self.stand.option.constant_m
+
+
+def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
+    """The ranked hypotheses of a vehicle in transport that strikes a standing one first, at most so many."""
+    driven_one, parked = sorted((contact.one, contact.two), key=lambda vehicle: not vehicle.in_transport)
+    who = party(scene.record, contact.vehicle(driven_one.number))
+    standing = contact.vehicle(parked.number)
+    found: list[_Plan] = []
+    for option, speed, terms in ways_of(scene, who):
+        for stand in stands(scene, standing):
+            plan = _best(scene, who, option, speed, terms, stand, standing)
+            if plan is not None:
+                found.append(plan)
+    found.sort(key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
+    leaders: dict[tuple[str, str, float], _Plan] = {}
+    for plan in found:
+        leaders.setdefault(plan.group, plan)
+    order = [*leaders.values(), *(plan for plan in found if plan is not leaders[plan.group])]
+    return tuple(_hypothesis(scene, plan, standing, lead_time_s) for plan in order[:most])
+
+
+# --- one plan --------------------------------------------------------------------------------------------------------
+def _best(
+    scene: Scene,
+    who: Party,
+    option: Option,
+    speed: TravelSpeed,
+    terms: dict[str, float],
+    stand: Stand,
+    parked: VehicleRecord,
+) -> _Plan | None:
+    """The likeliest overlap of a way to drive with a way to stand."""
+    profile = speed_profile(who.vehicle, speed.speed_mps)
+    if profile.impact_mps < 1.0:
+        return None
+    plans = [
+        plan
+        for share in _OVERLAPS
+        for moved in _towards(scene, who, option, stand, parked, share)
+        if (plan := _plan(scene, who, moved, speed, profile, terms, stand, parked)) is not None
+    ]
+    return max(plans, key=lambda plan: plan.score, default=None)
+
+
+def _towards(
+    scene: Scene, who: Party, option: Option, stand: Stand, parked: VehicleRecord, share: float
+) -> Iterator[Option]:
+    """The way to drive, moved aside so far as to meet the one that stands with that share of overlap."""
+    if option.turn is not None or option.shift is not None or option.backing:
+        if share == 0.0:
+            yield option
+        return
+    at = stand.option.path().pose(_nearest_m(stand.option.path(), scene))
+    _, aside = option.stream.path.project(at.x_m, at.y_m)
+    off_m = aside + share * (who.vehicle.width_m + parked.width_m) / 2
+    if abs(off_m) <= _LEAST_DRIFT_M:
+        yield option
+        return
+    speed_mps = max(option.speed_mps, _SHAPE_MPS)
+    for lateral_g, cost in ((_DRIFT_G, 0.0), (_SWERVE_G, _ABRUPT)):
+        lateral = lateral_g * GRAVITY_MPS2
+        shift = lateral_shift(off_m, speed_mps, steepest_slope(off_m, speed_mps, lateral), lateral)
+        costs = option.costs | ({"abruptness": cost} if cost else {}) | _departure(who, option.stream, off_m)
+        yield replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD, shift=replace(shift, at_anchor_m=off_m), costs=costs)
+
+
+def _nearest_m(path: Path, scene: Scene) -> float:
+    return path.project(*scene.place_xy_m)[0]
+
+
+def _departure(who: Party, stream: Stream, off_m: float) -> dict[str, float]:
+    """What the report says of the side to which the vehicle left its lane."""
+    side = who.crash_type.departure
+    if RAN_OFF_RIGHT in who.events or RAN_OFF_LEFT in who.events:
+        side = Side.RIGHT if RAN_OFF_RIGHT in who.events else Side.LEFT
+    if side is None:
+        return {"across the road": _ACROSS} if off_m > 0 and not stream.one_way else {}
+    if (side is Side.LEFT) == (off_m > 0):
+        return {}
+    return {"other side than reported": _OTHER_SIDE}
+
+
+def _plan(
+    scene: Scene,
+    who: Party,
+    option: Option,
+    speed: TravelSpeed,
+    profile: SpeedProfile,
+    terms: dict[str, float],
+    stand: Stand,
+    parked: VehicleRecord,
+) -> _Plan | None:
+    parked_path = stand.option.path()
+    parked_m = _nearest_m(parked_path, scene)
+    contacts: Contacts | None = None
+    path, station = option.path(), 0.0
+    for _ in range(_SLIDES):  # the one that stands is where the contact then is at the reported place
+        at = parked_path.pose(parked_m)
+        slide = option.stream.path.project(at.x_m, at.y_m)[0] - option.station_m
+        path = option.path(slide)
+        station = path.project(at.x_m, at.y_m)[0]
+        mover = Mover(path, station, profile.impact_mps, who.vehicle.length_m, who.vehicle.width_m, option.backing)
+        still = Mover(parked_path, parked_m, 0.0, parked.length_m, parked.width_m)
+        contacts = first_contacts(mover, still, timings=1)
+        if len(contacts) == 0:
+            return None
+        missing = np.array(scene.place_xy_m) - (contacts.x_m[0], contacts.y_m[0])
+        parked_m += float(missing @ at.forward)
+    assert contacts is not None
+    bearing, parked_bearing = float(contacts.bearing_1_rad[0]), float(contacts.bearing_2_rad[0])
+    across = _along_only(scene, option, contacts)
+    more = {
+        **option.costs,
+        **stand.terms,
+        f"impact area (vehicle {who.vehicle.number})": _area(who.vehicle, bearing),
+        f"impact area (vehicle {parked.number})": _area(parked, parked_bearing),
+        "place of the impact": float(place_log_likelihood(np.array(across))),
+    }
+    return _Plan(
+        who,
+        option,
+        path,
+        speed,
+        profile,
+        station + profile.impact_mps * float(contacts.time_1_s[0]),
+        stand,
+        parked_path,
+        parked_m - float(missing @ at.forward),
+        (bearing, parked_bearing),
+        (float(contacts.x_m[0]), float(contacts.y_m[0])),
+        terms | more,
+    )
+
+
+def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
+    return float(impact_area_log_likelihood(vehicle, np.array([bearing_rad]))[0])
+
+
+def _along_only(scene: Scene, option: Option, contacts: Contacts) -> float:
+    """Distance of the contact from the place: along the road, since the place of a crash beside it lies on it."""
+    missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
+    return abs(float(missing @ option.stream.path.pose(option.station_m).forward))
+
+
+# --- hypotheses ------------------------------------------------------------------------------------------------------
+def _hypothesis(scene: Scene, plan: _Plan, parked: VehicleRecord, lead_s: float) -> Hypothesis:
+    after_s = min(max(AFTER_IMPACT_S, 25.0 / plan.profile.impact_mps), _LONGEST_AFTER_S)
+    common = {"lead_time_s": lead_s, "after_s": after_s}
+    vehicle, network = plan.who.vehicle, scene.network
+    states: Sequence[ParticipantState] = (
+        driven(network, vehicle, plan.drive, plan.path, plan.station_m, plan.speed, plan.profile, **common),
+        driven(
+            network,
+            parked,
+            plan.stand.option,
+            plan.parked_path,
+            plan.parked_station_m,
+            STANDS,
+            SpeedProfile(0.0, 0.0),
+            **common,
+        ),
+    )
+    clocked = [
+        replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
+        for state, bearing in zip(states, plan.bearings_rad, strict=True)
+    ]
+    x_m, y_m = (round(value, _DECIMALS) for value in plan.contact_xy_m)
+    stand = plan.stand.option
+    detail = f"vehicle {parked.number} stands {stand.constant_m:+.1f} m left of {stand.stream.name}"
+    return Hypothesis(
+        name=f"vehicle {vehicle.number}: {plan.drive.name}; vehicle {parked.number}: {stand.name}",
+        score=plan.score,
+        evidence={name: round(value, _DECIMALS) for name, value in sorted(plan.terms.items())},
+        participants=tuple(sorted(clocked, key=lambda state: state.vehicle_number)),
+        impact_time_s=lead_s,
+        impact_point_xy_m=(x_m, y_m),
+        checks=(EstimateCheck("stands in the reported zone", True, detail),),
+    )
