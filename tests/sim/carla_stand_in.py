@@ -16,7 +16,7 @@ from typing import Any
 
 import carla
 
-from tests.sim.carla_stand_in_actors import BOXES, Blueprint, Sensor, Vehicle, require
+from tests.sim.carla_stand_in_actors import BOXES, WALKERS, Blueprint, Sensor, Vehicle, Walker, require
 from trace_dag.sim.carla_frame import location_to_carla
 from trace_dag.sim.outlines import separation
 
@@ -43,6 +43,7 @@ class StandIn:
         self.breaks: tuple[str, int, BaseException] | None = None  # a call, which of them, and what it ends in
         self.Transform, self.Location, self.Rotation = carla.Transform, carla.Location, carla.Rotation
         self.Vector3D, self.VehicleControl = carla.Vector3D, carla.VehicleControl
+        self.WalkerControl = carla.WalkerControl
         self.OpendriveGenerationParameters = carla.OpendriveGenerationParameters
 
     def Client(self, host: str, port: int) -> Client:
@@ -94,7 +95,7 @@ class World:
     def __init__(self, module: StandIn) -> None:
         self.module = module
         self.settings = carla.WorldSettings()
-        self.actors: dict[int, Vehicle] = {}
+        self.actors: dict[int, Vehicle | Walker] = {}
         self.sensors: list[Sensor] = []
         self.frame = 1000
         self.ticks = 0
@@ -138,9 +139,10 @@ class World:
 
         return SimpleNamespace(set_transform=place)
 
-    def try_spawn_actor(self, blueprint: Any, transform: Any) -> Vehicle | None:
+    def try_spawn_actor(self, blueprint: Any, transform: Any) -> Vehicle | Walker | None:
         require("World.try_spawn_actor", (blueprint, Blueprint), (transform, carla.Transform))
-        vehicle = Vehicle(self, self._next_id, blueprint.id, transform)
+        kind = Walker if blueprint.id in WALKERS else Vehicle
+        vehicle = kind(self, self._next_id, blueprint.id, transform)
         if any(separation(vehicle.outline(), other.outline())[0] < 0 for other in self.actors.values()):
             return None
         self._next_id += 1
@@ -149,7 +151,9 @@ class World:
         return vehicle
 
     def spawn_actor(self, blueprint: Any, transform: Any, attach_to: Any = None) -> Sensor:
-        require("World.spawn_actor", (blueprint, Blueprint), (transform, carla.Transform), (attach_to, Vehicle))
+        require(
+            "World.spawn_actor", (blueprint, Blueprint), (transform, carla.Transform), (attach_to, (Vehicle, Walker))
+        )
         attach_to.living()
         self.module.note("spawn_actor", attach_to.id, blueprint.id)
         sensor = Sensor(self, attach_to)
@@ -195,8 +199,12 @@ class World:
             if sensor.callback is not None:
                 sensor.callback(event)
 
-    def _collide(self, one: Vehicle, two: Vehicle, nx: float, ny: float) -> None:
+    def _collide(self, one: Vehicle | Walker, two: Vehicle | Walker, nx: float, ny: float) -> None:
+        """Two vehicles push each other; a walker is touched, and neither it nor the vehicle feels it."""
         nx, ny = location_to_carla(nx, ny)
+        if isinstance(one, Walker) or isinstance(two, Walker):
+            self._say_later(one, two, 0.0, nx, ny)
+            return
         closing = (one.velocity.x - two.velocity.x) * nx + (one.velocity.y - two.velocity.y) * ny
         if closing <= 0:
             return
@@ -204,6 +212,9 @@ class World:
         for vehicle, sign in ((one, -1.0), (two, 1.0)):
             vehicle.velocity.x += sign * impulse / vehicle.physics.mass * nx
             vehicle.velocity.y += sign * impulse / vehicle.physics.mass * ny
+        self._say_later(one, two, impulse, nx, ny)
+
+    def _say_later(self, one: Vehicle | Walker, two: Vehicle | Walker, impulse: float, nx: float, ny: float) -> None:
         for sensor in self.sensors:
             for own, other, sign in ((one, two, -1.0), (two, one, 1.0)):
                 if sensor.parent is own:
@@ -214,7 +225,7 @@ class World:
 
 class Library:
     def __iter__(self) -> Any:
-        return iter(Blueprint(name) for name in (*BOXES, "sensor.other.collision", "walker.pedestrian.0001"))
+        return iter(Blueprint(name) for name in (*BOXES, *WALKERS, "sensor.other.collision"))
 
     def find(self, name: str) -> Any:
         require("BlueprintLibrary.find", (name, str))

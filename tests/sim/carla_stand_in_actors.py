@@ -1,4 +1,4 @@
-"""The actors of the stand-in world: vehicles that move by target velocities and brakes on a road, and their sensors."""
+"""The actors of the stand-in world: vehicles that move by target velocities and brakes on a road, walkers, sensors."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ BOXES = {  # length, width, height, and the box's centre ahead of the actor's or
     "vehicle.audi.etron": (4.86, 2.03, 1.65, 0.05),
     "vehicle.carlamotors.firetruck": (8.47, 2.89, 3.83, 0.4),
     "vehicle.kawasaki.ninja": (2.03, 0.80, 1.45, 0.0),
+    "vehicle.bh.crossbike": (1.49, 0.86, 1.61, 0.0),
+}
+WALKERS = {  # length, width, height; the origin is in the middle of the body
+    "walker.pedestrian.0001": (0.38, 0.38, 1.86),
+    "walker.pedestrian.0011": (0.50, 0.50, 1.10),
 }
 BRAKING_MPS2 = 7.0
 
@@ -29,7 +34,7 @@ class ArgumentError(TypeError):
     """What Boost.Python raises for arguments that fit no C++ signature."""
 
 
-def require(call: str, *arguments: tuple[Any, type]) -> None:
+def require(call: str, *arguments: tuple[Any, type | tuple[type, ...]]) -> None:
     """Refuse arguments of other types than a signature's; whole numbers pass as floats, numbers never as booleans."""
     for value, kind in arguments:
         fits = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
@@ -62,21 +67,17 @@ class _Actor:
         self.world.module.note(name, self.id, *arguments)
 
 
-class Vehicle(_Actor):
+class _Mover(_Actor):
+    """What moves on the road. Where it is, is known as of the last tick."""
+
+    bounding_box: Any
+
     def __init__(self, world: World, actor_id: int, type_id: str, transform: Any) -> None:
         super().__init__(world, actor_id)
         self.type_id = type_id
         self.transform = transform
         self.velocity, self.angular_velocity = carla.Vector3D(), carla.Vector3D()
-        self.control = carla.VehicleControl()
-        self.physics = carla.VehiclePhysicsControl()
-        self.physics.wheels = [carla.WheelPhysicsControl(tire_friction=3.5, max_steer_angle=70.0) for _ in range(4)]
-        length, width, height, ahead = BOXES[type_id]
-        self.bounding_box = carla.BoundingBox(
-            carla.Location(ahead, 0.0, height / 2), carla.Vector3D(length / 2, width / 2, height / 2)
-        )
-        self.seen: Any = None  # as of the last tick
-        self._targeted = False
+        self.seen: Any = None
 
     def outline(self) -> Outline:
         pose = pose_from_carla(self.transform)
@@ -110,6 +111,37 @@ class Vehicle(_Actor):
             get_angular_velocity=lambda: carla.Vector3D(w.x, w.y, w.z),
         )
 
+    # --- what every actor is told -----------------------------------------------------------------------
+    def set_transform(self, transform: Any) -> None:
+        require("Actor.set_transform", (transform, carla.Transform))
+        self._call("set_transform", transform)
+        self.transform = transform
+
+    def destroy(self) -> bool:
+        if not self.is_alive:
+            return False
+        self.is_alive = False
+        known = self.world.actors.pop(self.id, None) is not None
+        self.world.module.note("destroy", self.id)
+        return known
+
+    def vanish(self) -> None:
+        """Removed by the server or another client: this client's actor does not know."""
+        self.world.actors.pop(self.id)
+
+
+class Vehicle(_Mover):
+    def __init__(self, world: World, actor_id: int, type_id: str, transform: Any) -> None:
+        super().__init__(world, actor_id, type_id, transform)
+        self.control = carla.VehicleControl()
+        self.physics = carla.VehiclePhysicsControl()
+        self.physics.wheels = [carla.WheelPhysicsControl(tire_friction=3.5, max_steer_angle=70.0) for _ in range(4)]
+        length, width, height, ahead = BOXES[type_id]
+        self.bounding_box = carla.BoundingBox(
+            carla.Location(ahead, 0.0, height / 2), carla.Vector3D(length / 2, width / 2, height / 2)
+        )
+        self._targeted = False
+
     def get_physics_control(self) -> Any:
         self._call("get_physics_control")
         copy = carla.VehiclePhysicsControl()
@@ -127,11 +159,6 @@ class Vehicle(_Actor):
         self._call("apply_control", control)
         self.control = control
 
-    def set_transform(self, transform: Any) -> None:
-        require("Actor.set_transform", (transform, carla.Transform))
-        self._call("set_transform", transform)
-        self.transform = transform
-
     def set_target_velocity(self, velocity: Any) -> None:
         require("Actor.set_target_velocity", (velocity, carla.Vector3D))
         self._call("set_target_velocity", velocity)
@@ -142,18 +169,6 @@ class Vehicle(_Actor):
         require("Actor.set_target_angular_velocity", (velocity, carla.Vector3D))
         self._call("set_target_angular_velocity", velocity)
         self.angular_velocity = velocity
-
-    def destroy(self) -> bool:
-        if not self.is_alive:
-            return False
-        self.is_alive = False
-        known = self.world.actors.pop(self.id, None) is not None
-        self.world.module.note("destroy", self.id)
-        return known
-
-    def vanish(self) -> None:
-        """Removed by the server or another client: this client's actor does not know."""
-        self.world.actors.pop(self.id)
 
     # --- time ------------------------------------------------------------------------------------------------
     def advance(self, step_s: float) -> None:
@@ -176,8 +191,34 @@ class Vehicle(_Actor):
         )
 
 
+class Walker(_Mover):
+    """Walks as it is told, on the road, at once; nothing throws it."""
+
+    def __init__(self, world: World, actor_id: int, type_id: str, transform: Any) -> None:
+        super().__init__(world, actor_id, type_id, transform)
+        self.control = carla.WalkerControl()
+        length, width, height = WALKERS[type_id]
+        self.bounding_box = carla.BoundingBox(
+            carla.Location(0.0, 0.0, 0.0), carla.Vector3D(length / 2, width / 2, height / 2)
+        )
+
+    def apply_control(self, control: Any) -> None:
+        require("Walker.apply_control", (control, carla.WalkerControl))
+        self._call("apply_control", control)
+        self.control = control
+
+    def advance(self, step_s: float) -> None:
+        way, speed = self.control.direction, self.control.speed
+        self.velocity = carla.Vector3D(way.x * speed, way.y * speed, 0.0)
+        at, rotation = self.transform.location, self.transform.rotation
+        x, y = at.x + self.velocity.x * step_s, at.y + self.velocity.y * step_s
+        z = self.world.road_height_m(x, -y) + self.bounding_box.extent.z
+        yaw = math.degrees(math.atan2(way.y, way.x)) if speed > 0 else rotation.yaw
+        self.transform = carla.Transform(carla.Location(x, y, z), carla.Rotation(0.0, yaw, 0.0))
+
+
 class Sensor(_Actor):
-    def __init__(self, world: World, parent: Vehicle) -> None:
+    def __init__(self, world: World, parent: Vehicle | Walker) -> None:
         super().__init__(world, -parent.id)
         self.parent = parent
         self.callback: Callable[[Any], None] | None = None

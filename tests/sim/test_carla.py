@@ -33,7 +33,7 @@ from trace_dag.sim.carla_frame import (  # noqa: E402
 )
 from trace_dag.sim.log_io import logs_from_files, logs_to_files  # noqa: E402
 from trace_dag.sim.plan import tracking_errors  # noqa: E402
-from trace_dag.sim.types import BodyKind, SimulationLog, Termination  # noqa: E402
+from trace_dag.sim.types import AfterStriking, Body, BodyKind, Participant, SimulationLog, Termination  # noqa: E402
 from trace_dag.states.types import Trajectory  # noqa: E402
 from trace_dag.units import wrap_angle  # noqa: E402
 
@@ -94,10 +94,68 @@ def test_a_head_on_crash_runs_and_its_log_is_like_any_other() -> None:
     assert again.contacts == log.contacts
 
 
-def test_people_are_refused_since_walkers_do_not_collide() -> None:
-    pedestrian = participant(1001, straight(0.0, -5.0, math.pi / 2, 1.4), person_body(BodyKind.PEDESTRIAN))
-    with pytest.raises(UserError, match=r"pedestrian 1001: CARLA's walkers do not collide physically"):
-        run(StandIn(), HEAD_ON[0], pedestrian)
+ADULT, CHILD = person_body(BodyKind.PEDESTRIAN), person_body(BodyKind.PEDESTRIAN, 6)
+
+
+def crossing(person: Body = ADULT) -> tuple[Participant, Participant]:
+    """A car at 15 m/s whose middle is at x = 0 after 3 s, and a pedestrian who crosses there at 1.4 m/s."""
+    return participant(1, straight(-45.0, 0.0, 0.0, 15.0)), participant(
+        1001, straight(0.0, -1.4 * 3.0, math.pi / 2, 1.4), person
+    )
+
+
+def test_a_walker_crosses_as_planned_and_stands_where_a_vehicle_touches_it() -> None:
+    """Nothing throws it and the vehicle loses nothing: so it is with CARLA's walkers."""
+    module = StandIn()
+    log = run(module, *crossing())
+    contact = log.first_contact
+    assert contact is not None
+    assert (contact.number_1, contact.number_2) == (1, 1001)
+    front_m = log.bodies[1].length_m / 2 + log.bodies[1001].length_m / 2
+    assert contact.time_s == pytest.approx((45.0 - front_m) / 15.0, abs=0.03)
+    assert contact.closing_speed_mps == pytest.approx(15.0, rel=0.02)
+    assert math.hypot(*contact.delta_v_1_mps) < 0.05
+    _, walker = log.vehicles
+    before = (walker.time_s > 0.1) & (walker.time_s < contact.time_s)
+    assert walker.y_m[before] == pytest.approx(-4.2 + 1.4 * walker.time_s[before], abs=0.05)
+    assert walker.z_m[before] == pytest.approx(0.0, abs=0.05)  # on the road, though its origin is in its middle
+    assert walker.speed_mps[-1] == 0.0
+    assert math.dist((walker.x_m[-1], walker.y_m[-1]), contact.pose_2.xy_m) < 0.2
+    assert log.bodies[1001].kind is BodyKind.PEDESTRIAN
+    assert log.termination is Termination.AT_REST
+    assert not module.world.actors
+
+
+def test_the_driver_brakes_a_reaction_time_after_the_strike() -> None:
+    log = run(StandIn(), *crossing())
+    car, struck_s = log.vehicles[0], log.contacts[0].time_s
+    braking = car.time_s[car.brake > 0.5]
+    assert braking[0] == pytest.approx(struck_s + SETTINGS.reaction_s, abs=0.1)
+    assert car.brake[-1] == pytest.approx(SETTINGS.braking_share)
+    assert car.speed_mps[-1] < 0.1
+    one, two = crossing()
+    log = run(StandIn(), replace(one, after_striking=AfterStriking(math.inf, 0.0)), two)
+    assert log.vehicles[0].x_m[-1] > 100.0  # who leaves drives the plan to its end
+
+
+def test_children_are_children_and_cyclists_ride_bicycles() -> None:
+    module = StandIn()
+    cyclist = participant(1001, straight(-6.0, 0.2, 0.0, 5.0), person_body(BodyKind.CYCLIST))
+    child = participant(1002, straight(30.0, 30.0, 0.0, 0.0, until_s=0.0), CHILD)
+    log = run(module, participant(1, straight(-60.0, 0.0, 0.0, 18.0)), cyclist, child)
+    spawned = [call.arguments[0] for call in module.named("try_spawn_actor")]
+    assert spawned == ["vehicle.tesla.model3", "vehicle.bh.crossbike", "walker.pedestrian.0011"]
+    assert (log.contacts[0].number_1, log.contacts[0].number_2) == (1, 1001)
+    assert log.bodies[1001].kind is BodyKind.CYCLIST
+    assert log.contacts[0].delta_v_2_mps[0] > 1.0  # a bicycle is a vehicle to CARLA: it is pushed
+
+
+def test_nobody_is_left_behind_where_a_walker_cannot_be_spawned() -> None:
+    module = StandIn()
+    inside = participant(1001, straight(-45.0, 0.0, 0.0, 1.4), ADULT)
+    with pytest.raises(Failure, match=r"could not spawn pedestrian 1001 \(walker.pedestrian.0001\)"):
+        run(module, crossing()[0], inside)
+    assert left_clean(module)
 
 
 def test_a_vehicle_is_carried_along_its_plan() -> None:

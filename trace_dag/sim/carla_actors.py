@@ -1,4 +1,4 @@
-"""A participant in CARLA's world: spawned, carried along its plan, let go, watched."""
+"""A vehicle or bicycle in CARLA's world: spawned, carried along its plan, let go, watched."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.geometry import Pose
-from trace_dag.sim.carla_blueprints import choose_blueprint
+from trace_dag.sim.carla_blueprints import choose_bicycle, choose_blueprint
 from trace_dag.sim.carla_frame import (
     location_from_carla,
     location_to_carla,
@@ -23,10 +23,10 @@ from trace_dag.sim.carla_frame import (
 from trace_dag.sim.driving import BodyState, Pedals
 from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.plan import SampledTrajectory, resample
-from trace_dag.sim.types import Body, BodyKind, Participant, VehicleLog
+from trace_dag.sim.types import Body, BodyKind, Participant, VehicleLog, party_name
 
-_SPAWN_ABOVE_M = 0.3
-_POSITION_GAIN = 4.0  # 1/s: target velocity for each metre off the plan
+SPAWN_ABOVE_M = 0.3
+POSITION_GAIN = 4.0  # 1/s: target velocity for each metre off the plan
 _HEADING_GAIN = 4.0  # 1/s
 _STANDARD_FRICTION = 0.75  # that CARLA's default tyres stand for
 _REST_MPS = 0.1
@@ -37,7 +37,8 @@ _WHEELBASE = 0.6  # of the length
 
 @dataclass(eq=False)
 class CarlaActor:
-    """A vehicle of the server that stands for a participant, with what was seen of it, one row per tick.
+    """A vehicle of the server that stands for a participant, with what was seen of it, one row per tick. A bicycle is
+    a vehicle to CARLA: one body with its rider.
 
     ``rows``: x, y, z (m), heading (rad), velocity x, y (m/s), yaw rate (rad/s), steering (rad), throttle, brake; of the
     centre of its bounding box, in the local frame.
@@ -53,6 +54,8 @@ class CarlaActor:
     max_steer_rad: float
     sensor: Any = None
     crashed: bool = False
+    brakes_from_tick: float = math.inf
+    """When its driver, who has struck a person, begins to brake."""
     steer: float = 0.0
     throttle: float = 0.0
     brake: float = 0.0
@@ -67,13 +70,15 @@ class CarlaActor:
         Raises :class:`Failure` if its place is taken or off the road.
         """
         library = world.get_blueprint_library()
-        blueprint = choose_blueprint(participant.body, [entry.id for entry in library])
+        available = [entry.id for entry in library]
+        rides = participant.body.kind is BodyKind.CYCLIST
+        name = choose_bicycle(available) if rides else choose_blueprint(participant.body, available).id
         pose = participant.initial_pose
-        actor = world.try_spawn_actor(library.find(blueprint.id), transform_to_carla(carla, pose, _SPAWN_ABOVE_M))
+        actor = world.try_spawn_actor(library.find(name), transform_to_carla(carla, pose, SPAWN_ABOVE_M))
         if actor is None:
             raise Failure(
-                f"CARLA could not spawn vehicle {participant.number} ({blueprint.id}) at x {pose.x_m:.1f} m, "
-                f"y {pose.y_m:.1f} m: something is in its place or there is no road under it"
+                f"CARLA could not spawn {party_name(participant.body, participant.number)} ({name}) at "
+                f"x {pose.x_m:.1f} m, y {pose.y_m:.1f} m: something is in its place or there is no road under it"
             )
         try:
             return cls._with_physics(carla, world, participant, actor, friction, step_s, time_limit_s)
@@ -108,7 +113,7 @@ class CarlaActor:
             plan=resample(participant.trajectory, step_s, time_limit_s, 0.0),
             actor=actor,
             body=Body(
-                kind=BodyKind.MOTOR_VEHICLE,
+                kind=participant.body.kind,
                 vehicle_class=participant.body.vehicle_class,
                 length_m=2 * extent.x,
                 width_m=2 * extent.y,
@@ -153,7 +158,8 @@ class CarlaActor:
 
     def at_rest(self, tick: int) -> bool:
         """Whether it no longer moves, and nothing is going to move it."""
-        return (self.crashed or tick >= len(self.plan.rows)) and math.hypot(*self.velocity(-1)) < _REST_MPS
+        undriven = self.crashed or tick >= min(len(self.plan.rows), self.brakes_from_tick)
+        return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
     # --- control ---------------------------------------------------------------------------------------------
     def hold(self) -> None:
@@ -198,7 +204,7 @@ class CarlaActor:
             before = self.plan.rows[min(max(tick - 1, 0), last)]
             off_x, off_y = before[0] - self.rows[-1][0], before[1] - self.rows[-1][1]
             turn = math.remainder(before[8] - self.rows[-1][3], math.tau)
-        x, y = location_to_carla(vx + _POSITION_GAIN * off_x, vy + _POSITION_GAIN * off_y)
+        x, y = location_to_carla(vx + POSITION_GAIN * off_x, vy + POSITION_GAIN * off_y)
         yaw_rate = yaw_rate_to_carla(curvature * speed + _HEADING_GAIN * turn)
         self.actor.set_target_velocity(self.carla.Vector3D(x, y, self._climb_mps(tick)))
         self.actor.set_target_angular_velocity(self.carla.Vector3D(0.0, 0.0, yaw_rate))
@@ -228,10 +234,10 @@ class CarlaActor:
             )
         )
 
-    def let_go(self, locked_wheels: float) -> None:
-        """Nobody drives any more: brakes only, all of them if its plan just ended."""
+    def let_go(self, brake: float) -> None:
+        """Brakes only, by that share."""
         self.steer = self.throttle = 0.0
-        self.brake = locked_wheels if self.crashed else 1.0
+        self.brake = brake
         self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))
 
     def dispose(self) -> list[Any]:
@@ -244,19 +250,19 @@ class CarlaActor:
         """Keep the state after a tick."""
         seen = self.world.get_snapshot().find(self.actor.id)
         if seen is None:
-            raise Failure(
-                f"vehicle {self.number} is gone from CARLA's world: it fell off the map, or another client removed it"
-            )
+            who = party_name(self.body, self.number)
+            raise Failure(f"{who} is gone from CARLA's world: it fell off the map, or another client removed it")
         origin = pose_from_carla(seen.get_transform())
         velocity = seen.get_velocity()
         vx, vy = location_from_carla(velocity.x, velocity.y)
         yaw_rate = yaw_rate_from_carla(seen.get_angular_velocity().z)
         ahead_x, ahead_y = self._ahead_m * math.cos(origin.heading_rad), self._ahead_m * math.sin(origin.heading_rad)
+        box = self.actor.bounding_box
         self.rows.append(
             (
                 origin.x_m + ahead_x,
                 origin.y_m + ahead_y,
-                origin.z_m,
+                origin.z_m + box.location.z - box.extent.z,
                 origin.heading_rad,
                 vx - yaw_rate * ahead_y,
                 vy + yaw_rate * ahead_x,

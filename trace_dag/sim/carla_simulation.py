@@ -13,20 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from trace_dag.errors import TransientFailure, UserError
+from trace_dag.errors import TransientFailure
 from trace_dag.settings import SimSettings
 from trace_dag.sim.carla_actors import CarlaActor
 from trace_dag.sim.carla_contacts import CarlaContact
 from trace_dag.sim.carla_frame import location_to_carla
+from trace_dag.sim.carla_walkers import CarlaWalker
 from trace_dag.sim.driving import Driver, Pedals
 from trace_dag.sim.plan import check_participants
-from trace_dag.sim.types import Participant, SimulationLog, Termination, party_name
+from trace_dag.sim.types import AfterStriking, BodyKind, Participant, SimulationLog, Termination
+from trace_dag.units import GRAVITY_MPS2
 
 BACKEND_NAME = "carla"
 _MAX_STEP_S = 0.05
 _SUBSTEP_S = 0.005
 _SETTLE_TICKS = 20
 _SPECTATOR_ABOVE_M = 60.0
+_ON_FOOT = (BodyKind.PEDESTRIAN, BodyKind.CONVEYANCE)
 
 
 @contextmanager
@@ -69,11 +72,10 @@ class CarlaSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`UserError` where people take part, :class:`Failure` for a plan nobody can drive or a vehicle
-        that cannot be spawned, :class:`TransientFailure` if the server goes away.
+        Raises :class:`Failure` for a plan nobody can drive or somebody who cannot be spawned, :class:`TransientFailure`
+        if the server goes away.
         """
         check_participants(participants)
-        _check_no_people(participants)
         began = time.perf_counter()
         with server_errors("reading its settings"):
             original = self._world.get_settings()
@@ -83,8 +85,9 @@ class CarlaSimulation:
             with server_errors("running"):
                 self._enter_synchronous_mode()
                 for participant in participants:
+                    kind = CarlaWalker if participant.body.kind in _ON_FOOT else CarlaActor
                     actors.append(
-                        CarlaActor.spawn(
+                        kind.spawn(
                             self._carla,
                             self._world,
                             participant,
@@ -169,8 +172,10 @@ class CarlaSimulation:
             self._ask(drivers, actors, wanted, tick - 1)
             for actor in actors:
                 pedals = wanted.get(actor.number)
-                if actor.crashed or (pedals is None and actor.plan_is_over(tick)):
-                    actor.let_go(self._settings.locked_wheels)
+                if not actor.crashed and pedals is None and tick >= actor.brakes_from_tick:
+                    actor.let_go(self._braking(actor))
+                elif actor.crashed or (pedals is None and actor.plan_is_over(tick)):
+                    actor.let_go(self._settings.locked_wheels if actor.crashed else 1.0)
                 elif pedals is None:
                     actor.carry(tick)
                 else:
@@ -189,7 +194,7 @@ class CarlaSimulation:
                 reason = f"ended {after_contact_s:g} s after the first contact, as asked"
                 break
             if contacts and all(actor.at_rest(tick) for actor in actors):
-                termination, reason = Termination.AT_REST, f"all vehicles at rest after {tick * self._step_s:.2f} s"
+                termination, reason = Termination.AT_REST, f"everybody at rest after {tick * self._step_s:.2f} s"
                 break
         if not contacts and termination is Termination.TIME_LIMIT:
             termination, reason = Termination.NO_CONTACT, f"no contact within {time_limit_s:g} s"
@@ -230,11 +235,31 @@ class CarlaSimulation:
             if other is None:
                 continue  # a kerb, a sign, the ground
             one, two = sorted((own, other), key=lambda actor: actor.number)
+            if one.body.is_person:
+                continue  # people do not touch each other
             tick = max(1, event.frame - first_frame)
             contact = contacts.setdefault((one.number, two.number), CarlaContact(one, two, tick, tick))
-            one.crashed = two.crashed = True
+            two.crashed = True
+            if two.body.is_person:
+                self._answer(one, contact.first_tick)
+            else:
+                one.crashed = True
             if own is one:  # both sensors report the same contact
                 contact.add(tick, event.impulse_ns, self._step_s)
+
+    def _response(self, actor: CarlaActor) -> AfterStriking:
+        grip_mps2 = self._friction * GRAVITY_MPS2
+        default = AfterStriking(self._settings.reaction_s, self._settings.braking_share * grip_mps2)
+        return actor.participant.after_striking or default
+
+    def _answer(self, vehicle: CarlaActor, tick: int) -> None:
+        """A driver who has struck a person drives on for the reaction time."""
+        if math.isinf(vehicle.brakes_from_tick):
+            vehicle.brakes_from_tick = tick + self._response(vehicle).reaction_s / self._step_s
+
+    def _braking(self, vehicle: CarlaActor) -> float:
+        """The brake pedal, 0 to 1, of a driver who stops after a strike."""
+        return min(self._response(vehicle).deceleration_mps2 / (self._friction * GRAVITY_MPS2), 1.0)
 
     # --- after -----------------------------------------------------------------------------------------------
     def _leave(self, actors: list[CarlaActor], original: Any) -> RuntimeError | None:
@@ -249,19 +274,10 @@ class CarlaSimulation:
         return problem
 
 
-def _check_no_people(participants: tuple[Participant, ...]) -> None:
-    """CARLA's walkers are moved by their controller: a vehicle stops at them or passes through, nobody is thrown."""
-    people = [party_name(p.body, p.number) for p in participants if p.body.is_person]
-    if people:
-        raise UserError(
-            f"the CARLA back-end cannot simulate a crash with {', '.join(people)}: CARLA's walkers do not collide "
-            "physically, so that nobody would be thrown and no speed change; use sim.backend = 'embedded'"
-        )
-
-
 def _release_touching(actors: list[CarlaActor]) -> None:
     """Let go of those whose boxes overlap by now: their sensors may say so a tick later, and a target velocity set in
     between would drive them into each other again."""
-    for one, two in combinations(actors, 2):
-        if not (one.crashed and two.crashed) and one.meets(two):
-            one.crashed = two.crashed = True
+    for one, two in combinations(sorted(actors, key=lambda actor: actor.number), 2):
+        if not one.body.is_person and not (one.crashed and two.crashed) and one.meets(two):
+            two.crashed = True
+            one.crashed = one.crashed or not two.body.is_person
