@@ -57,8 +57,8 @@ def controls(
     executor: str | None,
     workers: int | None,
 ) -> None:
-    """Judge crashes against what they are not: another report of their kind, one vehicle or the person late, and a
-    person from the other side.
+    """Judge crashes against what they are not: another report of their kind, one vehicle or the person late, a person
+    from the other side, one contact dropped, and two swapped.
 
     Prints for each kind how many are accepted beside the true pairing's rate; and how many of them with every reported
     speed driven as well, which the paper's criteria do not ask for. Every judgement enters the warehouse, as table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
@@ -9,8 +10,10 @@ from trace_dag.errors import UserError
 from trace_dag.flow.ledgers import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.progress import Progress, silent
+from trace_dag.settings import VerdictSettings
 from trace_dag.studies.stored_crashes import judged_crashes
 from trace_dag.studies.tables import CONTROLS, store
+from trace_dag.verdict.contact_controls import contact_controls
 from trace_dag.verdict.controls import (
     ControlRow,
     JudgedCrash,
@@ -61,16 +64,31 @@ def negative_controls(
         return shifted_row(crash, shift, log, settings.verdict)
 
     for done, crash in enumerate(verified, 1):
-        if reconstruction_of(crash.record) is Reconstruction.STRIKES:
-            rows += against_other_strike_reports(crash, verified, settings.verdict)
-            rows.append(judged(crash, late_person(crash.hypothesis)))
-            other_side = mirrored(crash.record, crash.hypothesis)
-            if other_side is not None:
-                rows.append(replace(judged(crash, other_side), kind="mirrored", shift_s=None))
-        else:
-            rows += against_other_reports(crash, verified, settings.verdict)
-            rows.append(judged(crash, shifted_in_time(crash.hypothesis)))
+        rows += _of_crash(crash, verified, judged, settings.verdict)
         tell(done, len(verified))
     rows = [replace(row, crash_kind=kinds[row.key]) for row in rows]
     store(workspace, CONTROLS, cohort, rows)
     return rows
+
+
+def _of_crash(
+    crash: JudgedCrash,
+    verified: list[JudgedCrash],
+    judged: Callable[[JudgedCrash, Shift | None], ControlRow],
+    settings: VerdictSettings,
+) -> Iterator[ControlRow]:
+    """The controls of one crash, by what it is reconstructed as; ``judged`` simulates one with a party moved."""
+    reconstruction = reconstruction_of(crash.record)
+    if reconstruction is Reconstruction.STRIKES:
+        yield from against_other_strike_reports(crash, verified, settings)
+        yield judged(crash, late_person(crash.hypothesis))
+        other_side = mirrored(crash.record, crash.hypothesis)
+        if other_side is not None:
+            yield replace(judged(crash, other_side), kind="mirrored", shift_s=None)
+        return
+    if reconstruction is Reconstruction.CONTACTS:
+        yield from contact_controls(crash, verified, settings)
+    else:
+        collisions = (each for each in verified if reconstruction_of(each.record) is Reconstruction.COLLISION)
+        yield from against_other_reports(crash, collisions, settings)
+    yield judged(crash, shifted_in_time(crash.hypothesis))

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from trace_dag.crash.contacts import OF_CONTACTS
 from trace_dag.crash.kind import OF_PERSONS
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
@@ -28,9 +29,16 @@ class StudyTable(NamedTuple):
     of_what: str = ""
 
 
+_FURTHER = {
+    "mirrored": "its own, the side mirrored",
+    "dropped": "its own, one contact dropped",
+    "swapped": "its own, two contacts swapped",
+}
+
+
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
-    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, by cohort
-    and kind of crash."""
+    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, one
+    contact dropped or two swapped, by cohort and kind of crash."""
     lines: list[tuple[Any, ...]] = []
     by_kind = {
         (cohort, kind): [row for row in rows if row.crash_kind == kind]
@@ -41,13 +49,17 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
         late = [row for row in rows if row.kind == "shifted"]
         people = kind in OF_PERSONS
-        mirrored = [row for row in rows if row.kind == "mirrored"]
+        further = {"mirrored": people, "dropped": kind in OF_CONTACTS, "swapped": kind in OF_CONTACTS}
         groups = (
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
             ("another that says something else", differ),
             (f"its own, {'the person' if people else 'one vehicle'} late", late),
-            *([("its own, the side mirrored", mirrored)] if people else []),
+            *(
+                (_FURTHER[name], [row for row in rows if row.kind == name])
+                for name, applies in further.items()
+                if applies
+            ),
         )
         for title, group in groups:
             judged = [row for row in group if row.accepted is not None]

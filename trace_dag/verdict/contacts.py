@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told
+from trace_dag.crash.contacts import VehicleContact, order_is_told
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord, VehicleRecord
 from trace_dag.crash.zones import Zone, zones_of_first_event
@@ -69,10 +69,13 @@ def observe_contacts(network: RoadNetwork, hypothesis: Hypothesis, log: Simulati
 
 
 def contact_criteria(
-    observed: ObservedContacts, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
+    observed: ObservedContacts,
+    record: CrashRecord,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    contacts: tuple[VehicleContact, ...],
 ) -> tuple[Criterion, ...]:
     """Every criterion of the rule set, those that reject first, then those that are only shown."""
-    contacts = contacts_of(record)
     event = contacts[0].event_number
     if observed.first is None:
         detail = f"{log.termination}: {log.reason}"

@@ -49,10 +49,12 @@ class JudgedCrash:
 
 @dataclass(frozen=True)
 class ControlRow:
-    """One judgement of a control. ``kind``: "true", "other_report", "shifted", or "mirrored" (a person that comes from
-    the other side than reported); ``crash_kind`` is the crash's; ``accepted`` is None where the control does not apply.
-    Residuals as in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's
-    criteria: every reported speed is driven; None where none is reported."""
+    """One judgement of a control. ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the
+    other side than reported), "dropped" or "swapped" (of several contacts); ``crash_kind`` is the crash's; ``accepted``
+    is None where the control does not apply. Residuals as in the verdict: the worst of all parties, None where not
+    evaluated. ``speeds_kept``, beyond the paper's criteria: every reported speed is driven; None where none is
+    reported.
+    """
 
     kind: str
     key: str
@@ -147,13 +149,24 @@ def shifted_in_time(hypothesis: Hypothesis) -> Shift | None:
     Delays by the time the slower one takes for that and for the two bodies, :data:`LEAST_SHIFT_S` at least. None if
     one of the two stands where they meet.
     """
-    one, two = hypothesis.participants[:2]
+    one, two = _who_meet_first(hypothesis)
     slower_mps = min(abs(one.impact_speed_mps), abs(two.impact_speed_mps))
     if slower_mps < STANDING_MPS:
         return None
     shift_s = max(LEAST_SHIFT_S, (_MISS_BY_M + (one.length_m + two.length_m) / 2) / slower_mps)
     late = delayed(one, shift_s)
-    return Shift(replace(hypothesis, participants=(late, *hypothesis.participants[1:])), one.vehicle_number, shift_s)
+    states = tuple(late if state is one else state for state in hypothesis.participants)
+    return Shift(replace(hypothesis, participants=states), one.vehicle_number, shift_s)
+
+
+def _who_meet_first(hypothesis: Hypothesis) -> tuple[ParticipantState, ParticipantState]:
+    """The two parties of the first contact: those of the first planned event, the only two where nothing is planned."""
+    if not hypothesis.planned:
+        one, two = hypothesis.participants[:2]
+        return one, two
+    first = hypothesis.planned[0]
+    states = {state.vehicle_number: state for state in hypothesis.participants}
+    return states[first.party_1], states[first.party_2]
 
 
 def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from trace_dag.crash.contacts import VehicleContact, contacts_of
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
@@ -125,9 +126,14 @@ def judge_contacts(
     report: MapReport | None = None,
     index: int = 0,
     of: int = 1,
+    contacts: tuple[VehicleContact, ...] | None = None,
 ) -> Verdict:
-    """Judge the contacts of a simulation of several vehicles, as :func:`judge_observation` that of two."""
-    found = contact_criteria(observed, record, log, settings)
+    """Judge the contacts of a simulation of several vehicles, as :func:`judge_observation` that of two.
+
+    ``contacts``: those to hold it to, if not those of the record.
+    """
+    held_to = contacts_of(record) if contacts is None else contacts
+    found = contact_criteria(observed, record, log, settings, held_to)
     at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
     return _verdict(record, found, at, settings, report, index, of)
 

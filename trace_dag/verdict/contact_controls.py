@@ -1,0 +1,101 @@
+"""Negative controls of crashes of several contacts: another crash's report, one contact dropped, two swapped.
+
+As of two vehicles (:mod:`trace_dag.verdict.controls`), judged by the same rules as the true pairing. A report that
+lacks one contact must not accept the simulation in which it happens, nor one that tells two of them in the other order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told
+from trace_dag.crash.record import CrashRecord
+from trace_dag.settings import VerdictSettings
+from trace_dag.verdict.contacts import observe_contacts
+from trace_dag.verdict.controls import ControlRow, JudgedCrash, row_of
+from trace_dag.verdict.judge import judge_contacts
+from trace_dag.verdict.metrics import clock_error_h
+
+Contacts = tuple[VehicleContact, ...]
+
+
+def contact_controls(
+    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
+) -> Iterator[ControlRow]:
+    """One simulation against every other report of its kind with as many contacts, and against its own report with
+    each contact dropped and each two that follow each other swapped."""
+    observed = observe_contacts(crash.network, crash.hypothesis, crash.log)
+
+    def row(kind: str, report: CrashRecord, contacts: Contacts) -> ControlRow:
+        return row_of(kind, crash.record.key, judge_contacts(report, observed, crash.log, settings, contacts=contacts))
+
+    ours = contacts_of(crash.record)
+    for other in others:
+        theirs = in_place_of(other.record, crash.record)
+        if other.record.key != crash.record.key and theirs is not None:
+            judged = row("other_report", with_vehicles(other.record, theirs), theirs)
+            differ = contacts_differ(ours, theirs, settings)
+            yield replace(judged, other_key=other.record.key, reports_differ=differ)
+    for changed in dropped(ours):
+        yield row("dropped", crash.record, changed)
+    for changed in swapped(ours) if order_is_told(crash.record) else ():
+        yield row("swapped", crash.record, changed)
+
+
+def in_place_of(other: CrashRecord, own: CrashRecord) -> Contacts | None:
+    """The other report's contacts, its vehicles numbered as the own one's in the order in which they take part; None
+    where it is of another kind or as many contacts and vehicles do not correspond."""
+    theirs, ours = contacts_of(other), contacts_of(own)
+    if other.kind is not own.kind or not theirs or len(theirs) != len(ours):
+        return None
+    old, new = _taking_part(theirs), _taking_part(ours)
+    if len(old) != len(new):
+        return None
+    numbers = dict(zip(old, new, strict=True))
+    return tuple(
+        replace(
+            contact,
+            one=replace(contact.one, number=numbers[contact.one.number]),
+            two=replace(contact.two, number=numbers[contact.two.number]),
+        )
+        for contact in theirs
+    )
+
+
+def _taking_part(contacts: Sequence[VehicleContact]) -> list[int]:
+    """Numbers of the vehicles in the order in which they take part."""
+    return list(dict.fromkeys(vehicle.number for contact in contacts for vehicle, _ in contact.sides))
+
+
+def with_vehicles(record: CrashRecord, contacts: Contacts) -> CrashRecord:
+    """The report with the vehicles of these contacts."""
+    vehicles = {vehicle.number: vehicle for contact in contacts for vehicle, _ in contact.sides}
+    return replace(record, vehicles=tuple(vehicles[number] for number in sorted(vehicles)))
+
+
+def dropped(contacts: Contacts) -> Iterator[Contacts]:
+    """The contacts without one of them, for each whose pair does not meet at another time."""
+    for left_out in contacts if len(contacts) > 1 else ():
+        rest = tuple(contact for contact in contacts if contact is not left_out)
+        if left_out.pair not in [contact.pair for contact in rest]:
+            yield rest
+
+
+def swapped(contacts: Contacts) -> Iterator[Contacts]:
+    """The contacts with two that follow each other in the other order, for each two."""
+    for first in range(len(contacts) - 1):
+        yield (*contacts[:first], contacts[first + 1], contacts[first], *contacts[first + 2 :])
+
+
+def contacts_differ(ours: Contacts, theirs: Contacts, settings: VerdictSettings) -> bool:
+    """Whether two reports, numbered alike, contradict each other in who met whom or in an area of impact by more than
+    the threshold: else no simulation of the one can be told from one of the other by them."""
+    for mine, other in zip(ours, theirs, strict=True):
+        if mine.pair != other.pair:
+            return True
+        for vehicle, area in mine.sides:
+            apart_h = clock_error_h(area.clock_h, other.vehicle(vehicle.number).impact) if area else None
+            if apart_h is not None and apart_h > settings.max_clock_error_h:
+                return True
+    return False
