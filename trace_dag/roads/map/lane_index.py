@@ -95,7 +95,8 @@ def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely
     """Union of the lanes' surfaces."""
     surfaces = np.array([polygon(geometry, step_m) for geometry in lanes], dtype=object)
     area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
-    closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero on the way, and copes with it
+        closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
     parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
     return shapely.MultiPolygon(parts)
 

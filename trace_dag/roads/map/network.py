@@ -167,6 +167,17 @@ class RoadNetwork:
         """Everything traffic drives on, junctions included, seen from above."""
         return drivable_area(self._lanes[ref] for ref in self._drivable)
 
+    def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> MultiPolygon:
+        """What traffic drives on within some distance of a place, of the roads that are at its level there."""
+        box_m = (x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+        lanes = []
+        for road in self.roads_within(box_m):
+            geometry = self._geometry[road.id]
+            s_m, _, _ = geometry.line.project(x_m, y_m)
+            if abs(geometry.height_at(s_m) - z_m) <= SAME_LEVEL_M:
+                lanes += [self._lanes[ref] for ref in self.drivable_lanes_of(road)]
+        return drivable_area(lanes)
+
     def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
         """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
         return LaneMatch(ref, *self._lanes[ref].project(x_m, y_m))

@@ -1,0 +1,141 @@
+"""What lies beside the road: for any point its road, how far beyond the carriageway's edge it is, and in which zone.
+
+OpenStreetMap seldom has shoulders and never has rights-of-way. Where the map has no shoulder lane its width is what
+roads of the class commonly have (AASHTO, A Policy on Geometric Design of Highways and Streets, 2018, chapters 4 to 8:
+3.0 m right of freeways and 1.2 m left, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local roads), and the
+trafficway is taken to end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of
+AASHTO's Roadside Design Guide, 2011, which agencies seek to own).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+import shapely
+
+from trace_dag.osm.road_classes import road_class
+from trace_dag.roads.map.model import LaneMatch, LaneRef, LaneType
+
+if TYPE_CHECKING:
+    from trace_dag.roads.map.network import RoadNetwork
+
+_LOOK_AROUND_M: Final = 60.0  # as far as the carriageways of one divided road may be from each other
+_OPPOSED_RAD: Final = math.radians(150)
+_PARALLEL_RAD: Final = math.radians(40)
+_BETWEEN_RAD: Final = math.radians(120)  # of a point between two roads: the angle at which it sees them, at least
+_GORE_M: Final = 15.0  # farther from each other a road and its ramp have a roadside each
+_RANK_FREEWAY, _RANK_ARTERIAL, _RANK_COLLECTOR = 0, 3, 4
+_SHOULDERS_M: Final = {_RANK_FREEWAY: 3.0, _RANK_ARTERIAL: 2.4, _RANK_COLLECTOR: 1.5}
+_LOCAL_SHOULDER_M: Final = 0.6
+_LEFT_OF_FREEWAY_M: Final = 1.2
+_TRAFFICWAY_M: Final = {True: 15.0, False: 9.0}  # beyond the edge, of a freeway or another road
+
+
+class RoadZone(StrEnum):
+    """Where across a road a point is: the zones that FARS distinguishes (``REL_ROAD``)."""
+
+    ROADWAY = "roadway"
+    SHOULDER = "shoulder"
+    MEDIAN = "median"
+    GORE = "gore"
+    ROADSIDE = "roadside"
+    OUTSIDE = "outside"  # of the trafficway
+
+
+@dataclass(frozen=True)
+class RoadsidePlace:
+    """A point beside (or on) a road.
+
+    ``lane`` is the nearest one with the point's station on it; ``along_rad`` the direction of its traffic there.
+    ``left``: the point is to the left of that lane's centre as its traffic goes. ``beyond_m`` is the distance from the
+    carriageway's edge, negative within it. ``shoulder_m`` is the width of the shoulder on that side.
+    """
+
+    lane: LaneMatch
+    along_rad: float
+    left: bool
+    beyond_m: float
+    shoulder_m: float
+    zone: RoadZone
+
+
+def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | None = None) -> RoadsidePlace | None:
+    """Where a point is relative to the roads of one level (``z_m``, else any); None if none is within 60 m."""
+    near = network.nearest_lanes(x_m, y_m, _LOOK_AROUND_M, z_m=z_m)
+    if not near:
+        return None
+    lane = near[0]
+    along_rad = network.pose(lane.lane, lane.s_m).heading_rad
+    left = lane.offset_m > 0
+    inside = lane.outside_m <= 0
+    height_m = network.surface_height_m(lane.lane, lane.s_m)
+    beyond_m = -_to_edge_m(network, x_m, y_m, height_m) if inside else lane.outside_m
+    shoulder_m = _shoulder_m(network, lane, left=left)
+    zone = RoadZone.ROADWAY if inside else _zone(network, near, beyond_m, shoulder_m, (x_m, y_m))
+    return RoadsidePlace(lane, along_rad, left, beyond_m, shoulder_m, zone)
+
+
+def _to_edge_m(network: RoadNetwork, x_m: float, y_m: float, z_m: float) -> float:
+    area = network.carriageway_near(x_m, y_m, _LOOK_AROUND_M, z_m=z_m)
+    return float(area.boundary.distance(shapely.Point(x_m, y_m)))
+
+
+def _zone(
+    network: RoadNetwork, near: list[LaneMatch], beyond_m: float, shoulder_m: float, xy_m: tuple[float, float]
+) -> RoadZone:
+    if _is_between(network, near, xy_m, opposed=True):
+        return RoadZone.SHOULDER if beyond_m <= shoulder_m else RoadZone.MEDIAN
+    if beyond_m <= shoulder_m:
+        return RoadZone.SHOULDER
+    if _is_between(network, near, xy_m, opposed=False):
+        return RoadZone.GORE
+    freeway = road_class(network.road_by_id[near[0].lane.road_id].highway).rank == _RANK_FREEWAY
+    return RoadZone.ROADSIDE if beyond_m <= _TRAFFICWAY_M[freeway] else RoadZone.OUTSIDE
+
+
+def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, float], *, opposed: bool) -> bool:
+    """Whether a point lies between two lanes: left of two that go opposite ways (a median), or between a road and a
+    ramp that go the same way (a gore)."""
+    first = near[0]
+    sees_first, heading = _seen(network, first, xy_m)
+    for other in near[1:]:
+        sees_other, other_heading = _seen(network, other, xy_m)
+        if abs(math.remainder(sees_first - sees_other, math.tau)) < _BETWEEN_RAD:
+            continue
+        apart = abs(math.remainder(heading - other_heading, math.tau))
+        if opposed:
+            return apart > _OPPOSED_RAD and first.offset_m > 0 and other.offset_m > 0
+        ramps = [network.road_by_id[each.lane.road_id].highway.endswith("_link") for each in (first, other)]
+        near_each_other = other.outside_m + first.outside_m <= _GORE_M
+        return near_each_other and apart < _PARALLEL_RAD and first.offset_m * other.offset_m < 0 and any(ramps)
+    return False
+
+
+def _seen(network: RoadNetwork, match: LaneMatch, xy_m: tuple[float, float]) -> tuple[float, float]:
+    """The direction in which a point sees a lane's centre, and the lane's own."""
+    pose = network.pose(match.lane, match.s_m)
+    return math.atan2(pose.y_m - xy_m[1], pose.x_m - xy_m[0]), pose.heading_rad
+
+
+def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
+    """Width of the shoulder beside a lane: the map's, where it has one there, else that of the road's class."""
+    mapped = _mapped_shoulder_m(network, match, left=left)
+    if mapped is not None:
+        return mapped
+    rank = road_class(network.road_by_id[match.lane.road_id].highway).rank
+    if rank == _RANK_FREEWAY and left:
+        return _LEFT_OF_FREEWAY_M
+    return next((width_m for most, width_m in _SHOULDERS_M.items() if rank <= most), _LOCAL_SHOULDER_M)
+
+
+def _mapped_shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float | None:
+    ref = match.lane
+    on_left = left == (ref.lane_id < 0)  # of the reference line: lanes with positive ids go against it
+    lanes = network.road_by_id[ref.road_id].lane_sections[ref.section].lanes
+    for lane in lanes:
+        if lane.type is LaneType.SHOULDER and (lane.id > 0) == on_left:
+            return network.width_m(LaneRef(ref.road_id, ref.section, lane.id), match.s_m)
+    return None
