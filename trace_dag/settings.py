@@ -155,6 +155,12 @@ class SimSettings(_Section):
     log_step_s: float = Field(0.02, ge=0.001, le=1.0, description="Step of the log.")
     time_limit_s: float = Field(20.0, gt=0, le=600, description="Simulated time at which a run ends at the latest.")
     friction: float = Field(0.75, gt=0, description="Tyre-road friction, dry asphalt; scaled by VSURCOND.")
+    roadside_friction: float = Field(
+        0.5,
+        gt=0,
+        description="Of tyres beyond the carriageway, on grass, earth or gravel (0.4 to 0.7: Fricke, Traffic Crash "
+        "Reconstruction, 2010); scaled by VSURCOND.",
+    )
     restitution: float = Field(0.1, ge=0, le=1, description="Between bodies, along the contact normal.")
     contact_friction: float = Field(0.5, ge=0, description="Between bodies, along the contact; 0.3 to 0.6 in tests.")
     locked_wheels: float = Field(

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from trace_dag.errors import TransientFailure
+from trace_dag.errors import TransientFailure, UserError
 from trace_dag.settings import SimSettings
 from trace_dag.sim.carla_actors import CarlaActor
 from trace_dag.sim.carla_contacts import CarlaContact
@@ -22,6 +22,7 @@ from trace_dag.sim.carla_walkers import CarlaWalker
 from trace_dag.sim.driving import Driver, Pedals
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.types import AfterStriking, BodyKind, Participant, SimulationLog, Termination
+from trace_dag.states.objects import FixedObject
 from trace_dag.units import GRAVITY_MPS2
 
 BACKEND_NAME = "carla"
@@ -69,13 +70,15 @@ class CarlaSimulation:
         time_limit_s: float,
         drivers: Mapping[int, Driver] | None = None,
         after_contact_s: float | None = None,
+        objects: tuple[FixedObject, ...] = (),
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`Failure` for a plan nobody can drive or somebody who cannot be spawned, :class:`TransientFailure`
-        if the server goes away.
+        Raises :class:`UserError` where fixed objects take part, :class:`Failure` for a plan nobody can drive or
+        somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
         """
         check_participants(participants)
+        _check_no_objects(objects)
         began = time.perf_counter()
         with server_errors("reading its settings"):
             original = self._world.get_settings()
@@ -272,6 +275,15 @@ class CarlaSimulation:
             except RuntimeError as error:  # the server may be gone; the rest is tried all the same
                 problem = error
         return problem
+
+
+def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
+    """CARLA's props neither break nor yield, and have no crush."""
+    if objects:
+        raise UserError(
+            f"the CARLA back-end cannot simulate a crash into a fixed object ({objects[0].name}): its props neither "
+            "break nor yield; use sim.backend = 'embedded'"
+        )
 
 
 def _release_touching(actors: list[CarlaActor]) -> None:

@@ -75,6 +75,7 @@ class Vehicle:
         "number",
         "plan_end_s",
         "reach_m",
+        "skids_from_s",
         "steer",
         "vx",
         "vy",
@@ -98,6 +99,7 @@ class Vehicle:
         self.model = model
         self.number = participant.number
         self.plan_end_s = plan.end_s
+        self.skids_from_s = participant.skids_from_s
         self.reach_m = math.hypot(model.body.length_m / 2 + abs(model.cg_ahead_m), model.body.width_m / 2)
         self.x = pose.x_m + model.cg_ahead_m * c
         self.y = pose.y_m + model.cg_ahead_m * s
@@ -112,16 +114,13 @@ class Vehicle:
         self._rows = plan.rows
         self._after_strike: DriverAfterStrike | None = None
         self._planned_steps = len(plan.rows) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
-        self._friction = friction
+        self._friction = -1.0
         self._locked_wheels = locked_wheels
         self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
         self._mass = model.body.mass_kg
-        self._limit_n = friction * self._mass * GRAVITY_MPS2
         self._traction_n = self._mass * model.max_acceleration_mps2
         self._front_share = model.rear_axle_m / model.wheelbase_m
-        self._front_grip_2 = (friction * model.front_load_n) ** 2
-        self._rear_grip_2 = (friction * model.rear_load_n) ** 2
-        self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
+        self.stand_on(friction)
         self._yaw_damping = model.yaw_inertia_kgm2 / model.wheelbase_m * _YAW_DAMPING
         self._axles = (
             (model.front_axle_m, model.front_load_n, model.front_stiffness_npr),
@@ -129,6 +128,25 @@ class Vehicle:
         )
         self._drag_n = 0.0
         self._along_n = 0.0
+
+    def stand_on(self, friction: float) -> None:
+        """Tyres are on ground of this friction from now on."""
+        if friction == self._friction:
+            return
+        self._friction = friction
+        self._limit_n = friction * self._mass * GRAVITY_MPS2
+        self._front_grip_2 = (friction * self.model.front_load_n) ** 2
+        self._rear_grip_2 = (friction * self.model.rear_load_n) ** 2
+        self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
+
+    def carry(self, time_s: float, step_s: float) -> None:
+        """Be where the plan has the vehicle at a time, and move as there."""
+        at = min(time_s / step_s, len(self._rows) - 1.001)
+        k = int(at)
+        before, after, share = self._rows[k], self._rows[k + 1], at - k
+        x, y, vx, vy, _, _, _, _, heading, _ = (a + share * (b - a) for a, b in zip(before, after, strict=True))
+        self.x, self.y, self.vx, self.vy, self.heading = x, y, vx, vy, heading
+        self.yaw_rate = (after[8] - before[8]) / step_s
 
     def outline(self) -> Outline:
         """The body's outline now."""

@@ -12,14 +12,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.run_of_vehicles import BACKEND_NAME, VehicleRun
+from trace_dag.sim.run_with_objects import RoadsideRun
 from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import NetworkSurface, Surface
 from trace_dag.sim.types import Participant, Simulation, SimulationLog
+from trace_dag.states.objects import FixedObject
 
 
 class EmbeddedBackend:
@@ -37,7 +40,7 @@ class EmbeddedBackend:
 
     def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
         """Make a map's surface ready."""
-        return EmbeddedSimulation(self._settings, NetworkSurface(network), friction)
+        return EmbeddedSimulation(self._settings, NetworkSurface(network), friction, network)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -46,8 +49,15 @@ class EmbeddedBackend:
 class EmbeddedSimulation:
     """Runs on one surface, with one tyre-road friction."""
 
-    def __init__(self, settings: SimSettings, surface: Surface | NetworkSurface, friction: float) -> None:
+    def __init__(
+        self,
+        settings: SimSettings,
+        surface: Surface | NetworkSurface,
+        friction: float,
+        network: RoadNetwork | None = None,
+    ) -> None:
         self._settings = settings
+        self._network = network
         self._surface = surface
         self._friction = friction
 
@@ -58,11 +68,16 @@ class EmbeddedSimulation:
         time_limit_s: float,
         drivers: Mapping[int, Driver] | None = None,
         after_contact_s: float | None = None,
+        objects: tuple[FixedObject, ...] = (),
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; :class:`trace_dag.errors.Failure` for a plan nobody can drive."""
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
-        kind = PeopleRun if any(p.body.is_person for p in participants) else VehicleRun
-        run = kind(self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
-        return run.log()
+        people = any(p.body.is_person for p in participants)
+        what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
+        if not objects:
+            return (PeopleRun if people else VehicleRun)(*what).log()
+        if people:
+            raise Failure("people and fixed objects in one run; the embedded back-end takes one or the other")
+        return RoadsideRun(*what, objects=objects, network=self._network).log()

@@ -9,14 +9,15 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from trace_dag.errors import Failure
 from trace_dag.schemas import Column, ColumnType, TableSchema
 from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, VehicleLog
+from trace_dag.states.objects import FixedObject
 
 SIMULATION_STEPS = TableSchema(
     "simulation_steps",
@@ -72,6 +73,7 @@ class _RunSummary:
     vehicle_numbers: tuple[int, ...]
     bodies: dict[int, Body]
     contacts: tuple[Contact, ...]
+    objects: Annotated[tuple[FixedObject, ...], Field(exclude_if=lambda objects: not objects)] = ()
 
 
 @cache
@@ -114,6 +116,7 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
             vehicle_numbers=tuple(vehicle.number for vehicle in log.vehicles),
             bodies=log.bodies,
             contacts=log.contacts,
+            objects=log.objects,
         )
         for i, log in enumerate(logs)
     )
@@ -158,6 +161,7 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
                 termination=run.termination,
                 reason=run.reason,
                 duration_s=run.duration_s,
+                objects=run.objects,
             )
         )
     return tuple(logs)

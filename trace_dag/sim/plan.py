@@ -84,10 +84,13 @@ def _check_plan(participant: Participant) -> None:
         raise Failure(f"{who}: its trajectory begins at {t.time_s[0]} s; it must cover time 0")
 
 
-def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float) -> SampledTrajectory:
+def resample(
+    trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float, skids_from_s: float = math.inf
+) -> SampledTrajectory:
     """The plan on steps of ``step_s``, by Hermite splines through positions and velocities.
 
-    ``cg_ahead_m`` moves it from the body's centre to its centre of gravity.
+    ``cg_ahead_m`` moves it from the body's centre to its centre of gravity. From ``skids_from_s`` on the body need not
+    head the way it goes: its velocity is then that of its positions.
     """
     t = trajectory
     end_s = min(float(t.time_s[-1]), time_limit_s)
@@ -104,6 +107,8 @@ def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahea
     u = (at - index)[:, None]
     xy = np.stack([t.x_m, t.y_m], axis=-1)
     velocity = t.speed_mps[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    skids = t.time_s >= skids_from_s
+    velocity[skids] = np.gradient(xy, t.time_s, axis=0)[skids]
     p0, p1, v0, v1 = xy[index], xy[index + 1], velocity[index], velocity[index + 1]
     position = (
         (2 * u**3 - 3 * u**2 + 1) * p0
@@ -119,11 +124,16 @@ def resample(trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahea
     c, s = np.cos(course), np.sin(course)
     moving = np.abs(speed) > 0.3
     curvature = np.where(moving, yaw_rate / np.where(moving, speed, 1.0), 0.0)
+    velocity_x, velocity_y = speed * c, speed * s
+    if skids.any():
+        sideways = times >= skids_from_s
+        velocity_x[sideways] = np.interp(times, t.time_s, velocity[:, 0])[sideways]
+        velocity_y[sideways] = np.interp(times, t.time_s, velocity[:, 1])[sideways]
     columns = (
         position[:, 0] + cg_ahead_m * c,
         position[:, 1] + cg_ahead_m * s,
-        speed * c - cg_ahead_m * yaw_rate * s,
-        speed * s + cg_ahead_m * yaw_rate * c,
+        velocity_x - cg_ahead_m * yaw_rate * s,
+        velocity_y + cg_ahead_m * yaw_rate * c,
         tangential * c - speed * yaw_rate * s,
         tangential * s + speed * yaw_rate * c,
         speed,

@@ -53,6 +53,7 @@ def participant(state: ParticipantState) -> Participant:
         initial_speed_mps=state.initial_speed_mps,
         trajectory=state.trajectory,
         after_striking=_DRIVES_ON if state.drives_on else None,
+        skids_from_s=math.inf if state.skids_from_s is None else state.skids_from_s,
     )
 
 
@@ -79,7 +80,7 @@ def simulate(
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
     logs = tuple(
-        simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
+        simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s, objects=hypothesis.objects)
         for hypothesis in estimate.hypotheses
     )
     if logs and all(log.termination is Termination.DIVERGED for log in logs):

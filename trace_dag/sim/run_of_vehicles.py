@@ -21,8 +21,9 @@ from trace_dag.sim.plan import resample
 from trace_dag.sim.recorder import BodyMotion, ContactEpisode, StateRecorder, begin_contact
 from trace_dag.sim.rigid import RigidBodies
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import Participant, SimulationLog, Termination, party_name
+from trace_dag.sim.types import Contact, Participant, SimulationLog, Termination, party_name
 from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.states.objects import FixedObject
 
 BACKEND_NAME, VERSION = "embedded", "3"
 _CONTACT_STEP_S = 0.0005
@@ -68,7 +69,9 @@ class VehicleRun:
             if participant.body.is_person:
                 continue
             model = vehicle_model(participant.body)
-            plan = resample(participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m)
+            plan = resample(
+                participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m, participant.skids_from_s
+            )
             common = {"friction": friction, "locked_wheels": settings.locked_wheels}
             driver = drivers.get(participant.number)
             if driver is None:
@@ -102,19 +105,31 @@ class VehicleRun:
         duration_s = step * self._step_s
         self._record(duration_s)
         by_number = {logged.number: logged for logged in self._recorder.logs()}
-        episodes = sorted([*self._closed, *self._open.values()], key=lambda episode: episode.start_s)
         return SimulationLog(
             backend=BACKEND_NAME,
             backend_version=f"{VERSION} (mujoco {self._bodies.version})",
             step_s=self._step_s,
             vehicles=tuple(by_number[p.number] for p in self._participants),
-            contacts=tuple(episode.contact() for episode in episodes),
+            contacts=tuple(sorted(self._contacts(), key=lambda contact: contact.time_s)),
             bodies=self._bodies_of,
             termination=termination,
             reason=reason,
             duration_s=duration_s,
             wall_s=time.perf_counter() - self._began,
+            objects=self._objects(),
         )
+
+    def _contacts(self) -> list[Contact]:
+        """Every contact so far."""
+        return [episode.contact() for episode in (*self._closed, *self._open.values())]
+
+    def _objects(self) -> tuple[FixedObject, ...]:
+        return ()
+
+    @property
+    def _first_contact_s(self) -> float | None:
+        """When two bodies first touched; None if none have."""
+        return min((episode.start_s for episode in (*self._closed, *self._open.values())), default=None)
 
     def _advance_until_end(self) -> tuple[Termination, str, int]:
         for one, two in self._could_meet():
@@ -136,7 +151,7 @@ class VehicleRun:
                     driven.command(driver.drive(step * self._step_s, states))
             self._advance(step, [vehicle.road_force(step) for vehicle in vehicles])
         limit_s = self._steps * self._step_s
-        if not self._open and not self._closed:
+        if self._first_contact_s is None:
             return Termination.NO_CONTACT, self._no_contact_reason(), self._steps
         return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s", self._steps
 
@@ -167,12 +182,11 @@ class VehicleRun:
                 who = party_name(self._bodies_of[v.number], v.number)
                 reason = f"{who} left all bounds at {step * self._step_s:.2f} s: {state}"
                 return Termination.DIVERGED, reason
-        if not self._open and not self._closed:
+        first_s = self._first_contact_s
+        if first_s is None:
             return (Termination.NO_CONTACT, self._no_contact_reason()) if step > last_plan_step else None
-        if self._after_contact_s is not None:
-            first_s = min(episode.start_s for episode in [*self._closed, *self._open.values()])
-            if step * self._step_s >= first_s + self._after_contact_s:
-                return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
+        if self._after_contact_s is not None and step * self._step_s >= first_s + self._after_contact_s:
+            return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
         if all(v.at_rest and (v.crashed or v.stops or step > last_plan_step) for v in self._movers):
             return Termination.AT_REST, f"all {self._everybody} at rest after {step * self._step_s:.2f} s"
         return None
@@ -256,6 +270,10 @@ class VehicleRun:
             self._apart_until_step = step + int(apart_s / self._step_s)
         return False
 
+    def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
+        """The forces on the vehicles in a part of a step: those of the road alone."""
+        return forces
+
     def _place_people(self, time_s: float) -> None:
         """Put everybody whom no vehicle has touched where the plan has them."""
 
@@ -265,7 +283,7 @@ class VehicleRun:
             start_s = step * self._step_s + part * part_s
             self._place_people(start_s)
             now = self._taken_over()
-            for pair, (fx, fy) in self._bodies.step(forces, part_s).items():
+            for pair, (fx, fy) in self._bodies.step(self._forces_now(forces, start_s, part_s), part_s).items():
                 if pair not in self._open:
                     # MuJoCo finds contacts in the state a step begins with: this one came about in the part before.
                     self._open[pair] = self._begin(pair, self._before or now, now, start_s - part_s, part_s)

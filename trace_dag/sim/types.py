@@ -16,6 +16,7 @@ from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.driving import Driver
+from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Trajectory
 
 PULSE_S = 0.25
@@ -89,7 +90,8 @@ class Participant:
     """A body, where and how fast it starts, and the planned motion that it follows until its first contact.
 
     A driver goes on after striking a person, as ``after_striking`` says or, where it is None, as the settings do. A
-    person moves along the trajectory exactly, from its first point, until touched, and stands where it ends.
+    person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
+    vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person
@@ -98,6 +100,7 @@ class Participant:
     initial_speed_mps: float
     trajectory: Trajectory
     after_striking: AfterStriking | None = None
+    skids_from_s: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +169,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class SimulationLog:
-    """What a back-end returns for one hypothesis."""
+    """What a back-end returns for one hypothesis. ``objects`` are the fixed ones that stood there."""
 
     backend: str
     backend_version: str
@@ -178,6 +181,16 @@ class SimulationLog:
     reason: str
     duration_s: float  # simulated time
     wall_s: float = 0.0
+    objects: tuple[FixedObject, ...] = ()
+
+    def is_person(self, number: int) -> bool:
+        """Whether the party of that number is a person outside motor vehicles."""
+        body = self.bodies.get(number)
+        return body is not None and body.is_person
+
+    def object_of(self, number: int) -> FixedObject | None:
+        """The fixed object of that number, if it is one."""
+        return next((item for item in self.objects if item.number == number), None)
 
     @property
     def first_contact(self) -> Contact | None:
@@ -195,8 +208,11 @@ class Simulation(Protocol):
         time_limit_s: float,
         drivers: Mapping[int, Driver] | None = None,
         after_contact_s: float | None = None,
+        objects: tuple[FixedObject, ...] = (),
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; ends with a termination and a reason, never hangs.
+
+        ``objects`` stand where they are; beside them the ground beyond the carriageway is what it is there.
 
         ``drivers`` take participants over from their plans, by number; what they raise is passed on. With
         ``after_contact_s`` the simulation ends that long after the first contact, at rest or not.

@@ -17,6 +17,7 @@ from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneMatch
+from trace_dag.states.objects import FixedObject
 
 
 class Manoeuvre(StrEnum):
@@ -109,6 +110,7 @@ class ParticipantState:
     braking: bool = False  # the record says it braked before the impact
     kind: PartyKind = PartyKind.MOTOR_VEHICLE
     drives_on: bool = False  # after striking a person: the record says that the driver left
+    skids_from_s: float | None = None  # out of control from then on: moves along the trajectory, however it is turned
 
     @property
     def is_person(self) -> bool:
@@ -140,6 +142,7 @@ class Hypothesis:
     impact_point_xy_m: tuple[float, float]
     checks: tuple[EstimateCheck, ...] = ()
     planned: tuple[PlannedEvent, ...] = ()  # strikes of persons, in order; a collision of two vehicles has none
+    objects: tuple[FixedObject, ...] = ()  # that stand beside the road, in the order of their events
 
 
 @dataclass(frozen=True)
