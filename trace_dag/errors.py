@@ -45,6 +45,8 @@ class Reason(StrEnum):
     VERTICAL_GEOMETRY = "vertical_geometry"
     NO_FEASIBLE_STATE = "no_feasible_state"
     NO_COLLISION = "no_collision"
+    NO_DEPARTURE = "no_departure"
+    WRONG_SIDE = "wrong_side"
     WRONG_LOCATION = "wrong_location"
     WRONG_PARTY = "wrong_party"
     WRONG_IMPACT = "wrong_impact"
@@ -111,7 +113,8 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.INCOMPLETE_TRAJECTORY: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "No field of the report says how one of the vehicles moved, or where a person was.",
+        "No field of the report says how one of the vehicles moved, to which side it left the road, or where a person "
+        "was.",
         "Nothing: the motion is not known.",
     ),
     Reason.INCOMPLETE_IMPACT: _ReasonFacts(
@@ -129,13 +132,15 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.NOT_MODELLED: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
-        "The crash is of a kind that cannot be judged yet, such as one with a tree; the detail names the event.",
-        "Nothing: modelled are crashes in which vehicles touched each other, or struck people.",
+        "The crash is of a kind that cannot be judged yet, such as one with an animal; the detail names the event.",
+        "Nothing: modelled are crashes in which vehicles touched each other, struck people or, having left the road, "
+        "fixed objects.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "The events of the report do not say which vehicles met, or which vehicle struck which person.",
+        "The events of the report do not say which vehicles met, which vehicle struck which person, or which one left "
+        "the road.",
         "Nothing: who met whom is not known.",
     ),
     Reason.NO_MAP_COVERAGE: _ReasonFacts(
@@ -171,14 +176,26 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.NO_COLLISION: _ReasonFacts(
         Stage.SIMULATION_LOG,
         _PAPER.NOT_REPRODUCED,
-        "The parties do not touch in any simulated hypothesis.",
+        "The parties do not touch in any simulated hypothesis, or the vehicle strikes no object.",
         "Watch the replay; the log says how near they came.",
+    ),
+    Reason.NO_DEPARTURE: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A vehicle strikes an object without leaving the carriageway, which the report says it left.",
+        "Look at the map picture: often the carriageway is wider on the map, or a side street opens there.",
+    ),
+    Reason.WRONG_SIDE: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A vehicle leaves the road to another side than reported.",
+        "Watch the replay; see the criterion departure_side.",
     ),
     Reason.WRONG_LOCATION: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "The first contact is too far from the reported point.",
-        "See the criterion contact_distance; verdict.max_contact_distance_m is the limit.",
+        "The first contact is too far from the reported point, along the road where it is beside the road.",
+        "See the criterion contact_distance or station_distance; verdict.max_contact_distance_m is the limit.",
     ),
     Reason.WRONG_PARTY: _ReasonFacts(
         Stage.VERDICT,
@@ -196,12 +213,12 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
         "A reported contact does not happen, happens in another order, or parties touch that no event has touch.",
-        "See the criteria strike, next_contact and unreported_contact.",
+        "See the criteria strike, next_contact, unreported_contact and object_order.",
     ),
     Reason.WRONG_ZONE: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "A person or a parked vehicle is struck in another zone of the road than reported, such as beside it.",
+        "A person, a parked vehicle or an object is struck in another zone of the road than reported: beside it, say.",
         "See the criterion zone_error; verdict.max_zone_error_m is the limit.",
     ),
     Reason.WRONG_DIRECTION: _ReasonFacts(

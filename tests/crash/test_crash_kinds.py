@@ -141,12 +141,12 @@ def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
 
 
 def test_a_kind_that_cannot_be_judged_names_its_event() -> None:
-    record = read(report(ONE | {"HARM_EV": 42}, [{}], [STRUCK | {"SOE": 42}]))
+    record = read(report(ONE | {"HARM_EV": 11}, [{}], [STRUCK | {"SOE": 11}]))
     found = rejection(record, CrashSettings())
     assert found is not None
     assert found.reason is Reason.NOT_MODELLED
-    assert "vehicle 1 struck a tree (at 12 o'clock (front)) (SOE 42)" in found.detail
-    assert "the kind of crash is fixed_object" in found.detail
+    assert "vehicle 1 struck a live animal (at 12 o'clock (front)) (SOE 11)" in found.detail
+    assert "the kind of crash is animal" in found.detail
 
 
 @pytest.mark.parametrize(("code", "kind"), [(8, "pedestrian"), (15, "pedestrian"), (9, "cyclist")])

@@ -15,6 +15,7 @@ from typing import Final
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
+from trace_dag.crash.departures import is_of_departure, untold_departure, untold_side
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.modelled import another_kind, untold_meeting
@@ -194,6 +195,8 @@ def _topology(record: CrashRecord) -> str | None:
 
 
 def _trajectory(record: CrashRecord) -> str | None:
+    if is_of_departure(record):
+        return untold_side(record)
     return _course_of_persons(record) if is_of_strikes(record) else _course_of_vehicles(record)
 
 
@@ -238,7 +241,9 @@ def _movement(movement: PreCrashMovement) -> str:
 
 def _impact(record: CrashRecord) -> str | None:
     """A verdict needs an area of impact on a side of a body (the top and the undercarriage are none): without any,
-    whatever is simulated would agree."""
+    whatever is simulated would agree. Who left the road is judged by where, too."""
+    if is_of_departure(record):
+        return None
     if is_of_strikes(record):
         struck = [(strike.vehicle.number, strike.area) for strike in strikes_of(record)]
     else:
@@ -255,6 +260,7 @@ KINDS: Final[tuple[Rule, ...]] = (
         "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
     ),
     Rule("strikes", Reason.INCOMPLETE_SEQUENCE, "which vehicle struck which person is known", untold_strike),
+    Rule("departure", Reason.INCOMPLETE_SEQUENCE, "which vehicle left the road is known", untold_departure),
     Rule("modelled", Reason.NOT_MODELLED, "a kind of crash that can be judged", another_kind),
 )
 """What kind of crash it has to be."""

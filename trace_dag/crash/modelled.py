@@ -11,6 +11,7 @@ from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
 from trace_dag.crash.contacts import is_of_contacts, untold_contact
+from trace_dag.crash.departures import OF_DEPARTURES
 from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_PERSONS, CrashKind
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, EventRecord
@@ -34,6 +35,7 @@ def another_kind(record: CrashRecord) -> str | None:
         kind in JUDGED_KINDS
         and not (kind in COLLISIONS and not met)
         and not (kind in OF_PERSONS and _several_met(record))
+        and not (kind in OF_DEPARTURES and record.moving_vehicles > 1)
     ):
         return None
     numbers = [str(vehicle.number) for vehicle in record.vehicles]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from trace_dag.crash.contacts import is_of_contacts
+from trace_dag.crash.departures import is_of_departure
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import is_of_strikes
 
@@ -18,10 +19,13 @@ class Reconstruction(StrEnum):
     COLLISION = "collision"  # the first contact of two vehicles
     STRIKES = "strikes"  # every strike of a person, in order
     CONTACTS = "contacts"  # every contact of three and more vehicles, or with a parked one, in order
+    DEPARTURE = "departure"  # one vehicle leaves the road, and what it strikes there
 
 
 def reconstruction_of(record: CrashRecord) -> Reconstruction:
     """What the crash is reconstructed as."""
+    if is_of_departure(record):
+        return Reconstruction.DEPARTURE
     if is_of_strikes(record):
         return Reconstruction.STRIKES
     return Reconstruction.CONTACTS if is_of_contacts(record) else Reconstruction.COLLISION

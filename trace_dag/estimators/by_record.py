@@ -12,6 +12,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import estimate_analytic
+from trace_dag.states.departures import estimate_departure
 from trace_dag.states.strikes import estimate_strikes
 from trace_dag.states.types import StateEstimate
 
@@ -21,6 +22,7 @@ _MADE_BY: Final[
     Reconstruction.COLLISION: estimate_analytic,
     Reconstruction.STRIKES: estimate_strikes,
     Reconstruction.CONTACTS: estimate_contacts,
+    Reconstruction.DEPARTURE: estimate_departure,
 }
 
 

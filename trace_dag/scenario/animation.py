@@ -17,10 +17,11 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
+from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.scenario.replay import replay_windows
 from trace_dag.scenario.video import encode_mp4
@@ -147,6 +148,8 @@ def _frame(
     for view in views:
         panel = view.background.copy()
         draw = ImageDraw.Draw(panel)
+        for item in log.objects:
+            draw.polygon(view.px(outline(item)), fill=OBJECT_COLOUR, outline="white")
         for index in range(len(log.vehicles)):
             _draw_vehicle(draw, view, log, index, time_s)
         contact = log.first_contact

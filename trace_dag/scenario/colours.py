@@ -8,6 +8,8 @@ VEHICLE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442",
 """Okabe and Ito's palette: told apart with every common kind of colour vision. Vehicle 1 is blue, 2 vermilion."""
 REPORTED_COLOUR: Final = "#000000"
 CONTACT_COLOUR: Final = "#B00020"
+OBJECT_COLOUR: Final = "#6B4A2B"
+"""Of fixed objects: brown, with a broken outline where the program placed them."""
 
 
 def vehicle_colour(index: int) -> str:

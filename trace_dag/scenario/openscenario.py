@@ -30,10 +30,12 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, TimedPoses, motion
+from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.states.objects import FixedObject
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
@@ -148,7 +150,14 @@ def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
         made.add_property("fars_party_number" if body.is_person else "fars_vehicle_number", str(number))
         controller = _controller() if number == flavour.free and not flavour.carla else None
         entities.add_scenario_object(party_label(number), made, controller)
+    for item in _shown_objects(log, flavour):
+        entities.add_scenario_object(party_label(item.number), misc_object(item))
     return entities
+
+
+def _shown_objects(log: SimulationLog, flavour: Flavour) -> tuple[FixedObject, ...]:
+    """The fixed objects of a scenario: ScenarioRunner takes the props of CARLA's library alone."""
+    return () if flavour.carla else log.objects
 
 
 def _controller() -> xosc.Controller:
@@ -180,6 +189,8 @@ def _storyboard(log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driv
             init.add_init_action(name, _handing_over(flavour))
         else:
             act.add_maneuver_group(_follow(name, driven[logged.number], flavour))
+    for item in _shown_objects(log, flavour):
+        init.add_init_action(party_label(item.number), standing_at(item))
     story = xosc.Story("crash")
     story.add_act(act)
     storyboard = xosc.StoryBoard(init, _stop(log, flavour))
@@ -268,7 +279,7 @@ def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trig
             free,
             triggeringpoint="stop",
         )
-        for number in sorted(log.bodies)
+        for number in sorted([*log.bodies, *(item.number for item in _shown_objects(log, flavour))])
         if number != flavour.free
     ]
     for each in triggers:

@@ -90,7 +90,7 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
         touch = np.array([contact.time_s, pose.x_m, pose.y_m, pose.z_m, pose.heading_rad])
         if np.abs(known - contact.time_s).min() > SAME_TIME_S:
             rows.append(touch[None])
-        seen = _seen_s(log, contact)
+        seen = _seen_s(log, contact) if log.object_of(contact.number_2) is None else []
         before = logged[known < contact.time_s - SAME_TIME_S]
         if not seen and len(before):
             seen = [contact.time_s + INTO_EACH_OTHER_S]

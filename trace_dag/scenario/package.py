@@ -24,6 +24,8 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
+from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
+from trace_dag.scenario.opendrive_objects import with_fixed_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
@@ -121,7 +123,10 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
 
 
 def _sources(crash: PackageInput) -> list[_File]:
-    legal = write_opendrive(crash.network, marks="legal")
+    objects = crash.log.objects
+    legal = with_fixed_objects(write_opendrive(crash.network, marks="legal"), crash.network, objects)
+    crossable = with_fixed_objects(crash.map_xodr, crash.network, objects)
+    stand = f", with the {names(objects)} of the report" if objects else ": any may be crossed"
     rights = crash.rights
     report = (
         _File("report.xml", rights.licence, "a fictional report as NHTSA's CrashAPI would serve it", crash.report_xml)
@@ -132,9 +137,7 @@ def _sources(crash: PackageInput) -> list[_File]:
         report,
         _File("summary.txt", _CC0, "the report in words", (crash.record.summary + "\n").encode()),
         _File("map.osm", rights.licence, "the OSM data the maps were made of", crash.osm_xml),
-        _File(
-            "map.xodr", rights.licence, "OpenDRIVE 1.7; its marks allow the crash: any may be crossed", crash.map_xodr
-        ),
+        _File("map.xodr", rights.licence, f"OpenDRIVE 1.7; its marks allow the crash{stand}", crossable),
         _File("map_legal_marks.xodr", rights.licence, "the same roads with the marks the law paints", legal),
     ]
 
@@ -149,7 +152,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
         scenario("scenario.xosc", Flavour(), "OpenSCENARIO 1.2: everybody follows their trajectory"),
         scenario("scenario.carla.xosc", Flavour(carla=True), "OpenSCENARIO 1.0 for CARLA's ScenarioRunner 0.9.16"),
     ]
-    for number in sorted(number for number, body in crash.log.bodies.items() if not body.is_person):
+    for number in _left_free(crash.log):
         what = f"with V{number} left to a controller of yours"
         files += [
             scenario(f"scenario.free_V{number}.xosc", Flavour(free=number), f"OpenSCENARIO 1.2, {what}"),
@@ -160,6 +163,13 @@ def _scenarios(crash: PackageInput) -> list[_File]:
             ),
         ]
     return files
+
+
+def _left_free(log: SimulationLog) -> list[int]:
+    """The vehicles that can be left to a controller: each in turn, where somebody else takes part."""
+    if len(log.bodies) < 2:
+        return []
+    return sorted(number for number, body in log.bodies.items() if not body.is_person)
 
 
 def _results(crash: PackageInput) -> list[_File]:
@@ -194,6 +204,9 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         log=crash.log,
         people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_person},
         strikes=strikes(crash.log),
+        objects=crash.log.objects,
+        note=OBJECT_NOTE,
+        left_free=_left_free(crash.log),
         party_label=party_label,
         estimated_by=crash.estimate.run.in_words(),
         vehicles={vehicle.number: vehicle for vehicle in crash.record.vehicles},
@@ -219,6 +232,7 @@ def _trajectories(crash: PackageInput) -> bytes:
                 for vehicle in crash.log.vehicles
             },
             "contacts": [_plain(contact) for contact in crash.log.contacts],
+            **({"objects": [_plain(item) for item in crash.log.objects]} if crash.log.objects else {}),
         },
         indent=None,
     )

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.report import MapReport
-from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
 from trace_dag.scenario.map_surfaces import MINOR_SURFACE
+from trace_dag.scenario.object_shapes import is_ours, names
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import mps_to_mph
@@ -136,6 +137,10 @@ def _signs(
         signs.append(({"color": _PATH_COLOUR, "lw": 1, "ls": (0, (4, 3))}, "planned path, outline at its start"))
     if log:
         signs.append(({"color": _PATH_COLOUR, "lw": 1.6}, "driven path, pale body at rest"))
+    if hypothesis and hypothesis.objects:
+        ours = any(is_ours(item) for item in hypothesis.objects)
+        label = f"{names(hypothesis.objects)}{': placed by us' if ours else ''}"
+        signs.append(({"color": OBJECT_COLOUR, "lw": 4}, label))
     if log and log.first_contact:
         signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, "first contact"))
     signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))

@@ -11,13 +11,15 @@ import numpy as np
 from trace_dag.crash.parties import is_vehicle
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.report import MapReport
-from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.object_shapes import is_ours, outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.types import Hypothesis
 
 _AT_REST_ALPHA, _ALPHA = 0.35, 0.85
+_OBJECT_ALPHA = 0.55
 _NOSE_M = 1.2  # the stroke ahead of a body
 _RING_M, _LEAST_RING_PT, _LEAST_LIMB_PT = 0.95, 5.0, 0.9  # radius around a person; nothing is drawn smaller
 _RIDDEN_COLOUR, _HEAD_COLOUR = "#1D2024", "#3B2A20"
@@ -48,6 +50,7 @@ class DrawnMotion:
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:
         contacts = sorted(log.contacts, key=lambda each: each.time_s) if log else []
+        self._objects = hypothesis.objects if hypothesis else log.objects if log else ()
         self._contacts = _first_of_pairs(contacts)
         planned = {p.vehicle_number: p for p in hypothesis.participants} if hypothesis else {}
         driven = {v.number: v for v in log.vehicles} if log else {}
@@ -100,6 +103,17 @@ class DrawnMotion:
                 zorder=30,
             )
         )
+        if self._objects:
+            panel.add(
+                PolyCollection(
+                    [outline(item) for item in self._objects],
+                    facecolors=(OBJECT_COLOUR, _OBJECT_ALPHA),
+                    edgecolors=OBJECT_COLOUR,
+                    linewidths=1.0,
+                    linestyles=["dashed" if is_ours(item) else "solid" for item in self._objects],
+                    zorder=25,
+                )
+            )
         strokes = [stroke for body in self._bodies for stroke in _fronts(body)]
         panel.add(
             LineCollection(

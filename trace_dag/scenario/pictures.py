@@ -120,7 +120,7 @@ def _impact_centre(hypothesis: Hypothesis | None, log: SimulationLog | None) -> 
 
 def _impact_half_window_m(log: SimulationLog | None) -> float:
     contact = log.first_contact if log else None
-    person = log is not None and contact is not None and log.bodies[contact.number_2].is_person
+    person = log is not None and contact is not None and log.is_person(contact.number_2)
     return _STRIKE_HALF_WINDOW_M if person else _IMPACT_HALF_WINDOW_M
 
 

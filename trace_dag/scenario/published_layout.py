@@ -53,7 +53,7 @@ def write_published(hypothesis: Hypothesis, log: SimulationLog) -> bytes:
     contact = log.first_contact
     if contact is None:
         raise UserError("a crash without a contact cannot be told in the published layout")
-    if log.bodies[contact.number_2].is_person:
+    if log.is_person(contact.number_2):
         raise UserError(
             f"{party_label(contact.number_1)} struck {party_label(contact.number_2)}, a person; the published layout "
             "knows two vehicles and nobody else: use the layout packages"

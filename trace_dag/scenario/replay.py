@@ -19,10 +19,11 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
+from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
 from trace_dag.verdict.types import Verdict
@@ -53,7 +54,7 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     centre = (low + high) / 2
     contact = log.first_contact
     impact = np.array([contact.x_m, contact.y_m]) if contact else centre
-    person = contact is not None and log.bodies[contact.number_2].is_person
+    person = contact is not None and log.is_person(contact.number_2)
     close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
     return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))
 
@@ -163,6 +164,11 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
             {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
             for each in _later_strikes(log)
         ],
+        "objects": [
+            {"name": in_words(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
+            for item in log.objects
+        ],
+        "object_colour": OBJECT_COLOUR,
         "contact_colour": CONTACT_COLOUR,
         "attribution": network.attribution,
         "termination": log.termination.replace("_", " "),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
@@ -10,6 +12,10 @@ from trace_dag.roads.report import CrashPlacement
 from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.streams import Stream
 
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+CARRIAGEWAY_REACH_M = 120.0
 BESIDE_ROAD_M = 5.0  # a reported point this near its carriageway is met as it is
 ON_ROAD_M = 8.0  # a lane whose centre is farther from the crash did not carry it
 
@@ -30,6 +36,12 @@ class Scene:
         if self.placement.moved_m <= BESIDE_ROAD_M:
             return 0.0, 0.0
         return self.placement.x_m, self.placement.y_m
+
+    @cached_property
+    def carriageway(self) -> MultiPolygon:
+        """What traffic drives on around the crash, at its level."""
+        place = self.placement
+        return self.network.carriageway_near(place.x_m, place.y_m, CARRIAGEWAY_REACH_M, z_m=place.z_m)
 
     @property
     def through(self) -> list[Stream]:

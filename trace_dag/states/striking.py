@@ -17,7 +17,7 @@ import shapely
 
 from trace_dag.crash.codes.events import RAN_OFF_LEFT
 from trace_dag.crash.parties import PartyKind
-from trace_dag.crash.record import CrashRecord, ImpactArea, NonMotorist
+from trace_dag.crash.record import CrashRecord, NonMotorist
 from trace_dag.crash.strikes import Strike
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
@@ -32,14 +32,12 @@ from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
+from trace_dag.states.spots import Spot, spots_of
 from trace_dag.states.streams import Stream
 from trace_dag.states.types import Manoeuvre
 from trace_dag.units import GRAVITY_MPS2
 
 _MEETS_MPS: Final = 0.3  # slower than this nobody comes to touch a face
-_FRONT_RAD: Final = math.radians(45)
-_REAR_RAD: Final = math.radians(135)
-_EDGE: Final = 0.85  # of half the width: who goes along and is struck at a side is caught by the corner
 _REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
 _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
@@ -144,15 +142,6 @@ class StrikePlan:
         return option.stream.name, option.manoeuvre.value, self.walk.reading.course.value
 
 
-@dataclass(frozen=True)
-class _Spot:
-    """Where on the vehicle the person is touched: in its own axes, with the outward normal of the face."""
-
-    ahead_m: float
-    left_m: float
-    normal: tuple[float, float]
-
-
 def person_kind_of(person: NonMotorist) -> PartyKind:
     """What the person is simulated as: whoever rides nothing that is known walks."""
     return _KINDS.get(person.kind, PartyKind.PEDESTRIAN)
@@ -247,12 +236,12 @@ def _plan(
 
 
 # --- where on the vehicle ------------------------------------------------------------------------------------------
-def _spot(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> _Spot | None:
+def _spot(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
     """The spot of the reported area, or the nearest one that the two can come to touch at; None if there is none."""
     half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
     ahead = -impact_mps if option.backing else impact_mps
     closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
-    for spot in _faces(strike.area, half_length, half_width):
+    for spot in spots_of(strike.area, half_length, half_width):
         if float(closing @ np.array(spot.normal)) < -_MEETS_MPS:
             return spot
     return None
@@ -266,29 +255,8 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
     return np.array([speed_mps * math.cos(angle), speed_mps * math.sin(angle)])
 
 
-def _faces(area: ImpactArea | None, half_length: float, half_width: float) -> list[_Spot]:
-    """Spots to try: that of the area, then the corner of the front or the rear beside it, then the front's middle."""
-    bearing = 0.0 if area is None else area.centre_rad
-    side = math.copysign(1.0, bearing)
-
-    def front(share: float) -> _Spot:
-        return _Spot(half_length, share * half_width, (1.0, 0.0))
-
-    def rear(share: float) -> _Spot:
-        return _Spot(-half_length, share * half_width, (-1.0, 0.0))
-
-    if abs(bearing) <= _FRONT_RAD:
-        first = front(max(-_EDGE, min(_EDGE, math.tan(bearing))))
-        return [first, rear(0.0)] if area is None else [first]
-    if abs(bearing) >= _REAR_RAD:
-        return [rear(max(-_EDGE, min(_EDGE, -math.tan(bearing))))]
-    along = half_length / math.tan(abs(bearing))
-    beside = _Spot(along, side * half_width, (0.0, side))
-    return [beside, front(side * _EDGE) if along >= 0 else rear(side * _EDGE), front(side * _EDGE)]
-
-
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
-def _onto_person(scene: Scene, strike: Strike, option: Option, spot: _Spot) -> tuple[Option, Path]:
+def _onto_person(scene: Scene, strike: Strike, option: Option, spot: Spot) -> tuple[Option, Path]:
     """The vehicle's way: its own, or off the carriageway where the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
     zone = next((each for each in _OUTWARD if each in zones), None)
@@ -314,10 +282,15 @@ def _leaves_left(record: CrashRecord, strike: Strike) -> bool:
 
 def edge_m(scene: Scene, here: Pose, side: float) -> float:
     """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
+    return edge_of(scene.network.drivable_area, here, side)
+
+
+def edge_of(area: shapely.MultiPolygon, here: Pose, side: float) -> float:
+    """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside."""
     away = np.arange(0.0, _WIDEST_M, 0.25)
     x = here.x_m - math.sin(here.heading_rad) * side * away
     y = here.y_m + math.cos(here.heading_rad) * side * away
-    inside = shapely.contains_xy(scene.network.drivable_area, x, y)
+    inside = shapely.contains_xy(area, x, y)
     return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
 
 
@@ -328,7 +301,7 @@ def _far_side(person: NonMotorist, option: Option) -> bool:
     return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
 
 
-def _placed(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool) -> tuple[Path, float, float]:
+def _placed(scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool) -> tuple[Path, float, float]:
     """Path, station at the strike, and how far the turn was moved along the road for it to be at the place."""
     if option.turn is None:
         return path, _station(scene, path, option, spot, far_side, 0.0)[0], 0.0
@@ -343,7 +316,7 @@ def _placed(scene: Scene, path: Path, option: Option, spot: _Spot, far_side: boo
 
 
 def _station(
-    scene: Scene, path: Path, option: Option, spot: _Spot, far_side: bool, slide_m: float
+    scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool, slide_m: float
 ) -> tuple[float, float]:
     """Where along the path the spot comes nearest to the place, in a turn where that fits how far it has turned; and
     how well that fits, as a log-likelihood."""
@@ -369,7 +342,7 @@ def _station(
 def _walk(
     scene: Scene,
     drive: Drive,
-    spot: _Spot,
+    spot: Spot,
     reading: CourseReading,
     gait: Gait,
     speed_mps: float,

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT, XODR
@@ -105,7 +106,8 @@ def number_of(case: Case, role: AgentRole) -> int:
 def verified_cases(
     workspace: Workspace, cohort: str | None, only: Collection[str], *, complain: Complaint = log_complaint
 ) -> list[StoredCase]:
-    """The verified ones of the crashes asked for; :class:`UserError` if there are none.
+    """The verified ones of the crashes asked for in which somebody met somebody; :class:`UserError` if there are none.
+    A vehicle that left the road by itself had nobody to react to.
 
     ``complain`` is called for damaged records: whether their crash is verified cannot be told.
     """
@@ -119,7 +121,13 @@ def verified_cases(
         raise UserError(
             f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
         )
-    return cases
+    met = [case for case in cases if reconstruction_of(case.files.load(RECORD)) is not Reconstruction.DEPARTURE]
+    if not met:
+        raise UserError(
+            f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "
+            "road by itself, which leaves an agent nothing to react to"
+        )
+    return met
 
 
 def stored_variations(

@@ -24,6 +24,7 @@ from trace_dag.verdict.controls import (
     shifted_row,
     true_pairing,
 )
+from trace_dag.verdict.departure_controls import against_other_departure_reports, mirrored_departure, object_moved
 from trace_dag.verdict.strike_controls import against_other_strike_reports, late_person, mirrored
 
 
@@ -85,6 +86,12 @@ def _of_crash(
         other_side = mirrored(crash.record, crash.hypothesis)
         if other_side is not None:
             yield replace(judged(crash, other_side), kind="mirrored", shift_s=None)
+        return
+    if reconstruction is Reconstruction.DEPARTURE:
+        yield from against_other_departure_reports(crash, verified, settings)
+        for kind, changed in (("mirrored", mirrored_departure(crash)), ("object_moved", object_moved(crash))):
+            if changed is not None:
+                yield replace(judged(crash, changed), kind=kind, shift_s=None)
         return
     if reconstruction is Reconstruction.CONTACTS:
         yield from contact_controls(crash, verified, settings)

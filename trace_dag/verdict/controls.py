@@ -50,10 +50,10 @@ class JudgedCrash:
 @dataclass(frozen=True)
 class ControlRow:
     """One judgement of a control. ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the
-    other side than reported), "dropped" or "swapped" (of several contacts); ``crash_kind`` is the crash's; ``accepted``
-    is None where the control does not apply. Residuals as in the verdict: the worst of all parties, None where not
-    evaluated. ``speeds_kept``, beyond the paper's criteria: every reported speed is driven; None where none is
-    reported.
+    other side than reported, a vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts), or
+    "object_moved"; ``crash_kind`` is the crash's; ``accepted`` is None where the control does not apply. Residuals as
+    in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's criteria:
+    every reported speed is driven; None where none is reported.
     """
 
     kind: str
@@ -215,7 +215,7 @@ def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) 
         other_key=other_key,
         accepted=verdict.accepted,
         reason=verdict.reason,
-        contact_distance_m=verdict.worst("contact_distance"),
+        contact_distance_m=verdict.worst("contact_distance", "station_distance"),
         clock_error_max_h=verdict.worst("clock_error"),
         direction_error_max_deg=verdict.worst("direction_error", "relation_error", "course_error"),
         initial_speed_error_max_rel=verdict.worst("initial_speed_error"),

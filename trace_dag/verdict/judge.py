@@ -17,8 +17,9 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.contacts import ObservedContacts, contact_criteria, observe_contacts
+from trace_dag.verdict.departures import ObservedDeparture, departure_criteria, observe_departure
 from trace_dag.verdict.metrics import FirstContact, compare, observe
-from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_SEQUENCES, criteria, judgement
+from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_DEPARTURES, REQUIRED_OF_SEQUENCES, criteria, judgement
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
@@ -27,6 +28,7 @@ _REQUIRED: Final = {
     Reconstruction.COLLISION: REQUIRED,
     Reconstruction.STRIKES: REQUIRED_OF_SEQUENCES,
     Reconstruction.CONTACTS: REQUIRED_OF_SEQUENCES,
+    Reconstruction.DEPARTURE: REQUIRED_OF_DEPARTURES,
 }
 
 
@@ -79,6 +81,9 @@ def judge_hypothesis(
     if reconstruction is Reconstruction.CONTACTS:
         contacts = observe_contacts(network, hypothesis, log)
         return judge_contacts(record, contacts, log, settings, report=report, index=index, of=of)
+    if reconstruction is Reconstruction.DEPARTURE:
+        left = observe_departure(network, hypothesis, log)
+        return judge_departure(record, left, log, settings, report=report, index=index, of=of)
     return judge_observation(
         record, observe(network, hypothesis, log), log, settings, report=report, index=index, of=of
     )
@@ -135,6 +140,22 @@ def judge_contacts(
     held_to = contacts_of(record) if contacts is None else contacts
     found = contact_criteria(observed, record, log, settings, held_to)
     at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
+    return _verdict(record, found, at, settings, report, index, of)
+
+
+def judge_departure(
+    record: CrashRecord,
+    observed: ObservedDeparture | None,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge a departure from the road, as :func:`judge_observation` a contact of two vehicles."""
+    found = departure_criteria(observed, record, log, settings)
+    at = (observed.first.contact.x_m, observed.first.contact.y_m) if observed is not None else None
     return _verdict(record, found, at, settings, report, index, of)
 
 

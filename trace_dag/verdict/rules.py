@@ -26,9 +26,13 @@ REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Rea
 REQUIRED_OF_SEQUENCES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
 """Of several strikes or contacts: a person's direction is coded near intersections only, and who stood or left a
 parking place made no turn."""
+REQUIRED_OF_DEPARTURES = (Reason.NO_COLLISION, Reason.NO_DEPARTURE, Reason.WRONG_SIDE, Reason.WRONG_LOCATION)
+"""The area of impact of an object is not known in 15 % of such crashes (2016)."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
+    Reason.NO_DEPARTURE,
+    Reason.WRONG_SIDE,
     Reason.WRONG_LOCATION,
     Reason.WRONG_IMPACT,
     Reason.WRONG_SEQUENCE,

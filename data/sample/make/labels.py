@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 _SOE = {
-    8: "Pedestrian", 9: "Pedalcyclist",
+    8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
     12: "Motor Vehicle In-Transport", 33: "Curb", 35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
     63: "Ran Off Roadway - Right", 64: "Ran Off Roadway - Left", 68: "Cross Centerline", 69: "Re-entering Roadway",
 }  # fmt: skip

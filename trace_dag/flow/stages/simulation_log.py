@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import Reason, Rejection
@@ -48,4 +48,10 @@ def simulation_log(
 
 
 def _who(record: CrashRecord) -> str:
-    return "Vehicle and person" if reconstruction_of(record) is Reconstruction.STRIKES else "The vehicles"
+    return _PARTIES.get(reconstruction_of(record), "The vehicles")
+
+
+_PARTIES: Final = {
+    Reconstruction.STRIKES: "Vehicle and person",
+    Reconstruction.DEPARTURE: "The vehicle and the objects beside the road",
+}

@@ -1,0 +1,174 @@
+"""One vehicle that leaves the road: which, to which side, in what manner, and what it struck or where it overturned.
+
+The side is that of the last departure (``SOE`` 63, 64, 71) before the first harmful event; else of the crash type
+(``ACC_TYPE`` 1 to 5 right, 6 to 10 left, 11 to 16 ahead), else of the critical event (``P_CRASH2`` 12 to 14). Tables
+before 2016 often list no events: then the first harmful event is that of the only vehicle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from trace_dag.crash.codes import events as codes
+from trace_dag.crash.crash_types import Side, crash_type_of
+from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.parties import thing_party
+from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, VehicleRecord
+
+OF_DEPARTURES: Final = frozenset({CrashKind.FIXED_OBJECT})
+"""Kinds of crash that are reconstructed by how one vehicle leaves the road."""
+
+
+class DepartureSide(StrEnum):
+    """Where a vehicle left the road, as its driver sees it."""
+
+    RIGHT = "right"
+    LEFT = "left"
+    AHEAD = "ahead"  # where the road ends, or an object in the way
+
+
+class DepartureManner(StrEnum):
+    """How it came about."""
+
+    DRIFT = "drift"  # the driver steered, or let it run, off the road
+    CONTROL_LOST = "control_lost"  # too fast, a slippery road, a failure: ACC_TYPE 2, 7
+    AVOIDANCE = "avoidance"  # something was avoided: ACC_TYPE 3, 8; P_CRASH3 6 to 9, 11, 12
+    END_OF_ROAD = "end_of_road"  # SOE 71, ACC_TYPE 14
+
+
+@dataclass(frozen=True)
+class ObjectStruck:
+    """An object of the report: the number of its event, what it was (``SOE``), where on the vehicle it was struck."""
+
+    event_number: int
+    code: int
+    area: ImpactArea | None
+
+    @property
+    def party(self) -> int:
+        """Its party number."""
+        return thing_party(self.event_number)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """What the report says of the vehicle that left the road.
+
+    ``objects`` are those it struck from the first harmful event on, in order. ``side`` is None where nothing tells it.
+    """
+
+    vehicle: VehicleRecord
+    side: DepartureSide | None
+    manner: DepartureManner
+    objects: tuple[ObjectStruck, ...]
+
+
+_SIDE_OF_EVENT: Final = {
+    codes.RAN_OFF_RIGHT: DepartureSide.RIGHT,
+    codes.RAN_OFF_LEFT: DepartureSide.LEFT,
+    codes.RAN_OFF_AT_END: DepartureSide.AHEAD,
+}
+_SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
+_SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, 14: DepartureSide.AHEAD}
+_FORWARD: Final = frozenset(range(11, 17))  # ACC_TYPE
+_CONTROL_LOST_TYPES, _AVOIDANCE_TYPES, _END_OF_ROAD = frozenset({2, 7}), frozenset({3, 8}), 14
+_STEERED: Final = frozenset({6, 7, 8, 9, 11, 12})  # P_CRASH3
+_SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
+
+
+def is_of_departure(record: CrashRecord) -> bool:
+    """Whether the crash is reconstructed by how one vehicle leaves the road."""
+    return record.kind in OF_DEPARTURES
+
+
+def departure_of(record: CrashRecord) -> Departure | None:
+    """What the report says of the departure; None where :func:`untold_departure` says what is missing."""
+    if not is_of_departure(record) or untold_departure(record) is not None:
+        return None
+    vehicle = _vehicle(record)
+    assert vehicle is not None
+    events = _events(record, vehicle)
+    struck = [event for event in events if event.code in codes.FIXED_OBJECTS]
+    objects = []
+    for place, event in enumerate(struck):
+        area = event.area_1 if event.area_1 is not None or place else vehicle.impact
+        objects.append(ObjectStruck(event.number, event.code, area))
+    return Departure(vehicle, _side(record, vehicle), _manner(record, vehicle), tuple(objects))
+
+
+def untold_departure(record: CrashRecord) -> str | None:
+    """What the report leaves open of which vehicle left the road and struck what, as a sentence; None if nothing, or
+    if it is no such crash."""
+    if not is_of_departure(record):
+        return None
+    if _vehicle(record) is None:
+        moving = record.moving_vehicles
+        return f"nothing tells which of {moving} vehicles in transport the first harmful event was of"
+    return None
+
+
+def untold_side(record: CrashRecord) -> str | None:
+    """Says that nothing tells where the vehicle left the road; None if something does, or if it is no such crash."""
+    departure = departure_of(record)
+    if departure is None or departure.side is not None:
+        return None
+    vehicle = departure.vehicle
+    said = "not reported" if vehicle.crash_type_code is None else str(vehicle.crash_type_code)
+    critical = "not reported" if vehicle.critical_event_code is None else str(vehicle.critical_event_code)
+    return (
+        f"nothing tells to which side vehicle {vehicle.number} left the road: no departure to a side among its events, "
+        f"ACC_TYPE {said}, P_CRASH2 {critical}"
+    )
+
+
+def _vehicle(record: CrashRecord) -> VehicleRecord | None:
+    """The vehicle of the first harmful event."""
+    first = _first_harmful(record)
+    moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
+    if first is None or first.party_1 is None:
+        return moving[0] if len(moving) == 1 and record.moving_vehicles == 1 else None
+    return next((vehicle for vehicle in record.vehicles if vehicle.number == first.party_1), None)
+
+
+def _first_harmful(record: CrashRecord) -> EventRecord | None:
+    """The first event that can be the first harmful one: of its code, else any harmful one."""
+    code = record.first_harmful_event_code
+    named = next((event for event in record.events if event.code == code), None)
+    return named or next((event for event in record.events if event.is_harmful), None)
+
+
+def _events(record: CrashRecord, vehicle: VehicleRecord) -> tuple[EventRecord, ...]:
+    """The vehicle's events from the first harmful one on; what that implies where the report lists none."""
+    first = _first_harmful(record)
+    if first is not None:
+        return tuple(e for e in record.events if e.number >= first.number and e.party_1 == vehicle.number)
+    code = record.first_harmful_event_code
+    if code is None:
+        return ()
+    return (EventRecord(1, code, vehicle.number, vehicle.impact, thing_party(1), None, ("code", "party_1", "area_1")),)
+
+
+def _side(record: CrashRecord, vehicle: VehicleRecord) -> DepartureSide | None:
+    first = _first_harmful(record)
+    before = [e for e in record.events if first is not None and e.number < first.number and e.party_1 == vehicle.number]
+    sides = [_SIDE_OF_EVENT[event.code] for event in before if event.code in _SIDE_OF_EVENT]
+    if sides:
+        return sides[-1]
+    departure = crash_type_of(vehicle).departure
+    if departure is not None:
+        return _SIDE_OF_TYPE[departure]
+    if vehicle.crash_type_code in _FORWARD:
+        return DepartureSide.AHEAD
+    return _SIDE_OF_CRITICAL.get(vehicle.critical_event_code or 0)
+
+
+def _manner(record: CrashRecord, vehicle: VehicleRecord) -> DepartureManner:
+    if _side(record, vehicle) is DepartureSide.AHEAD and vehicle.crash_type_code in (None, _END_OF_ROAD):
+        return DepartureManner.END_OF_ROAD
+    if vehicle.crash_type_code in _CONTROL_LOST_TYPES or vehicle.stability_code in _SIDEWAYS:
+        return DepartureManner.CONTROL_LOST
+    if vehicle.crash_type_code in _AVOIDANCE_TYPES or vehicle.avoidance_code in _STEERED:
+        return DepartureManner.AVOIDANCE
+    return DepartureManner.DRIFT

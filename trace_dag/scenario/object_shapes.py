@@ -1,0 +1,53 @@
+"""Fixed objects as pictures and replays show them: their outlines, and who says that they stand there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, rectangle_corners
+from trace_dag.states.objects import FixedObject, PlacedBy
+
+_LEAST_M: Final = 0.5  # nothing thinner is drawn
+_ROUND_M: Final = 1.0  # what is compact and smaller than this is drawn round
+OBJECT_NOTE: Final = "placed by the program: no map has it"
+
+
+def outline(item: FixedObject) -> FloatArray:
+    """Corners of an object seen from above, shape (n, 2)."""
+    length_m, width_m = max(item.length_m, _LEAST_M), max(item.width_m, _LEAST_M)
+    if max(item.length_m, item.width_m) < _ROUND_M:
+        angles = np.linspace(0.0, 2 * np.pi, 13)[:-1]
+        return item.pose.xy_m + np.column_stack([np.cos(angles), np.sin(angles)]) * max(length_m, width_m) / 2
+    return rectangle_corners(item.pose, length_m, width_m)
+
+
+def is_ours(item: FixedObject) -> bool:
+    """Whether the program placed it."""
+    return item.placed_by is PlacedBy.PROGRAM
+
+
+def in_words(item: FixedObject) -> str:
+    """What it is, and that it was placed by the program where it was."""
+    return f"{item.name} ({OBJECT_NOTE})" if is_ours(item) else item.name
+
+
+def names(items: Iterable[FixedObject]) -> str:
+    """The names of some objects, each once, in their order."""
+    return ", ".join(dict.fromkeys(item.name for item in items))
+
+
+_CATEGORIES: Final = {
+    **dict.fromkeys((23, 24, 25, 26, 57), "barrier"),
+    **dict.fromkeys((19, 21, 50), "building"),
+    **dict.fromkeys((30, 31, 46, 59), "pole"),
+    42: "tree",
+    41: "vegetation",
+}
+
+
+def object_category(item: FixedObject) -> str:
+    """What it is in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``) share."""
+    return _CATEGORIES.get(item.code, "obstacle")

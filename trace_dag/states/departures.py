@@ -1,0 +1,539 @@
+"""The analytic estimator of crashes in which one vehicle leaves the road and strikes fixed objects.
+
+No map has the objects, and the reported point lies on the road: what is known is the station along the road, the side,
+the kind of object and where on the vehicle it was struck. So the vehicle is led off its lane at that station to that
+side, in the manner the report gives, and the object is put where the vehicle's area of impact comes to be, as far
+beyond the edge as such objects usually stand. What stands behind something that is driven over, or breaks, follows
+along the same course. Every object placed so says that it was placed by the program.
+
+A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
+the object. Angles of departure follow from the lateral acceleration, which gives 5 to 20 degrees at usual speeds (mean
+17 degrees in 877 crashes: Mak, Sicking and Coon, NCHRP Report 665, 2010). Frame: the local frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.crash.departures import (
+    Departure,
+    DepartureManner,
+    DepartureSide,
+    ObjectStruck,
+    departure_of,
+    untold_departure,
+)
+from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleClass
+from trace_dag.errors import Reason, Rejection
+from trace_dag.geometry import Pose, body_bearing_rad
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.roadside import roadside_at
+from trace_dag.roads.report import MapReport
+from trace_dag.settings import StateSettings
+from trace_dag.states import evidence
+from trace_dag.states.analytic import NAME, VERSION, build_scene
+from trace_dag.states.assemble import AFTER_IMPACT_M, driven, rounded
+from trace_dag.states.encounters import Party, party
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
+from trace_dag.states.paths import LateralShift, Path, shifted
+from trace_dag.states.scene import Scene
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes, speed_profile
+from trace_dag.states.spots import Spot, spots_of
+from trace_dag.states.striking import edge_of, ways_of
+from trace_dag.states.types import (
+    EstimatorRun,
+    Hypothesis,
+    Manoeuvre,
+    ParticipantState,
+    PlannedEvent,
+    StateEstimate,
+    Trajectory,
+)
+from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
+
+_STEEPEST: Final = math.tan(math.radians(30))
+_FLATTEST: Final = 0.03
+_LEAST_OFF_M: Final = 0.2
+_ROOM_M: Final = 0.8  # from a path to the carriageway's edge, at least: nearly half a car
+_GOES_ON_M: Final = 60.0  # the course is followed so far beyond the first object
+_NEXT_M: Final = 1.5  # the next object stands at least so much farther out
+_BREAKS_J: Final = 30e3  # an object that takes no more is left behind
+_AWAY_M: Final = 4.0  # along the road, at most, to where the edge is that the vehicle can have crossed
+_EDGE_JUMPS_M: Final = 0.5  # an edge so much nearer beside the place: the mouth of a side street is at the place
+_LOOK_AHEAD_M: Final = (-15.0, 45.0)  # of the place, for the end of the road
+_SKID_S: Final = 1.2
+_SKID_G: Final = 0.3  # mean while the slip builds up to sliding sideways
+_LEAST_SHARE: Final = 0.4  # of the speed, left after skidding
+_STRAY_RAD: Final = math.radians(20)  # out of control, struck at the front all the same
+_UNKNOWN_RAD: Final = math.radians(35)  # out of control, area not known
+_AREA_REACHED_RAD: Final = math.radians(75)  # an area so far round is met by who skids only
+_CORNER_RAD: Final = math.radians(50)  # areas so near to a corner are struck with it
+_MEETS: Final = 0.1  # a face that goes that little ahead meets nothing
+_CROSSES: Final = 0.5  # sine of the angle from which on something lies across the course
+_FARTHER_ON: Final = 0.2  # of its length, the middle of what runs along the road lies beyond where it is struck
+_ARROW_M: Final = 0.25  # a straight object lies so far off a curved road's edge at its ends
+_LANE_CROSSED: Final = -0.4  # log-likelihood of each lane between the vehicle's and the side it left to
+_NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
+_CURVE_RAD: Final = math.radians(6)
+_ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
+_CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
+_SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide.AHEAD: 0.0}
+
+
+@dataclass(frozen=True)
+class _Course:
+    """One way of leaving: lateral acceleration (m/s2), how far the body is turned from its course at the impact (rad,
+    counter-clockwise), and its log-likelihood."""
+
+    name: str
+    lateral_mps2: float
+    slip_rad: float
+    log_prior: float
+
+
+@dataclass(frozen=True, eq=False)
+class DeparturePlan:
+    """One way the vehicle can have left the road: its path, where along it the first object is struck, and when the
+    others are. ``terms`` are log-likelihoods."""
+
+    departure: Departure
+    option: Option
+    course: _Course
+    path: Path
+    station_m: float
+    speed: TravelSpeed
+    profile: SpeedProfile
+    objects: tuple[FixedObject, ...]
+    planned: tuple[tuple[float, tuple[float, float]], ...]  # seconds after the first impact, and place, of each object
+    terms: dict[str, float]
+
+    @property
+    def score(self) -> float:
+        """Log-likelihood, rounded so that its order does not depend on the last bits."""
+        return round(sum(self.terms.values()), 6)
+
+    @property
+    def name(self) -> str:
+        """Says what distinguishes this plan from the others of its crash."""
+        vehicle, side = self.departure.vehicle.number, self.departure.side
+        return f"vehicle {vehicle}: leaves {self.option.stream.name} {side}, {self.course.name}"
+
+
+def estimate_departure(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
+) -> StateEstimate:
+    """The ranked hypotheses of a crash in which a vehicle leaves the road, best first.
+
+    Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
+    """
+    departure = departure_of(record)
+    if departure is None or departure.side is None:
+        raise Rejection(
+            Reason.NO_FEASIBLE_STATE, untold_departure(record) or "no departure from the road in the record"
+        )
+    scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
+    plans = sorted(_plans(scene, departure), key=lambda plan: (-plan.score, plan.name))
+    if not plans:
+        detail = f"{len(scene.streams)} ways past the crash, none of which leads off the road to the {departure.side}"
+        raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
+    chosen = _best_of_ways(plans)[: settings.max_hypotheses]
+    total = sum(math.exp(max(plan.score - chosen[0].score, -50.0)) for plan in chosen)
+    hypotheses = tuple(_hypothesis(scene, plan, settings.lead_time_s) for plan in chosen)
+    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
+
+
+def _best_of_ways(plans: Sequence[DeparturePlan]) -> list[DeparturePlan]:
+    """The best plan of each way, then the others, each in the order of their scores."""
+    leaders: dict[str, DeparturePlan] = {}
+    for plan in plans:
+        leaders.setdefault(plan.option.stream.name, plan)
+    first = list(leaders.values())
+    return first + [plan for plan in plans if plan not in first]
+
+
+def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:
+    who = party(scene.record, departure.vehicle)
+    for option, speed, terms in ways_of(scene, who):
+        for course in _courses(departure, option, speed.speed_mps):
+            plan = _plan(scene, departure, who, option, speed, terms, course)
+            if plan is not None:
+                yield plan
+
+
+# --- how it leaves -----------------------------------------------------------------------------------------------
+def _courses(departure: Departure, option: Option, speed_mps: float) -> list[_Course]:
+    """The ways of leaving that the manner, the curve and the area of impact allow."""
+    manner, side = departure.manner, departure.side
+    slip = _slip(departure)
+    if side is DepartureSide.AHEAD:
+        return [_Course("straight on" if not slip else "skidding", 0.0, slip, 0.0)]
+    if slip:
+        return [_Course(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
+    found = [_Course(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
+    sign = _SIGN[side] if side is not None else 0.0
+    if option.stream.curve_rad * sign < -abs(_CURVE_RAD) and departure.vehicle.movement is _CURVE:
+        here = np.abs(option.stream.path.s_m - option.station_m) < 20.0
+        sharpest = float(np.abs(option.stream.path.curvature_1pm[here]).max(initial=0.0))
+        lateral = min(sharpest * speed_mps**2, 0.5 * GRAVITY_MPS2)
+        if lateral > 0.05 * GRAVITY_MPS2:
+            found.insert(0, _Course("straight on in the curve", lateral, 0.0, 0.3))
+    return found
+
+
+_CURVE: Final = PreCrashMovement.NEGOTIATING_CURVE
+_LOST: Final = (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3))
+_OF_MANNER: Final = {
+    DepartureManner.DRIFT: (("drifting", 0.08, 0.0), ("at 0.2 g", 0.2, -0.3)),
+    DepartureManner.CONTROL_LOST: (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3)),
+    DepartureManner.AVOIDANCE: (("swerving", 0.4, 0.0), ("at 0.2 g", 0.2, -0.3)),
+    DepartureManner.END_OF_ROAD: (("drifting", 0.08, 0.0),),
+}
+
+
+def _slip(departure: Departure) -> float:
+    """How far the body is turned from its course at the impact: so that the area of impact faces what is ahead, where
+    the report says that it skidded sideways or the area is one that a vehicle going ahead is not struck at."""
+    first, vehicle = departure.objects[0], departure.vehicle
+    sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
+    if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        return 0.0  # one that skids sideways falls
+    turn = -1.0 if vehicle.stability_code == _CLOCKWISE else 1.0
+    if first.area is None:
+        return turn * _UNKNOWN_RAD if sideways else 0.0
+    facing = _facing(departure, first, first.area)
+    if facing is None:
+        return turn * _STRAY_RAD if sideways else 0.0
+    return math.remainder(facing, math.tau) or turn * _STRAY_RAD
+
+
+def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> float | None:
+    """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
+    the road; None if the area is one that is struck without turning."""
+    sign = _SIGN[departure.side or DepartureSide.AHEAD]
+    if KINDS[first.code].form is ObjectForm.LINE and sign:
+        # Going off at a small angle, the front corner on that side is struck first.
+        apart = abs(math.remainder(area.centre_rad - sign * math.pi / 4, math.tau))
+        return None if apart <= _CORNER_RAD else sign * math.pi / 2 - area.centre_rad
+    at_near_corner = abs(area.centre_rad) <= math.pi / 2 + math.radians(5) and area.centre_rad * sign > 0
+    return None if abs(area.centre_rad) < _AREA_REACHED_RAD or at_near_corner else -area.centre_rad
+
+
+def _profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
+    """The speed up to the impact: skidding sideways brakes."""
+    if not slip_rad or brakes(who.vehicle):
+        return speed_profile(who.vehicle, speed_mps)
+    lost = _SKID_G * GRAVITY_MPS2 * _SKID_S * min(abs(math.sin(slip_rad)) + 0.3, 1.0)
+    return SpeedProfile(speed_mps, max(speed_mps - lost, _LEAST_SHARE * speed_mps), _SKID_S)
+
+
+# --- one plan ------------------------------------------------------------------------------------------------------
+def _plan(
+    scene: Scene,
+    departure: Departure,
+    who: Party,
+    option: Option,
+    speed: TravelSpeed,
+    terms: dict[str, float],
+    course: _Course,
+) -> DeparturePlan | None:
+    profile = _profile(who, speed.speed_mps, course.slip_rad)
+    if profile.impact_mps < 1.0 or not departure.objects:
+        return None
+    base = _lane_path(scene, option)
+    place_m, _ = base.project(*scene.place_xy_m)
+    ahead = departure.side is DepartureSide.AHEAD
+    found = _straight_on if ahead else _aside
+    led = found(scene, departure, base, place_m, course, profile.impact_mps)
+    if led is None:
+        return None
+    path, station_m, along_rad, ended = led
+    objects, planned = _objects(departure, path, station_m, along_rad, course, profile.impact_mps)
+    contact = planned[0][1]
+    own = replace(departure.vehicle, impact=departure.objects[0].area)
+    pose = _turned(path.pose(station_m), course.slip_rad)
+    bearing = body_bearing_rad(pose, own.length_m, own.width_m, np.array(contact))
+    terms = terms | {"manner of leaving": course.log_prior}
+    if own.impact is not None:
+        area = evidence.impact_area_log_likelihood(own, np.array([bearing]))
+        terms[f"impact area (vehicle {own.number})"] = float(area[0])
+    if ahead and not ended and departure.manner is DepartureManner.END_OF_ROAD:
+        terms["a road that goes on"] = _NO_END
+    terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
+    option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
+    return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)
+
+
+def _lane_path(scene: Scene, option: Option) -> Path:
+    """The path before the departure: as driven at this speed; where that would have left the carriageway by itself, in
+    a bend too sharp for the speed, along the middle of the lane."""
+    driven_path = option.path()
+    if option.turn is not None:
+        return driven_path
+    here = driven_path.pose(driven_path.project(*scene.place_xy_m)[0])
+    if min(_edge_m(scene, here, 1.0), _edge_m(scene, here, -1.0)) >= _ROOM_M:
+        return driven_path
+    return next((stream.path for stream in scene.streams if stream.name == option.stream.name), driven_path)
+
+
+def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
+    stream = option.stream
+    if side is DepartureSide.LEFT:
+        return stream.lane_from_left
+    return stream.lanes_along - 1 - stream.lane_from_left if side is DepartureSide.RIGHT else 0
+
+
+def _aside(
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: _Course, impact_mps: float
+) -> tuple[Path, float, float, bool] | None:
+    """The path off the road to the left or right, the vehicle's station on it at the first object, the road's direction
+    there."""
+    sign = _SIGN[departure.side or DepartureSide.RIGHT]
+    place_m, edge = _edge_near(scene, base, place_m, sign)
+    here = base.pose(place_m)
+    first = departure.objects[0]
+    beyond_m = _beyond_edge_m(scene, here, sign, edge, first.code)
+    slope = _FLATTEST
+    for _ in range(3):  # where the spot is depends on the slope, and the slope on how far it is
+        turn_rad = sign * math.atan(slope) + course.slip_rad
+        spot = _touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
+        off_m = edge + beyond_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
+        off_m = max(off_m, _LEAST_OFF_M)
+        steep = math.sqrt(2 * off_m * course.lateral_mps2 / (1.5 * max(impact_mps, 5.0) ** 2))
+        slope = min(max(steep, _FLATTEST), _STEEPEST)
+    anchor_m = place_m - (spot.ahead_m * math.cos(turn_rad) - spot.left_m * math.sin(turn_rad))
+    ramp_m = min(1.5 * slope * max(impact_mps, 5.0) ** 2 / max(course.lateral_mps2, 1e-6), 2 * off_m / slope)
+    shift = LateralShift(sign * (off_m + slope * _GOES_ON_M), sign * off_m, slope, max(ramp_m, 1.0))
+    path = shifted(base, shift, anchor_s_m=anchor_m)
+    at = base.pose(anchor_m).to_world(np.array([0.0, sign * off_m]))
+    station_m, _ = path.project(float(at[0]), float(at[1]), near_s_m=anchor_m)
+    return path, station_m, here.heading_rad, False
+
+
+def _straight_on(
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: _Course, impact_mps: float
+) -> tuple[Path, float, float, bool] | None:
+    """The path straight on: to the end of the road, if it ends there, else to an object in the way."""
+    first = departure.objects[0]
+    half_width_m = departure.vehicle.width_m / 2
+    ends = [_end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
+    end_m = None if None in ends else max(each for each in ends if each is not None)
+    reach_m = place_m if end_m is None else end_m + KINDS[first.code].beyond_edge_m
+    slip = course.slip_rad
+    spot = _touching(departure, first, slip, -slip)
+    spot_m = spot.ahead_m * math.cos(slip) - spot.left_m * math.sin(slip)
+    here = base.pose(reach_m)
+    across_rad = here.heading_rad + math.pi / 2
+    if end_m is not None:
+        edge = roadside_at(scene.network, here.x_m, here.y_m, z_m=scene.placement.z_m)
+        if edge is not None and abs(math.sin(edge.along_rad - here.heading_rad)) > 0.5:
+            across_rad = edge.along_rad
+    return base, reach_m - spot_m, across_rad, end_m is not None
+
+
+def _end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
+    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
+    s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
+    x, y, heading = base.plan(s_m)
+    x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
+    off = ~shapely.contains_xy(scene.carriageway, x, y)
+    began = np.flatnonzero(off[1:] & ~off[:-1])
+    return float(s_m[int(began[0]) + 1]) if len(began) else None
+
+
+def _edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
+    """The station nearest to the place where the carriageway's edge is, and how far from the path that is: at the
+    place itself, unless a side street opens there."""
+    stations = place_m + np.arange(-_AWAY_M, _AWAY_M + 0.1, 0.5)
+    edges = np.array([_edge_m(scene, base.pose(float(s)), sign) for s in stations])
+    usual = float(edges.min())
+    near = np.flatnonzero(edges <= usual + _EDGE_JUMPS_M)
+    chosen = int(near[np.argmin(np.abs(stations[near] - place_m))])
+    return float(stations[chosen]), float(edges[chosen])
+
+
+def _edge_m(scene: Scene, here: Pose, sign: float) -> float:
+    """Distance from a pose on the carriageway to its edge, at the level of the crash."""
+    return edge_of(scene.carriageway, here, sign)
+
+
+def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int) -> float:
+    """How far beyond the edge the object stands: as usual for its kind, nearer where another road is there, within the
+    reported zone."""
+    usual = KINDS[code].beyond_edge_m
+    relation = scene.record.road_relation_code
+    if relation in _ON_ROADWAY:
+        return -0.5
+    if relation == _ON_SHOULDER:
+        at = here.to_world(np.array([0.0, sign * (edge + 0.3)]))
+        place = roadside_at(scene.network, float(at[0]), float(at[1]), z_m=here.z_m)
+        usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)
+    for beyond_m in (usual, usual / 2, 0.3):
+        at = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
+        if not shapely.contains_xy(scene.carriageway, float(at[0]), float(at[1])):
+            return beyond_m
+    return min(usual, 0.1)
+
+
+# --- objects -------------------------------------------------------------------------------------------------------
+def _touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
+    """Where on the vehicle it meets an object: the spot of the area of impact for what is compact, the foremost corner
+    towards ``outward_rad`` (in the vehicle's axes) for what runs along the edge."""
+    vehicle = departure.vehicle
+    half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
+    if KINDS[struck.code].form is ObjectForm.LINE:
+        outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])
+        corners = [(a * half_length, b * half_width) for a in (1, -1) for b in (1, -1)]
+        ahead, left = max(corners, key=lambda corner: (round(float(np.array(corner) @ outward), 6), corner[0]))
+        return Spot(ahead, left, (float(outward[0]), float(outward[1])))
+    goes = np.array([math.cos(slip_rad), -math.sin(slip_rad)])
+    spots = spots_of(struck.area, half_length, half_width)
+    return next((spot for spot in spots if float(goes @ np.array(spot.normal)) > _MEETS), spots[-1])
+
+
+def _turned(pose: Pose, slip_rad: float) -> Pose:
+    return Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + slip_rad, math.tau), pose.z_m)
+
+
+def _objects(
+    departure: Departure, path: Path, station_m: float, along_rad: float, course: _Course, impact_mps: float
+) -> tuple[tuple[FixedObject, ...], tuple[tuple[float, tuple[float, float]], ...]]:
+    """The objects along the course, as far as the vehicle comes: each where its area of impact is when the vehicle is
+    there; and when and where each is struck."""
+    objects: list[FixedObject] = []
+    planned: list[tuple[float, tuple[float, float]]] = []
+    first = path.pose(station_m)
+    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how fast it gets farther from the edge, per metre
+    beyond_m = KINDS[departure.objects[0].code].beyond_edge_m
+    on_m = 0.0
+    for struck in departure.objects:
+        kind = KINDS[struck.code]
+        if objects:
+            farther_m = max(kind.beyond_edge_m, beyond_m + _NEXT_M) - beyond_m
+            on_m += farther_m / max(out_rad, 0.02)
+            beyond_m += farther_m
+        if on_m > _GOES_ON_M:
+            break
+        pose = _turned(path.pose(station_m + on_m), course.slip_rad)
+        item, contact = _placed(departure, struck, path, pose, along_rad, course)
+        objects.append(item)
+        planned.append((on_m / impact_mps, contact))
+        if not _passes(departure, item):
+            break
+    return tuple(objects), tuple(planned)
+
+
+def _passes(departure: Departure, item: FixedObject) -> bool:
+    """Whether the vehicle goes on along its course past an object."""
+    if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        return False
+    return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
+
+
+def _placed(
+    departure: Departure, struck: ObjectStruck, path: Path, pose: Pose, along_rad: float, course: _Course
+) -> tuple[FixedObject, tuple[float, float]]:
+    """An object that the vehicle touches in a pose, and where: what is compact lies outside the spot that it is struck
+    at, what runs along the edge with its near face through the vehicle's foremost corner."""
+    kind = KINDS[struck.code]
+    course_rad = pose.heading_rad - course.slip_rad
+    if kind.form is ObjectForm.LINE:
+        heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
+        length_m = min(kind.length_m, _straight_m(path, pose))
+        outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
+        spot = _touching(departure, struck, course.slip_rad, outward - pose.heading_rad)
+        depth_m = kind.width_m / 2
+        on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
+    else:
+        heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
+        spot = _touching(departure, struck, course.slip_rad, 0.0)
+        depth_m = (kind.length_m if abs(spot.normal[0]) > abs(spot.normal[1]) else kind.width_m) / 2
+    contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
+    normal = pose.to_world(np.array(spot.normal)) - pose.xy_m
+    centre = contact + depth_m * normal + on_m * np.array([math.cos(heading), math.sin(heading)])
+    placed = Pose(
+        round(float(centre[0]), 6),
+        round(float(centre[1]), 6),
+        round(math.remainder(heading, math.tau), 6),
+        round(pose.z_m, 6),
+    )
+    item = FixedObject(
+        number=struck.party,
+        event_number=struck.event_number,
+        code=struck.code,
+        name=kind.name,
+        pose=placed,
+        length_m=round(length_m, 6),
+        width_m=kind.width_m,
+        height_m=kind.height_m,
+        resistance=kind.resistance,
+        force_n=kind.force_n,
+        energy_j=kind.energy_j,
+    )
+    return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
+
+
+def _straight_m(path: Path, pose: Pose) -> float:
+    """How long a straight object may be to lie along a road that curves as the path does."""
+    at, _ = path.project(pose.x_m, pose.y_m)
+    near = np.abs(path.s_m - at) < 15.0
+    curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0
+    return max(2 * math.sqrt(2 * _ARROW_M / curvature), 4.0) if curvature > 1e-5 else math.inf
+
+
+# --- hypotheses ----------------------------------------------------------------------------------------------------
+def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
+    vehicle = plan.departure.vehicle
+    after_s = max(plan.planned[-1][0] + 1.0, AFTER_IMPACT_M / max(plan.profile.impact_mps, 2.5))
+    state = driven(
+        scene.network,
+        vehicle,
+        plan.option,
+        plan.path,
+        plan.station_m,
+        plan.speed,
+        plan.profile,
+        lead_time_s=lead_s,
+        after_s=after_s,
+    )
+    if plan.course.slip_rad:
+        state = _skidding(state, plan.course.slip_rad, lead_s)
+    first_xy = plan.planned[0][1]
+    bearing = body_bearing_rad(state.impact_pose, vehicle.length_m, vehicle.width_m, np.array(first_xy))
+    state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
+    planned = tuple(
+        PlannedEvent(item.event_number, vehicle.number, item.number, round(lead_s + later_s, 6), xy_m)
+        for item, (later_s, xy_m) in zip(plan.objects, plan.planned, strict=True)
+    )
+    return Hypothesis(
+        name=plan.name,
+        score=plan.score,
+        evidence={name: round(value, 6) for name, value in sorted(plan.terms.items())},
+        participants=(state,),
+        impact_time_s=lead_s,
+        impact_point_xy_m=first_xy,
+        planned=planned,
+        objects=plan.objects,
+    )
+
+
+def _skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
+    """The same course, the body turning about itself over the last part of it, up to its slip at the impact."""
+    t = state.trajectory
+    share = np.clip((t.time_s - (lead_s - _SKID_S)) / _SKID_S, 0.0, 1.0)
+    slip = slip_rad * share**2
+    trajectory: Trajectory = rounded(t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad + slip, t.speed_mps * np.cos(slip))
+    impact = int(np.argmin(np.abs(t.time_s - lead_s)))
+    return replace(
+        state,
+        trajectory=trajectory,
+        impact_pose=_turned(state.impact_pose, slip_rad),
+        impact_speed_mps=float(trajectory.speed_mps[impact]),
+        skids_from_s=round(lead_s - _SKID_S, 6),
+    )

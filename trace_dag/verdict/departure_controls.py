@@ -1,0 +1,167 @@
+"""Negative controls of crashes in which a vehicle leaves the road: another report, the other side, the object moved.
+
+As of two vehicles (:mod:`trace_dag.verdict.controls`), judged by the same rules as the true pairing. The objects are
+placed by us, so that a verdict can only be worth what these reject: the mirrored side carries it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.departures import Departure, DepartureSide, departure_of
+from trace_dag.crash.record import CrashRecord
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.roads.map.roadside import RoadZone, roadside_at
+from trace_dag.settings import VerdictSettings
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
+from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
+from trace_dag.verdict.controls import ControlRow, JudgedCrash, Shift, row_of
+from trace_dag.verdict.departures import observe_departure, reported_zone
+from trace_dag.verdict.judge import judge_departure
+from trace_dag.verdict.metrics import clock_error_h
+
+_ALONG_RAD: Final = math.radians(1.5)  # who goes off at less goes along the road
+_LOOKED_AT: Final = 4  # steps of the plan between two looks at it
+_ALONG_M, _ACROSS_M = 5.0, 3.0
+
+
+def against_other_departure_reports(
+    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
+) -> Iterator[ControlRow]:
+    """One simulation against every other report of the same kind of crash, its place left its own."""
+    observed = observe_departure(crash.network, crash.hypothesis, crash.log)
+    for other in others:
+        if other.record.key == crash.record.key or other.record.kind is not crash.record.kind:
+            continue
+        foreign = in_place_of(other.record, crash.record)
+        if foreign is None:
+            continue
+        row = row_of("other_report", crash.record.key, judge_departure(foreign, observed, crash.log, settings))
+        differ = departures_differ(crash.record, foreign, settings)
+        yield replace(row, other_key=other.record.key, reports_differ=differ)
+
+
+def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
+    """The other report with its vehicle and its events numbered as the own one's; None if either tells of no
+    departure."""
+    theirs, ours = departure_of(other), departure_of(own)
+    if theirs is None or ours is None or not theirs.objects or not ours.objects:
+        return None
+    later = ours.objects[0].event_number - theirs.objects[0].event_number
+    number = ours.vehicle.number
+    events = tuple(
+        replace(
+            event,
+            number=event.number + later,
+            party_1=number if event.party_1 == theirs.vehicle.number else None,
+            party_2=None,
+        )
+        for event in other.events
+    )
+    return replace(other, vehicles=(replace(theirs.vehicle, number=number),), vehicles_in_transport=1, events=events)
+
+
+def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
+    """Whether two reports contradict each other in the side, the zone, the kind of the first object, or the area of
+    impact by more than the threshold: else no simulation of the one can be told from one of the other."""
+    mine, theirs = departure_of(one), departure_of(two)
+    if mine is None or theirs is None:
+        return False
+    (own, *_), (other, *_) = mine.objects, theirs.objects
+    apart_h = clock_error_h(own.area.clock_h, other.area) if own.area else None
+    return (
+        mine.side is not theirs.side
+        or own.code != other.code
+        or reported_zone(one) is not reported_zone(two)
+        or (apart_h is not None and apart_h > settings.max_clock_error_h)
+    )
+
+
+def mirrored_departure(crash: JudgedCrash) -> Shift | None:
+    """The hypothesis with the vehicle leaving to the other side, and the objects there; None if it left straight
+    ahead, which is its own mirror image."""
+    departure, hypothesis = departure_of(crash.record), crash.hypothesis
+    if departure is None or departure.side not in (DepartureSide.LEFT, DepartureSide.RIGHT):
+        return None
+    state = _leaving(departure, hypothesis)
+    t = state.trajectory
+    k, axis = _last_along_road(crash, state)
+    x, y = _mirrored_at(axis, t.x_m, t.y_m)
+    heading = 2 * axis.heading_rad - t.heading_rad
+    after = np.arange(len(t.time_s)) >= k
+    turned = Trajectory(
+        t.time_s,
+        np.where(after, x, t.x_m),
+        np.where(after, y, t.y_m),
+        t.z_m,
+        np.where(after, heading, t.heading_rad),
+        t.speed_mps,
+    )
+    objects = tuple(replace(item, pose=_mirrored_pose(axis, item.pose)) for item in hypothesis.objects)
+    return _with(hypothesis, replace(state, trajectory=turned), objects)
+
+
+def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, Pose]:
+    """The last moment before the impact at which the vehicle went along its road: its index, and the pose of who goes
+    exactly along it there."""
+    t = state.trajectory
+    impact = int(np.searchsorted(t.time_s, crash.hypothesis.impact_time_s))
+    for k in range(min(impact, len(t.time_s) - 1), 0, -_LOOKED_AT):
+        x, y, heading = float(t.x_m[k]), float(t.y_m[k]), float(t.heading_rad[k])
+        place = roadside_at(crash.network, x, y, z_m=float(t.z_m[k]))
+        if place is None or place.zone is not RoadZone.ROADWAY:
+            continue
+        apart = math.remainder(heading - place.along_rad, math.pi)
+        if abs(apart) < _ALONG_RAD:
+            return k, Pose(x, y, heading - apart)
+    return 0, Pose(float(t.x_m[0]), float(t.y_m[0]), float(t.heading_rad[0]))
+
+
+def _mirrored_at(axis: Pose, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    points = axis.to_body(np.stack([x_m, y_m], axis=-1)) * np.array([1.0, -1.0])
+    world = axis.to_world(points)
+    return world[..., 0], world[..., 1]
+
+
+def _mirrored_pose(axis: Pose, pose: Pose) -> Pose:
+    x, y = _mirrored_at(axis, np.array(pose.x_m), np.array(pose.y_m))
+    return Pose(float(x), float(y), math.remainder(2 * axis.heading_rad - pose.heading_rad, math.tau), pose.z_m)
+
+
+def object_moved(crash: JudgedCrash) -> Shift | None:
+    """The hypothesis with its first object 5 m farther from the reported point along the road; what runs along the
+    road would stay where it is by that, and is moved 3 m away from it. None of what lies across the end of a road."""
+    departure, hypothesis = departure_of(crash.record), crash.hypothesis
+    observed = observe_departure(crash.network, hypothesis, crash.log)
+    if departure is None or observed is None or not hypothesis.objects:
+        return None
+    state = _leaving(departure, hypothesis)
+    first, *rest = hypothesis.objects
+    contact, place = observed.first.contact, observed.first.place
+    if KINDS[first.code].form is ObjectForm.LINE:
+        if departure.side is DepartureSide.AHEAD:
+            return None
+        normal = np.array([-math.sin(first.pose.heading_rad), math.cos(first.pose.heading_rad)])
+        away = math.copysign(_ACROSS_M, float(normal @ (first.pose.xy_m - state.impact_pose.xy_m)))
+        moved = first.pose.xy_m + away * normal
+    else:
+        along_rad = contact.pose_1.heading_rad if place is None else place.along_rad
+        along = np.array([math.cos(along_rad), math.sin(along_rad)])
+        farther = math.copysign(_ALONG_M, float(along @ np.array([contact.x_m, contact.y_m])))
+        moved = first.pose.xy_m + farther * along
+    pose = replace(first.pose, x_m=float(moved[0]), y_m=float(moved[1]))
+    return _with(hypothesis, state, (replace(first, pose=pose), *rest))
+
+
+def _leaving(departure: Departure, hypothesis: Hypothesis) -> ParticipantState:
+    return next(each for each in hypothesis.participants if each.vehicle_number == departure.vehicle.number)
+
+
+def _with(hypothesis: Hypothesis, state: ParticipantState, objects: tuple[FixedObject, ...]) -> Shift:
+    states = tuple(state if each.vehicle_number == state.vehicle_number else each for each in hypothesis.participants)
+    return Shift(replace(hypothesis, participants=states, objects=objects), state.vehicle_number, 0.0)

@@ -1,0 +1,304 @@
+"""The verdict of a crash in which a vehicle leaves the road: where it left, what it struck there, in which order.
+
+Objects are placed by us, so that this shows agreement with the codes of the report and no more: the side, the zone, the
+station along the road, the area of impact and the order of the objects. The reported point of such a crash lies on the
+road (2.9 m from the centre line in the median of 61), so that the distance is measured along the road where the object
+stands beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.ops import nearest_points
+
+from trace_dag.crash.departures import Departure, DepartureSide, ObjectStruck, departure_of
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Failure, Reason
+from trace_dag.geometry import FloatArray, Pose, contact_clock_h, rectangle_corners
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
+from trace_dag.settings import VerdictSettings
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.states.types import Hypothesis
+from trace_dag.verdict.metrics import (
+    ObservedVehicle,
+    VehicleMeasures,
+    clock_error_h,
+    compared_vehicle,
+    observed_vehicle,
+    sides_of,
+)
+from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
+from trace_dag.verdict.types import Criterion
+
+_ZONES: Final = {
+    **dict.fromkeys((1, 11), RoadZone.ROADWAY),
+    2: RoadZone.SHOULDER,
+    **dict.fromkeys((3, 10, 12), RoadZone.MEDIAN),
+    **dict.fromkeys((4, 6, 7), RoadZone.ROADSIDE),
+    5: RoadZone.OUTSIDE,
+    8: RoadZone.GORE,
+}
+"""``REL_ROAD``: where the first harmful event was."""
+_IN_WORDS: Final = {
+    DepartureSide.LEFT: "to the left",
+    DepartureSide.RIGHT: "to the right",
+    DepartureSide.AHEAD: "straight ahead",
+}
+_REACH_M: Final = 100.0
+_WIDEST_SHOULDER_M: Final = 4.0
+_ASIDE, _AHEAD = math.sin(math.radians(30)), math.sin(math.radians(60))
+"""A vehicle that crosses the edge at a flatter angle leaves the road to a side, at a steeper one ahead; in between it
+can be called either."""
+
+
+@dataclass(frozen=True)
+class ObservedObject:
+    """A contact of the vehicle with an object, before it is set beside any report. ``along_m`` is the distance from the
+    reported point along the road where the contact is beside it, the whole distance where it is on it."""
+
+    contact: Contact
+    clock_h: float
+    place: RoadsidePlace | None
+    along_m: float
+
+
+@dataclass(frozen=True)
+class ObservedDeparture:
+    """What a vehicle did: when it left the carriageway (None if it did not before the first contact) and to where,
+    which can be called a side or ahead, the objects it struck in order, and its measures at the first of them."""
+
+    left_s: float | None
+    sides: tuple[DepartureSide, ...]
+    objects: tuple[ObservedObject, ...]
+    vehicle: ObservedVehicle
+
+    @property
+    def first(self) -> ObservedObject:
+        """The first object struck."""
+        return self.objects[0]
+
+
+def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedDeparture | None:
+    """What happened in a simulated hypothesis; None if no object was struck."""
+    struck = sorted((c for c in log.contacts if log.object_of(c.number_2)), key=lambda contact: contact.time_s)
+    if not struck:
+        return None
+    first = struck[0]
+    number = first.number_1
+    body = log.bodies[number]
+    state = next((each for each in hypothesis.participants if each.vehicle_number == number), None)
+    driven = next((each for each in log.vehicles if each.number == number), None)
+    if state is None or driven is None:
+        raise Failure(f"the log has vehicle {number}, which the hypothesis does not have; simulate again")
+    side, _ = sides_of(first)
+    vehicle = observed_vehicle(network, side, state, driven, body, first)
+    left_s, sides = _left_road(network, driven, body, first)
+    objects = tuple(_object(network, contact, body) for contact in struck if contact.number_1 == number)
+    return ObservedDeparture(left_s, sides, objects, vehicle)
+
+
+def _object(network: RoadNetwork, contact: Contact, body: Body) -> ObservedObject:
+    point = np.array([contact.x_m, contact.y_m])
+    place = roadside_at(network, contact.x_m, contact.y_m, z_m=contact.z_m)
+    along_m = math.hypot(contact.x_m, contact.y_m)
+    if place is not None and place.zone is not RoadZone.ROADWAY:
+        along_m = abs(contact.x_m * math.cos(place.along_rad) + contact.y_m * math.sin(place.along_rad))
+    return ObservedObject(contact, contact_clock_h(contact.pose_1, body.length_m, body.width_m, point), place, along_m)
+
+
+def _left_road(
+    network: RoadNetwork, driven: VehicleLog, body: Body, first: Contact
+) -> tuple[float | None, tuple[DepartureSide, ...]]:
+    """When a corner of the vehicle left the carriageway for good before the contact, and to where."""
+    area = network.carriageway_near(first.x_m, first.y_m, _REACH_M, z_m=first.z_m)
+    poses = [(first.time_s, first.pose_1, math.atan2(first.velocity_1_mps[1], first.velocity_1_mps[0]))]
+    for k in range(int(np.searchsorted(driven.time_s, first.time_s)) - 1, -1, -1):
+        pose = Pose(float(driven.x_m[k]), float(driven.y_m[k]), float(driven.heading_rad[k]))
+        course = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
+        poses.append((float(driven.time_s[k]), pose, course))
+    left: tuple[float, FloatArray, float] | None = None
+    for time_s, pose, course in poses:
+        corners = rectangle_corners(pose, body.length_m, body.width_m)
+        outside = corners[~shapely.contains_xy(area, corners[:, 0], corners[:, 1])]
+        if not len(outside):
+            break
+        left = time_s, outside[0], course
+    if left is None:
+        return None, ()
+    time_s, corner, course = left
+    point = shapely.Point(corner)
+    edge, _ = nearest_points(area, point)
+    out_rad = math.atan2(point.y - edge.y, point.x - edge.x)
+    ahead, left_of = math.cos(out_rad - course), math.sin(out_rad - course)
+    aside = DepartureSide.LEFT if left_of > 0 else DepartureSide.RIGHT
+    if ahead < _ASIDE:
+        return time_s, (aside,)
+    return time_s, (DepartureSide.AHEAD,) if ahead > _AHEAD else (aside, DepartureSide.AHEAD)
+
+
+def reported_zone(record: CrashRecord) -> RoadZone | None:
+    """Where across the road the first harmful event was (``REL_ROAD``); None if that is not known."""
+    return _ZONES.get(record.road_relation_code or 0)
+
+
+# --- criteria ----------------------------------------------------------------------------------------------------
+def departure_criteria(
+    observed: ObservedDeparture | None, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
+) -> tuple[Criterion, ...]:
+    """Every criterion of the rule set, those that reject first, then those that are only shown."""
+    departure = departure_of(record)
+    if departure is None or not departure.objects:
+        raise Failure(
+            f"{record.key}: judged as a departure from the road, but its report tells of none; judge it again"
+        )
+    first = departure.objects[0]
+    number, event = departure.vehicle.number, first.event_number
+    if observed is None:
+        detail = f"{log.termination}: {log.reason}"
+        return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, number, event),)
+    limits = RULE_SETS[settings.rule_set].limits or settings
+    rules = RULE_SETS[settings.rule_set]
+    measures = compared_vehicle(observed.vehicle, replace(departure.vehicle, impact=first.area), record)
+    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
+    return (
+        Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION, "", number, event),
+        *_party(observed, log, first, number),
+        *_departure(observed, departure, record, settings),
+        at_most(
+            "station_distance",
+            observed.first.along_m,
+            limits.max_contact_distance_m,
+            "m",
+            Reason.WRONG_LOCATION,
+            None,
+            event,
+        ),
+        at_most(
+            "clock_error",
+            rules.clock_error(measures),
+            limits.max_clock_error_h,
+            "h",
+            Reason.WRONG_IMPACT,
+            number,
+            event,
+        ),
+        _order(observed, departure),
+        at_most(
+            "initial_speed_error",
+            measures.initial_speed_error_rel,
+            limits.max_speed_error_rel,
+            "rel",
+            wrong_speed,
+            number,
+            event,
+        ),
+        *_later(observed, departure, record, strict=rules.speeds_reject),
+        *_shown(observed, measures, limits, event),
+    )
+
+
+def _party(observed: ObservedDeparture, log: SimulationLog, first: ObjectStruck, number: int) -> list[Criterion]:
+    """Says if another kind of object is struck than reported."""
+    item = log.object_of(observed.first.contact.number_2)
+    if item is None or item.code == first.code:
+        return []
+    detail = f"vehicle {number} strikes a {item.name} (SOE {item.code}), reported is SOE {first.code}"
+    return [Criterion("right_party", 0.0, 1.0, "", False, Reason.WRONG_PARTY, detail, number, first.event_number)]
+
+
+def _departure(
+    observed: ObservedDeparture, departure: Departure, record: CrashRecord, settings: VerdictSettings
+) -> list[Criterion]:
+    """Whether, to which side and into which zone the vehicle left the road."""
+    number, event = departure.vehicle.number, departure.objects[0].event_number
+    zone = reported_zone(record)
+    on_road = zone is RoadZone.ROADWAY or (departure.side is DepartureSide.AHEAD and zone is None)
+    left = observed.left_s is not None
+    detail = "" if left or on_road else "the vehicle had not left the carriageway when it struck the object"
+    found = [Criterion("departure", float(left), 1.0, "", left or on_road, Reason.NO_DEPARTURE, detail, number, event)]
+    told = departure.side
+    right = told in observed.sides or (told is DepartureSide.AHEAD and not left)
+    where = _IN_WORDS[observed.sides[0]] if observed.sides else "not at all"
+    detail = "" if right else f"the vehicle left the road {where}, reported is {told}"
+    held = None if told is None else right
+    found.append(
+        Criterion("departure_side", float(right), 1.0, "", held, Reason.WRONG_SIDE, detail, number, event),
+    )
+    error = zone_error_m(observed.first.place, zone)
+    found.append(at_most("zone_error", error, settings.max_zone_error_m, "m", Reason.WRONG_ZONE, number, event))
+    return found
+
+
+def zone_error_m(place: RoadsidePlace | None, zone: RoadZone | None) -> float | None:
+    """How far a place is from the reported zone; None if none is reported.
+
+    A map that shows no median or gore there cannot contradict one: then it has to be beside the carriageway.
+    """
+    if zone is None:
+        return None
+    if place is None:
+        return 0.0 if zone is RoadZone.OUTSIDE else math.inf
+    if zone is RoadZone.ROADWAY:
+        return max(place.beyond_m, 0.0)
+    inside_m = max(-place.beyond_m, 0.0)
+    if zone is RoadZone.SHOULDER:
+        return max(inside_m, place.beyond_m - max(place.shoulder_m, _WIDEST_SHOULDER_M), 0.0)
+    return inside_m
+
+
+def _order(observed: ObservedDeparture, departure: Departure) -> Criterion:
+    """The first object is the first one reported, and no object is struck before one that came before it."""
+    numbers = [each.contact.number_2 for each in observed.objects]
+    seen = list(dict.fromkeys(numbers))
+    wanted = [struck.party for struck in departure.objects if struck.party in seen]
+    held = seen == wanted and seen[0] == departure.objects[0].party
+    names = ", ".join(f"event {number - 2000}" for number in seen)
+    detail = "" if held else f"objects are struck in the order of {names}, which the report does not say"
+    event = departure.objects[0].event_number
+    return Criterion("object_order", float(held), 1.0, "", held, Reason.WRONG_SEQUENCE, detail, None, event)
+
+
+def _later(observed: ObservedDeparture, departure: Departure, record: CrashRecord, *, strict: bool) -> list[Criterion]:
+    """Events after the first: objects that are struck too, with their areas; what is not simulated."""
+    first = departure.objects[0].event_number
+    by_event: dict[int, ObjectStruck] = {struck.event_number: struck for struck in departure.objects}
+    found: list[Criterion] = []
+    for event in record.events:
+        if event.number <= first:
+            continue
+        struck = by_event.get(event.number)
+        seen = None
+        if struck is not None:
+            seen = next((each for each in observed.objects if each.contact.number_2 == struck.party), None)
+        if struck is None:
+            detail = f"event {event.number}, SOE {event.code}: not simulated"
+            found.append(Criterion("later_event", None, 1.0, "", None, None, detail, None, event.number))
+            continue
+        occurred = seen is not None
+        detail = "" if occurred else f"the object of event {event.number}, SOE {event.code}, is not struck"
+        reason = Reason.WRONG_SEQUENCE if strict else None
+        found.append(Criterion("later_object", float(occurred), 1.0, "", occurred, reason, detail, None, event.number))
+        if seen is not None:
+            error = clock_error_h(seen.clock_h, struck.area)
+            found.append(shown("later_clock_error", error, "h", departure.vehicle.number, event.number))
+    return found
+
+
+def _shown(
+    observed: ObservedDeparture, measures: VehicleMeasures, limits: VerdictSettings, event: int
+) -> Sequence[Criterion]:
+    first = observed.first
+    beyond = first.place.beyond_m if first.place is not None else None
+    return [
+        shown("closing_speed", first.contact.closing_speed_mps, "mps", None, event),
+        *reported_of(measures, limits, event),
+        shown("outside_carriageway", beyond, "m", measures.number, event),
+        shown("departure_time", observed.left_s, "s", measures.number, event),
+    ]
