@@ -30,10 +30,23 @@ _SIZE_PT: Final = 7.5
 _HEADLINE_PT: Final = 10.5
 _HEADLINE_IN: Final = (0.13, 0.32)
 """How far below the top its two lines have their middle."""
-_ROWS: Final = 2
-_FIRST_ROW_IN, _ROW_IN, _STROKE_IN, _TEXT_IN = 0.11, 0.15, 0.2, 0.28
-_VEHICLE_COLUMN_IN, _SIGN_COLUMN_IN = 3.2, 2.3
+_STROKE_IN, _TEXT_IN = 0.2, 0.28
 _PATH_COLOUR: Final = "#555555"
+
+
+class _Column(NamedTuple):
+    """How entries of the legend are set: how many rows, from where down and how far apart, and how wide (inches)."""
+
+    rows: int
+    first_row_in: float
+    row_in: float
+    width_in: float
+
+
+_VEHICLES: Final = _Column(2, 0.11, 0.15, 3.2)
+_MANY_VEHICLES: Final = _Column(3, 0.065, 0.115, 3.2)
+_CROWD: Final = _Column(3, 0.065, 0.115, 1.6)
+_SIGNS: Final = _Column(2, 0.11, 0.15, 2.3)
 
 
 class Words(NamedTuple):
@@ -91,14 +104,18 @@ def draw_legend(
     signs mean in the second."""
     words = []
     width_in, height_in = figure.get_size_inches()
-    entries = (
-        (columns_in[0], _VEHICLE_COLUMN_IN, _vehicles(record, hypothesis)),
-        (columns_in[1], _SIGN_COLUMN_IN, _signs(report, hypothesis, log)),
+    vehicles = _vehicles(record, hypothesis)
+    set_as = next(
+        each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(vehicles) <= 2 * each.rows or each is _CROWD
     )
-    for left_in, column_in, signs in entries:
+    entries = (
+        (columns_in[0], set_as, vehicles),
+        (columns_in[1], _SIGNS, _signs(report, hypothesis, log)),
+    )
+    for left_in, column, signs in entries:
         for number, (style, label) in enumerate(signs):
-            x_in = left_in + 0.06 + number // _ROWS * column_in
-            y_in = top_in + _FIRST_ROW_IN + _ROW_IN * (number % _ROWS)
+            x_in = left_in + 0.06 + number // column.rows * column.width_in
+            y_in = top_in + column.first_row_in + column.row_in * (number % column.rows)
             figure.add_artist(_sign(x_in / width_in, 1 - y_in / height_in, _STROKE_IN / width_in, style))
             words.append(Words(x_in + _TEXT_IN, y_in, label))
     return words
@@ -115,6 +132,7 @@ def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
 def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
     """How each vehicle is drawn, and what it is, does and how fast."""
     reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in record.vehicles}
+    parked = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
     planned = sorted(hypothesis.participants, key=lambda each: each.vehicle_number) if hypothesis else ()
     entries = []
     for index, each in enumerate(planned):
@@ -122,6 +140,10 @@ def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[
         speed = f"{mps_to_mph(each.initial_speed_mps):.0f} mph {source}"
         what = each.kind if each.is_person else each.vehicle_class
         words = [what.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
+        if each.vehicle_number in parked:
+            words = [what.replace("_", " "), "parked or at work"]
+        if len(planned) > 2 * _MANY_VEHICLES.rows:
+            words = words[:1]
         entries.append(
             ({"color": vehicle_colour(index), "lw": 5}, f"{party_label(each.vehicle_number)} {', '.join(words)}")
         )
@@ -142,7 +164,9 @@ def _signs(
         label = f"{names(hypothesis.objects)}{': placed by us' if ours else ''}"
         signs.append(({"color": OBJECT_COLOUR, "lw": 4}, label))
     if log and log.first_contact:
-        signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, "first contact"))
+        several = hypothesis is not None and len(hypothesis.planned) > 1
+        what = "first contact of each pair" if several else "first contact"
+        signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, what))
     signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))
     if report.inferred_roads:
         signs.append(({"color": MINOR_SURFACE, "lw": 5}, "driveway: ours, not the map's"))

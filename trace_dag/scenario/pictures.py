@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from trace_dag.crash.parties import is_vehicle
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 _IMPACT_HALF_WINDOW_M: Final = 16.0
 _STRIKE_HALF_WINDOW_M: Final = 8.0  # of a person, who is smaller
+_FARTHEST_IMPACTS_M: Final = 40.0
 _APPROACH_MARGIN_M: Final = 20.0
 _LEAST_APPROACH_HALF_WINDOW_M: Final = 45.0
 
@@ -58,7 +60,7 @@ def draw_crash(
     figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), dpi=dpi)
     canvas = FigureCanvasAgg(figure)
     approach = _approach_window(hypothesis, log)
-    impact = _square(_impact_centre(hypothesis, log), _impact_half_window_m(log))
+    impact = _impact_window(hypothesis, log)
     drawing, motion = MapDrawing(network, _around(approach, impact)), DrawnMotion(hypothesis, log)
     words = headline(record, verdict)
     right_in = _WIDTH_IN - _PANEL_IN - _EDGE_IN
@@ -112,16 +114,22 @@ def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -
     return _square((x, y), max(half_m, _LEAST_APPROACH_HALF_WINDOW_M))
 
 
-def _impact_centre(hypothesis: Hypothesis | None, log: SimulationLog | None) -> tuple[float, float]:
-    if log and log.first_contact:
-        return log.first_contact.x_m, log.first_contact.y_m
-    return hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0)
-
-
-def _impact_half_window_m(log: SimulationLog | None) -> float:
+def _impact_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
+    """A square around the first contact; around all that are planned where several vehicles meet, as far as those are
+    near."""
     contact = log.first_contact if log else None
-    person = log is not None and contact is not None and log.is_person(contact.number_2)
-    return _STRIKE_HALF_WINDOW_M if person else _IMPACT_HALF_WINDOW_M
+    if log is None or contact is None:
+        return _square(hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0), _IMPACT_HALF_WINDOW_M)
+    if log.is_person(contact.number_2):
+        return _square((contact.x_m, contact.y_m), _STRIKE_HALF_WINDOW_M)
+    events = hypothesis.planned if hypothesis and all(is_vehicle(e.party_2) for e in hypothesis.planned) else ()
+    points = np.array([(contact.x_m, contact.y_m), *(event.xy_m for event in events[1:])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = ((low + high) / 2).tolist()
+    half_m = float(np.max(high - low)) / 2 + _IMPACT_HALF_WINDOW_M / 2
+    if half_m > _FARTHEST_IMPACTS_M:
+        return _square((contact.x_m, contact.y_m), _IMPACT_HALF_WINDOW_M)
+    return _square((x, y), max(half_m, _IMPACT_HALF_WINDOW_M))
 
 
 def _square(centre: tuple[float, float], half_m: float) -> Window:
