@@ -1,7 +1,8 @@
 """Makes the bundled sample anew: ``python data/sample/make_sample.py [--out DIR]``. Same bytes on every run.
 
 Writes ``osm/*.osm``, ``reports/crash_<case>.xml`` and ``truth.json`` into ``--out`` (default: beside this script), and
-the crashes with people in the same town as ``people/reports/crash_<case>.xml`` and ``people/truth.json``.
+the crashes with people in the same town as ``people/reports/crash_<case>.xml`` and ``people/truth.json``, those of
+several contacts likewise below ``chains``.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from make import broken_map, crossings, people, stretches, town
+from make import broken_map, chains, crossings, people, stretches, town
 from make.crash import Crash
 from make.crashapi import crashapi_xml
 from make.motion import Collision, collide
@@ -56,6 +57,13 @@ def files() -> dict[str, bytes]:
         out[f"people/reports/crash_{told.case}.xml"] = crashapi_xml(told)
         rows.append(people.truth_of(crash_of_people, told, touch))
     out["people/truth.json"] = _truth(rows)
+    rows = []
+    for chain in chains.crashes(roads):
+        meetings = chains.meetings_of(chain)
+        told = chains.coded(chain, meetings)
+        out[f"chains/reports/crash_{told.case}.xml"] = crashapi_xml(told)
+        rows.append(chains.truth_of(chain, told, meetings))
+    out["chains/truth.json"] = _truth(rows)
     return out
 
 

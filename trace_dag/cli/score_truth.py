@@ -33,14 +33,16 @@ def score_truth(root: str, as_json: bool) -> None:
     from trace_dag.states.json_io import estimate_from_json
     from trace_dag.studies.truth import load_truth
     from trace_dag.studies.truth import score_truth as score
+    from trace_dag.studies.truth_of_contacts import ContactsSummary, contacts_by_kind
     from trace_dag.studies.truth_of_people import KindSummary, by_kind, load_people_truth, score_people
     from trace_dag.verdict.json_io import verdict_from_json
 
     truth = load_truth(sample_folder() / "truth.json")
     of_people = load_people_truth(sample_folder() / "people" / "truth.json")
+    of_contacts = load_truth(sample_folder() / "chains" / "truth.json")
     storage = Workspace.open(root).storage
     complaints = Complaints()
-    keys = [*truth.by_key, *(crash.key for crash in of_people.crashes)]
+    keys = [*truth.by_key, *of_contacts.by_key, *(crash.key for crash in of_people.crashes)]
     records = read_records(storage, keys, complain=complaints.hear)
     if not any(records.values()):
         raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
@@ -58,12 +60,14 @@ def score_truth(root: str, as_json: bool) -> None:
             complaints.hear(damaged)
     result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
     people = score_people(of_people, estimates, hypotheses)
+    contacts = score(of_contacts, estimates, outcomes=outcomes, hypothesis=hypotheses)
     if as_json:
         write_json(
             {
                 "summary": asdict(result.summary),
                 "vehicles": [asdict(row) for row in result.rows],
                 "people": [{**asdict(row), "course_correct": row.course_correct} for row in people],
+                "contacts": [asdict(row) for row in contacts.rows],
                 "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
             }
         )
@@ -74,6 +78,12 @@ def score_truth(root: str, as_json: bool) -> None:
         click.echo()
         print_table(
             [each.name.replace("_", " ") for each in fields(KindSummary)], [astuple(row) for row in by_kind(people)]
+        )
+    if any(row.lane_correct is not None for row in contacts.rows):
+        click.echo()
+        print_table(
+            [each.name.replace("_", " ") for each in fields(ContactsSummary)],
+            [astuple(row) for row in contacts_by_kind(of_contacts, contacts.rows)],
         )
     unexpected = [row for row in result.outcomes if not row.as_expected]
     if unexpected:

@@ -8,6 +8,7 @@ Frame: the local frame.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -43,6 +44,7 @@ _OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the repo
 _ACROSS: Final = -1.5  # of leaving across oncoming traffic, where no side is said
 _IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its edge
 _ABRUPT: Final = -0.5
+_ACROSS_SAYS: Final = 0.25
 _LEAST_DRIFT_M: Final = 0.3
 _SHAPE_MPS: Final = 7.0
 _LONGEST_AFTER_S: Final = 8.0
@@ -52,9 +54,10 @@ _DECIMALS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """A way of standing along a stream, ``terms`` of log-likelihood with it."""
+    """A way of standing along a stream, in a zone, ``terms`` of log-likelihood with it."""
 
     option: Option
+    zone: Zone
     terms: dict[str, float] = field(default_factory=dict)
 
 
@@ -73,15 +76,17 @@ def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
                 if zone is Zone.CARRIAGEWAY:
                     at_edge = edge - vehicle.width_m / 2 - _FROM_KERB_M
                     if at_edge > _LEAST_DRIFT_M:
-                        yield _stand(stream, vehicle, side * at_edge)
+                        yield _stand(stream, zone, vehicle, side * at_edge)
                     if side < 0:
-                        yield _stand(stream, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
+                        yield _stand(stream, zone, vehicle, 0.0, {"in the middle of a lane": _IN_THE_LANE})
                 else:
-                    yield _stand(stream, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
+                    yield _stand(stream, zone, vehicle, side * (edge + _BEYOND_EDGE_M[zone] + vehicle.width_m / 2))
 
 
-def _stand(stream: Stream, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None) -> Stand:
-    return Stand(keep_lane(stream, vehicle, 0.0, offset_m=round(offset_m, 3)), terms or {})
+def _stand(
+    stream: Stream, zone: Zone, vehicle: VehicleRecord, offset_m: float, terms: dict[str, float] | None = None
+) -> Stand:
+    return Stand(keep_lane(stream, vehicle, 0.0, offset_m=round(offset_m, 3)), zone, terms or {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,13 +224,12 @@ def _plan(
         parked_m += float(missing @ at.forward)
     assert contacts is not None
     bearing, parked_bearing = float(contacts.bearing_1_rad[0]), float(contacts.bearing_2_rad[0])
-    across = _along_only(scene, option, contacts)
     more = {
         **option.costs,
         **stand.terms,
         f"impact area (vehicle {who.vehicle.number})": _area(who.vehicle, bearing),
         f"impact area (vehicle {parked.number})": _area(parked, parked_bearing),
-        "place of the impact": float(place_log_likelihood(np.array(across))),
+        "place of the impact": _place(scene, option, stand, contacts),
     }
     return _Plan(
         who,
@@ -247,10 +251,14 @@ def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
     return float(impact_area_log_likelihood(vehicle, np.array([bearing_rad]))[0])
 
 
-def _along_only(scene: Scene, option: Option, contacts: Contacts) -> float:
-    """Distance of the contact from the place: along the road, since the place of a crash beside it lies on it."""
+def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> float:
+    """How well the contact is at the place. The place of a crash beside the road lies on the road, so that across it
+    says little then: on which half of the road, if anything."""
     missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
-    return abs(float(missing @ option.stream.path.pose(option.station_m).forward))
+    ahead = option.stream.path.pose(option.station_m).forward
+    along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])
+    beside = stand.zone is not Zone.CARRIAGEWAY
+    return float(place_log_likelihood(np.array(math.hypot(along, across * (_ACROSS_SAYS if beside else 1.0)))))
 
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------

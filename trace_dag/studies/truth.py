@@ -88,6 +88,7 @@ class TrueCrash(_Row):
     key: str
     title: str
     expected: Expectation
+    kind: str = "two_vehicles"
     impact_point: TruePoint | None = None
     vehicles: tuple[TrueVehicle, ...] = ()
 

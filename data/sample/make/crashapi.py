@@ -81,6 +81,8 @@ def crashapi_xml(report: Report) -> bytes:
     for vehicle in report.vehicles:
         _write_vehicle(x, report, vehicle)
     x.close("Vehicles")
+    if report.standing:
+        x.lists("ParkWorks", "ParkWork", [_standing(report, vehicle) for vehicle in report.standing])
     if report.people:
         _write_people(x, report)
     x.lists("CEvents", "CEvent", [_event(report, i, e) for i, e in enumerate(report.events, 1)])
@@ -88,6 +90,20 @@ def crashapi_xml(report: Report) -> bytes:
         x.close(tag)
     text = "\n".join([_ROOT, *x.lines, "</ResponseOfListOfCaseDetail>"])
     return (text.replace("&amp;", "&") if report.bare_ampersand else text).encode()
+
+
+def _standing(report: Report, v: VehicleCodes) -> Fields:
+    """A parked vehicle or one at work, its codes alone: labels change, codes are what is read."""
+    month, day, hour, minute = report.when
+    return [
+        *(field for field in _head(report) if field[0] != "STATEINITIAL"), ("Veh_No", v.number),
+        ("PVE_FORMS", len(report.vehicles)), ("PNUMOCCS", v.occupants), ("PDAY", day), ("PMONTH", month),
+        ("PHOUR", hour), ("PMINUTE", minute), ("PHARM_EV", report.harmful), ("PMAN_COLL", report.manner),
+        ("PTYPE", 4 if report.at_work else 2), ("PHIT_RUN", 0), ("PMAKE", v.body.make[0]),
+        ("PMODEL", v.body.model[0]), ("PBODYTYP", v.body.body_type), ("PMODYEAR", _model_year(report, v)),
+        ("PTRAILER", v.body.trailers), ("PIMPACT1", v.impact), ("PM_HARM", 12), ("PDEATHS", 0),
+        ("PGVWR_FROM", _weight_class(v)["GVWR_FROM"]), ("PGVWR_TO", _weight_class(v)["GVWR_TO"]),
+    ]  # fmt: skip
 
 
 def _write_people(x: _Xml, report: Report) -> None:
@@ -154,7 +170,8 @@ def _crash(report: Report) -> dict[str, object]:
     in_town = not report.rural
     people = sum(v.occupants for v in report.vehicles)
     return {
-        **_ids(report), "State": STATE, "VE_TOTAL": len(report.vehicles), "VE_FORMS": len(report.vehicles),
+        **_ids(report), "State": STATE, "VE_TOTAL": len(report.vehicles) + len(report.standing),
+        "VE_FORMS": len(report.vehicles),
         "PEDS": len(report.people), "PERNOTMVIT": len(report.people),
         "PERMVIT": people, "PERSONS": people, "COUNTY": COUNTY, "COUNTYNAME": COUNTY_NAME,
         "CITY": CITY if in_town else 0, "CITYNAME": CITY_NAME if in_town else "NOT APPLICABLE", **_time(report),

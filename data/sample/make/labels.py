@@ -4,7 +4,8 @@ from __future__ import annotations
 
 _SOE = {
     8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
-    12: "Motor Vehicle In-Transport", 33: "Curb", 35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
+    12: "Motor Vehicle In-Transport", 14: "Parked Motor Vehicle", 45: "Working Motor Vehicle",
+    33: "Curb", 35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
     63: "Ran Off Roadway - Right", 64: "Ran Off Roadway - Left", 68: "Cross Centerline", 69: "Re-entering Roadway",
 }  # fmt: skip
 _TURN = "Changing Trafficway, Vehicle Turning"
@@ -33,7 +34,7 @@ LABELS: dict[str, dict[int, str]] = {
         8: "Driveway Access Related", 17: "Acceleration/Deceleration Lane", 18: "Through Roadway",
         20: "Entrance/Exit Ramp", 98: "Not Reported", 99: "Reported as Unknown",
     },
-    "REL_ROAD": {1: "On Roadway", 4: "On Roadside", 99: "Reported as Unknown"},
+    "REL_ROAD": {1: "On Roadway", 2: "On Shoulder", 4: "On Roadside", 99: "Reported as Unknown"},
     "LGT_COND": {1: "Daylight", 2: "Dark - Not Lighted", 3: "Dark - Lighted", 4: "Dawn", 5: "Dusk"},
     "WEATHER": {1: "Clear", 2: "Rain", 4: "Snow", 10: "Cloudy"},
     "ROUTE": {1: "Interstate", 2: "U.S. Highway", 3: "State Highway", 4: "County", 6: "Municipal"},
@@ -105,6 +106,7 @@ LABELS: dict[str, dict[int, str]] = {
         4: "Departed roadway", 6: "Returned to roadway", 7: "Entered roadway", 9: "Unknown",
     },
     "ACC_TYPE": {
+        11: "Single Driver-Configuration C-Forward Impact, Parked Vehicle",
         13: "Single Driver-Configuration C-Forward Impact, Pedestrian/Animal",
         1: "A1-Single Driver-Right Roadside Departure-Drive Off Road",
         20: f"D20-{_SAME}-Rear End-Stopped", 21: f"D21-{_SAME}-Rear End-Stopped, Straight",
@@ -161,7 +163,7 @@ LABELS: dict[str, dict[int, str]] = {
 }  # fmt: skip
 
 CONFIGURATION_OF_TYPE = {
-    1: 101, 13: 103,
+    1: 101, 11: 103, 13: 103,
     20: 202, 21: 201, 24: 202, 25: 201, 28: 202, 29: 201, 45: 208, 46: 207, 47: 208, 50: 301, 51: 302, 64: 301, 65: 302,
     68: 401, 69: 402, 70: 403, 71: 404, 72: 405, 73: 406, 76: 408, 77: 409, 78: 410, 79: 411, 82: 414, 83: 415,
     86: 501, 87: 502, 88: 503, 89: 504, 92: 992, 93: 993, 98: 998, 99: 999,

@@ -148,13 +148,19 @@ def collide(one: Driving, two: Driving, clock_shift_s: float = 0.0) -> Collision
         middle = (low + high) / 2
         low, high = (middle, high) if gap(middle) > 0 else (low, middle)
     states = one.state(low), two.state(low + clock_shift_s)
-    first, second = outline(states[0], one.body), outline(states[1], two.body)
+    point = touch_point(states[0], one.body, states[1], two.body)
+    return Collision(low, point, states, (on_body(point, states[0]), on_body(point, states[1])))
+
+
+def touch_point(state_1: State, body_1: Body, state_2: State, body_2: Body) -> FloatArray:
+    """Where two bodies that have come to touch do so: the middle of what crushes first."""
+    first, second = outline(state_1, body_1), outline(state_2, body_2)
     contact = first.buffer(CRUSH_M).intersection(second.buffer(CRUSH_M)).centroid
-    point = np.array([contact.x, contact.y])
-    return Collision(low, point, states, (_on_body(point, states[0]), _on_body(point, states[1])))
+    return np.array([contact.x, contact.y])
 
 
-def _on_body(point: FloatArray, state: State) -> FloatArray:
+def on_body(point: FloatArray, state: State) -> FloatArray:
+    """A point in a body's own axes, ahead and left, metres."""
     c, s = math.cos(state.heading_rad), math.sin(state.heading_rad)
     return (point - (state.x_m, state.y_m)) @ np.array([[c, -s], [s, c]])
 

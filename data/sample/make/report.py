@@ -93,6 +93,8 @@ class Report:
     vehicles: tuple[VehicleCodes, ...]
     events: tuple[EventCodes, ...]
     people: tuple[PersonCodes, ...] = ()
+    standing: tuple[VehicleCodes, ...] = ()  # parked vehicles, or those at work
+    at_work: bool = False
     bare_ampersand: bool = False  # served as not well-formed, as some real answers are
 
     @property
