@@ -18,6 +18,7 @@ def crash(number: int, **changes: Any) -> dict[str, Any]:
         "cohort": "one",
         "latitude_deg": 37.0 + 0.01 * (number % 45),
         "longitude_deg": -78.0 + 0.01 * (number // 45),
+        "kind": "two_vehicles",
         "collision_type": ("angle", "front_to_front", "rear_to_rear")[number % 3],
         "road_topology": "t",
         "vehicle_trajectory": "turning",

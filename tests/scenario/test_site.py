@@ -14,7 +14,7 @@ from tests.browser import CHROMIUM, Page
 from tests.scenario.page_rows import crash
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.scenario.crash_page import CrashPage, write_crash_page
-from trace_dag.scenario.site import static_files, write_index
+from trace_dag.scenario.site import IndexRows, static_files, write_index
 from trace_dag.warehouse.query import rows
 
 EVIL = """</script><script>alert("1")</script>'&"""
@@ -26,7 +26,7 @@ def index(crashes: list[dict[str, Any]]) -> bytes:
     funnel = [{"step": "registered", "crashes": len(crashes), "published": 100}]
     coverage = [{"dimension": "collision_type", "class": "angle", "registered": 4, "verified": 0, "published": 19}]
     reasons = [{"stage": "road_map", "reason": EVIL, "published_category": "not in the paper", "crashes": 1}]
-    return write_index(crashes, funnel, coverage, reasons, RIGHTS)
+    return write_index(IndexRows(crashes, crashes[:50], funnel, coverage, reasons, leaderboard=True), RIGHTS)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "index.html").write_bytes(index(crashes))
     (folder / "crashes").mkdir()
     (folder / f"crashes/{crashes[0]['key']}.html").write_bytes(write_crash_page(CrashPage(crashes[0], (), RIGHTS)))
+    (folder / "thumbnails").mkdir()
+    for each in crashes:
+        (folder / f"thumbnails/{each['key']}.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
     for name, data in static_files().items():
         (folder / name).write_bytes(data)
     return folder
@@ -46,11 +49,29 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_pages_say_whether_their_crashes_have_happened():
     fictional = Rights.of(["fictional, CC0"])
     for rights, is_fiction in ((RIGHTS, False), (fictional, True), (Rights.of([*RIGHTS.attributions, "CC0"]), False)):
-        pages = (write_crash_page(CrashPage(crash(0), (), rights)), write_index([crash(0)], [], [], [], rights))
+        pages = (
+            write_crash_page(CrashPage(crash(0), (), rights)),
+            write_index(IndexRows([crash(0)], [], [], [], [], leaderboard=False), rights),
+        )
         for page in map(bytes.decode, pages):
             assert ("happened" in page) is is_fiction
             assert ("NHTSA" in page) is not is_fiction
             assert ("OpenStreetMap" in page) is not is_fiction
+
+
+def test_the_gallery_shows_each_class_before_a_second_of_one():
+    crashes = [crash(number) | {"collision_type": "angle"} for number in range(20)]
+    crashes[19] |= {"collision_type": "front_to_rear"}
+    page = index(crashes).decode()
+    shown = re.findall(r'src="thumbnails/([\d-]+)\.svg"', page)
+    assert shown[:2] == [crashes[0]["key"], crashes[19]["key"]]
+    assert len(shown) == len(set(shown)) == 12
+
+
+def test_the_leaderboard_is_linked_once_an_agent_has_driven():
+    for driven in (True, False):
+        page = write_index(IndexRows([crash(0)], [], [], [], [], leaderboard=driven), RIGHTS)
+        assert (b"leaderboard.html" in page) is driven
 
 
 def test_two_thousand_crashes_stay_a_small_page(site):

@@ -1,9 +1,9 @@
 """The benchmark: a scenario package for every verified crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``files/`` single files, ``replays/`` and ``pictures/`` of every crash that got so far. A crash whose artefacts, outcome
-and code have not changed is not made again. Belongs here: what goes where. Does not belong here: what packages and
-pages look like (:mod:`trace_dag.scenario`).
+``thumbnails/`` moving pictures of verified crashes, ``files/`` single files, ``replays/`` and ``pictures/`` of every
+crash that got so far. A crash whose artefacts, outcome and code have not changed is not made again. Belongs here:
+what goes where. Does not belong here: what packages and pages look like (:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Any
 from trace_dag.benchmark.packaging import map_attribution, package_of, unverified_files
 from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
-from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, RECORD, VERDICT
+from trace_dag.flow.artefacts import ESTIMATE, LOGS, MAP_REPORT, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
-from trace_dag.flow.records import Records
+from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.standing import FinalState
 from trace_dag.flow.worker import picture_name
 from trace_dag.flow.workspace import Workspace
@@ -52,6 +52,11 @@ def page_name(key: str) -> str:
 def package_name(key: str) -> str:
     """Where the package of a verified crash lies below the root."""
     return f"{FOLDER}/packages/{key}.zip"
+
+
+def thumbnail_name(key: str) -> str:
+    """Where the moving picture of a verified crash lies below the root."""
+    return f"{FOLDER}/thumbnails/{key}.svg"
 
 
 @dataclass(frozen=True)
@@ -93,11 +98,7 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     That is seen by its size, with ``contents`` by its SHA-256.
     """
     storage, warehouse = workspace.storage, workspace.warehouse
-    table = query.rows(warehouse, "crashes")
-    verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
-    for row in table:
-        verdict = verdicts.get(row["key"], {})
-        row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
+    table = _table(warehouse)
     crashes = _crashes(workspace, warehouse, table)
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
     before = sound_ledger(storage, SUBJECT)
@@ -116,26 +117,32 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
                 made.update((file.name, file) for file in lost.files)
             done += len(answer.task.crashes)
             workspace.page_listener(done, len(stale))
-    _remove_others(storage, {"packages": verified, "replays": {crash.key for crash in crashes}})
-    rights = Rights.of(each for crash in crashes for each in crash.rights.attributions)
-    index = _write_index(storage, warehouse, table, rights)
+    _remove_others(storage, {"packages": verified, "thumbnails": verified, "replays": {crash.key for crash in crashes}})
     made_of = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     kept = made_of.keys() - {crash.key for crash in stale}
     files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
+    index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
     write_ledger(storage, SUBJECT, [*files.values(), *index], made_of | {_BY_CODE: _code()})
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
 
-def _write_leaderboard(storage: Storage, warehouse: Path) -> StoredFile:
-    rows = (query.rows(warehouse, view) for view in ("leaderboard", "leaderboard_by_class"))
-    return storage.write(LEADERBOARD, write_leaderboard(*rows))
+def _table(warehouse: Path) -> list[dict[str, Any]]:
+    """The warehouse's crashes, each with what the pages say of its verdict."""
+    table = query.rows(warehouse, "crashes")
+    verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
+    for row in table:
+        verdict = verdicts.get(row["key"], {})
+        row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
+    return table
 
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
-    """Write the leaderboard's page anew, without the rest of the site."""
-    page, ledger = _write_leaderboard(storage, warehouse), sound_ledger(storage, SUBJECT)
-    write_ledger(storage, SUBJECT, (ledger.files | {page.name: page}).values(), ledger.made_of)
+    """Write the leaderboard and the index that links it anew, without the pages of the crashes."""
+    table, ledger = _table(warehouse), sound_ledger(storage, SUBJECT)
+    rights = _rights(table, read_records(storage, [row["key"] for row in table]))
+    pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, ledger.files)}
+    write_ledger(storage, SUBJECT, (ledger.files | pages).values(), ledger.made_of)
 
 
 def crash_of(name: str) -> str:
@@ -226,6 +233,7 @@ def _make(task: _Task) -> _Made:
 @no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
+    from trace_dag.scenario.thumbnail import moving_thumbnail
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED
@@ -236,6 +244,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         archive = storage.write(package_name(key), _zipped(key, made))
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
+        log = files.load(LOGS)[files.load(VERDICT).hypothesis]
+        written.append(storage.write(thumbnail_name(key), moving_thumbnail(files.load(ROAD_MAP), log).encode()))
     for name in _OFFERED:
         if name in made:
             stored = storage.write(f"{_FILES}{key}/{name}", made[name])
@@ -291,13 +301,24 @@ def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> Non
 
 
 def _write_index(
-    storage: Storage, warehouse: Path, table: Sequence[Mapping[str, Any]], rights: Rights
+    storage: Storage,
+    warehouse: Path,
+    table: Sequence[Mapping[str, Any]],
+    rights: Mapping[str, Rights],
+    files: Mapping[str, StoredFile],
 ) -> list[StoredFile]:
-    from trace_dag.scenario.site import static_files, write_index
+    """The pages that are of all crashes. ``files``: those of the single crashes that have been made."""
+    from trace_dag.scenario.site import IndexRows, static_files, write_index
 
-    funnel, coverage, reasons = (query.rows(warehouse, name) for name in ("funnel", "coverage", "failure_reasons"))
+    names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class")
+    rows = {name: query.rows(warehouse, name) for name in names}
+    moving = [row for row in table if thumbnail_name(row["key"]) in files]
+    shown = IndexRows(
+        table, moving, rows["funnel"], rows["coverage"], rows["failure_reasons"], bool(rows["leaderboard"])
+    )
+    of_all = Rights.of(attribution for each in rights.values() for attribution in each.attributions)
     return [
-        storage.write(INDEX, write_index(table, funnel, coverage, reasons, rights)),
-        _write_leaderboard(storage, warehouse),
+        storage.write(INDEX, write_index(shown, of_all)),
+        storage.write(LEADERBOARD, write_leaderboard(rows["leaderboard"], rows["leaderboard_by_class"])),
         *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
     ]

@@ -7,7 +7,9 @@ shown comes from the warehouse's rows; nothing is computed here. Each crash has 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from trace_dag import __version__
@@ -17,14 +19,25 @@ from trace_dag.scenario.page_templates import read, templates
 Row = Mapping[str, Any]
 
 
-def write_index(
-    crashes: Sequence[Row],
-    funnel: Sequence[Row],
-    coverage: Sequence[Row],
-    failure_reasons: Sequence[Row],
-    rights: Rights,
-) -> bytes:
-    """``index.html`` from the rows of the warehouse's tables of the same names; ``rights`` of all crashes' maps."""
+_GALLERY = 12
+
+
+@dataclass(frozen=True)
+class IndexRows:
+    """What the index shows: rows of the warehouse's tables of the same names. ``moving``: crashes with a thumbnail;
+    ``leaderboard``: whether an agent has driven."""
+
+    crashes: Sequence[Row]
+    moving: Sequence[Row]
+    funnel: Sequence[Row]
+    coverage: Sequence[Row]
+    failure_reasons: Sequence[Row]
+    leaderboard: bool
+
+
+def write_index(rows: IndexRows, rights: Rights) -> bytes:
+    """``index.html``; ``rights`` of all crashes' maps."""
+    crashes, funnel = rows.crashes, rows.funnel
     page = (
         templates()
         .get_template("site_index.html.jinja")
@@ -38,12 +51,26 @@ def write_index(
             filters=_filters(crashes),
             funnel=funnel,
             largest=max((row["crashes"] for row in funnel), default=1) or 1,
-            coverage=_by_dimension(coverage),
-            failure_reasons=failure_reasons,
+            gallery=_varied(rows.moving, _GALLERY),
+            leaderboard=rows.leaderboard,
+            coverage=_by_dimension(rows.coverage),
+            failure_reasons=rows.failure_reasons,
             counts={state: sum(row["final_state"] == state for row in crashes) for state in _FINAL_STATES},
         )
     )
     return page.encode()
+
+
+def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
+    """Some of the crashes: of each kind and collision type one, then a second of each, and so on."""
+    turn: Counter[tuple[Any, Any]] = Counter()
+    order = []
+    for crash in crashes:
+        of_its_class = (crash.get("kind"), crash.get("collision_type"))
+        order.append(turn[of_its_class])
+        turn[of_its_class] += 1
+    chosen = sorted(range(len(crashes)), key=lambda at: order[at])[:most]
+    return [crashes[at] for at in chosen]
 
 
 def static_files() -> dict[str, bytes]:

@@ -29,7 +29,7 @@ def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most:
     """An SVG whose :func:`data_url` has at most ``most`` characters; the farthest roads go first where it must."""
     contact = log.first_contact if log else None
     centre = np.array([contact.x_m, contact.y_m]) if contact else np.zeros(2)
-    strokes = _roads(network, centre)
+    strokes = road_strokes(network, centre)
     for tolerance_m in _TOLERANCES_M:
         svg = _svg(strokes, log, centre, tolerance_m)
         if len(data_url(svg)) <= most:
@@ -51,8 +51,9 @@ def data_url(svg: str) -> str:
     return "data:image/svg+xml," + svg.translate(_ESCAPES)
 
 
-def _roads(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatArray]]:
-    """Width and centre line of every road within the window, the nearest first."""
+def road_strokes(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Width (m) and middle line of every drivable road within 35 m of ``centre``, shape (n, 2) from there, the nearest
+    first."""
     found = []
     reach_m = 1.4 * _HALF_WINDOW_M  # to the corners
     for road in network.roads_within((*(centre - reach_m), *(centre + reach_m))):
@@ -88,7 +89,7 @@ def _svg(
     for width_m, line in strokes:
         by_width.setdefault(max(3, round(width_m)), []).append(line)
     for width, lines in sorted(by_width.items()):
-        parts.append(f"<path d='{_path(lines, by_m)}' stroke-width='{width}'/>")
+        parts.append(f"<path d='{path_data(lines, by_m)}' stroke-width='{width}'/>")
     parts.append("</g>")
     parts.extend(_motion(log, centre, by_m) if log else ())
     x, y = (round(float(value)) for value in -centre)
@@ -102,7 +103,7 @@ def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str
         path = np.stack([vehicle.x_m, vehicle.y_m], axis=1) - centre
         inside = path[np.abs(path).max(axis=1) <= _HALF_WINDOW_M]
         if len(inside) > 1:
-            yield f"<path d='{_path([inside], min(by_m, 3.0))}' fill='none' stroke='{colour}'/>"
+            yield f"<path d='{path_data([inside], min(by_m, 3.0))}' fill='none' stroke='{colour}'/>"
         pose = _pose_at_contact(log, vehicle.number)
         if pose is not None:
             body = log.bodies[vehicle.number]
@@ -111,7 +112,7 @@ def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str
                 yield f"<circle cx='{x:g}' cy='{-y + 0.0:g}' r='1' fill='{colour}'/>"
                 continue
             corners = rectangle_corners(pose, body.length_m, body.width_m) - centre
-            yield f"<path d='{_path([corners], 0.0, decimals=1)}z' fill='{colour}'/>"
+            yield f"<path d='{path_data([corners], 0.0, decimals=1)}z' fill='{colour}'/>"
 
 
 def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
@@ -122,7 +123,7 @@ def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
     return {contact.number_1: contact.pose_1, contact.number_2: contact.pose_2}.get(number)
 
 
-def _path(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> str:
+def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> str:
     """SVG path data, y turned downward, in as few characters as there can be."""
     path = ""
     for line in lines:

@@ -1,0 +1,75 @@
+"""A crash as a small picture that moves: an SVG of a few kB that plays by itself, in a loop, wherever images are shown.
+
+It shows the seconds around the first contact from above: roads as strokes of their width, bodies as boxes and discs.
+Units: metres, y downward as in SVG.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.sketch import path_data, road_strokes
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+
+_HALF_WIDTH_M, _HALF_HEIGHT_M = 32, 20
+_BEFORE_S, _AFTER_S, _HELD_S = 2.5, 2.0, 1.0
+_STEP_S = 0.1
+_SIMPLIFIED_BY_M = 0.4
+_PERSON_RADIUS_M = 1.1  # drawn larger than life, to be seen
+
+
+def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
+    """The SVG of a crash. Raises ValueError where nobody touched anybody: there is no moment to show."""
+    contact = log.first_contact
+    if contact is None:
+        raise ValueError("a log without a contact has no moment to show")
+    time_s = np.arange(contact.time_s - _BEFORE_S, contact.time_s + _AFTER_S, _STEP_S)
+    centre = _centre(log, contact, float(time_s[-1]))
+    parts = [
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='-{_HALF_WIDTH_M},-{_HALF_HEIGHT_M},"
+        f"{2 * _HALF_WIDTH_M},{2 * _HALF_HEIGHT_M}' width='320' height='200'><g fill='none' stroke='#999'>"
+    ]
+    for width_m, line in road_strokes(network, centre):
+        parts.append(f"<path d='{path_data([line], _SIMPLIFIED_BY_M, 1)}' stroke-width='{width_m:.1f}'/>")
+    parts.append("</g>")
+    for index, vehicle in enumerate(log.vehicles):
+        parts.append(_moving(vehicle, log.bodies[vehicle.number], vehicle_colour(index), time_s, centre))
+    return "".join([*parts, "</svg>"])
+
+
+def _centre(log: SimulationLog, contact: Contact, end_s: float) -> FloatArray:
+    """Halfway between the contact and where those who touched are in the end, shape (2,)."""
+    both = [each for each in log.vehicles if each.number in (contact.number_1, contact.number_2)]
+    ends = [[np.interp(end_s, each.time_s, each.x_m), np.interp(end_s, each.time_s, each.y_m)] for each in both]
+    return np.asarray((np.array([contact.x_m, contact.y_m]) + np.mean(ends, axis=0)) / 2)
+
+
+def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, centre: FloatArray) -> str:
+    heading_rad = np.unwrap(vehicle.heading_rad)
+    x, y, heading = (np.interp(time_s, vehicle.time_s, each) for each in (vehicle.x_m, vehicle.y_m, heading_rad))
+    places = [f"{east:.1f},{-north:.1f}" for east, north in zip(x - centre[0], y - centre[1], strict=True)]
+    turns = [f"{-math.degrees(angle):.0f}" for angle in heading]
+    if body.is_person:
+        shape = f"<circle r='{_PERSON_RADIUS_M:g}' fill='{colour}' stroke='#000' stroke-width='.2'/>"
+    else:
+        half_m = body.length_m / 2
+        shape = (
+            f"<rect x='{-half_m:.2f}' y='{-body.width_m / 2:.2f}' width='{body.length_m:.2f}' "
+            f"height='{body.width_m:.2f}' rx='.4' fill='{colour}'/>"
+        )
+    return f"<g>{_animated('translate', places)}{_animated('rotate', turns)}{shape}</g>"
+
+
+def _animated(kind: str, values: Sequence[str]) -> str:
+    """A transformation through equally spaced values, the last of which is held for a while."""
+    held = [*values, *[values[-1]] * round(_HELD_S / _STEP_S)]
+    return (
+        f"<animateTransform attributeName='transform' type='{kind}' additive='sum' values='{';'.join(held)}' "
+        f"dur='{len(held) * _STEP_S:g}s' repeatCount='indefinite'/>"
+    )
