@@ -78,6 +78,16 @@ def test_agents_drive_in_the_variations_of_a_crash(root: Path) -> None:
     ]
 
 
+def test_an_agent_that_was_only_tried_leaves_tables_and_site(finished_root: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(finished_root, tmp_path / "root"))
+    evaluate(root, "--agent", "replay", "brake", "--ego", "first", "--only", CRASHES[0])
+    assert trace_dag(root, "evaluate", "--remove", "brake").stdout.startswith("1 evaluations of brake removed")
+    assert asked(root, "SELECT agent FROM leaderboard") == [{"agent": "replay"}]
+    assert trace_dag(root, "evaluate", "--remove", "replay").returncode == 0
+    assert "leaderboard.html" not in (root / "benchmark/index.html").read_text()
+    assert trace_dag(root, "verify").returncode == 0
+
+
 def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
     done = trace_dag(root, "evaluate", "--agent", "replay", "--ego", "first", "--only", CRASHES[0], "--workers", "1")
     assert done.returncode == 0, done.stderr
@@ -91,6 +101,7 @@ def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
         (["evaluate", "--agent", "no_module:Agent"], "no module 'no_module'"),
         (["evaluate", "--agent", "replay", "json:Nope"], "--agent json:Nope: module json has no class Nope"),
         (["evaluate", "--agent", "json:JSONDecoder"], "it has no method reset and act"),
+        (["evaluate", "--remove", "nobody"], "--remove nobody: no evaluations of it are stored"),
         (["evaluate", "--only", REJECTED], "is verified"),
         (["evaluate", "--only", "2023-510999"], "is not registered"),
         (["evaluate", "--variations"], "trace-dag vary makes them"),

@@ -28,6 +28,7 @@ _FAULTS_SHOWN = 5
     epilog=examples(
         "trace-dag evaluate --agent my_module:MyAgent --ego striking",
         "trace-dag evaluate --variations --by road_topology",
+        "trace-dag evaluate --remove my_module:MyAgent",
     ),
 )
 @click.option(
@@ -71,6 +72,7 @@ _FAULTS_SHOWN = 5
     "--by", type=click.Choice(_DIMENSIONS), default="collision_type", show_default=True, help="Classes of the table."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
+@click.option("--remove", metavar="NAME", help="Delete the evaluations of this agent, and do nothing else.")
 @click.option("--json", "as_json", is_flag=True, help="Every evaluation, as JSON.")
 @click.pass_obj
 def evaluate(
@@ -88,6 +90,7 @@ def evaluate(
     time_limit_s: float,
     by: str,
     workers: int | None,
+    remove: str | None,
     as_json: bool,
 ) -> None:
     """Put agents into the verified crashes and see whether they avoid them.
@@ -102,11 +105,17 @@ def evaluate(
     from trace_dag.evaluation.registry import BASELINES
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
-    from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
+    from trace_dag.studies.evaluations import Limits, evaluate_agents, remove_agent, try_agents
 
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     complaints = Complaints()
+    if remove is not None:
+        rows_removed = remove_agent(workspace.storage, remove)
+        into_warehouse(workspace, complaints)
+        publish_leaderboard(workspace.storage, workspace.warehouse)
+        click.echo(f"{rows_removed} evaluations of {remove} removed")
+        sys.exit(complaints.told())
     cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
     if variations:
         from trace_dag.studies.cases import stored_variations

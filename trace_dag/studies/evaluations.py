@@ -200,6 +200,26 @@ def stored_rows(storage: Storage, subject: str) -> list[Row]:
     return rows_from_parquet(read_listed(storage, subject, table, remedy=remedy))
 
 
+def remove_agent(storage: Storage, agent: str) -> int:
+    """Delete the evaluations of one agent, given as in the tables or as ``module:Class``; how many there were.
+
+    Raises :class:`UserError` where there are none of it.
+    """
+    subject = f"{FOLDER}/{label(agent)}"
+    known = sorted(name.removeprefix(f"{FOLDER}/") for name in subjects(storage, FOLDER))
+    if label(agent) not in known:
+        raise UserError(
+            f"--remove {agent}: no evaluations of it are stored; there are those of {', '.join(known) or 'none'}"
+        )
+    try:
+        rows = len(stored_rows(storage, subject))
+    except DamagedFile:
+        rows = 0  # they go all the same
+    for name in (f"{subject}.parquet", f"{subject}.json", ledger_name(subject)):
+        storage.delete(name)
+    return rows
+
+
 def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
     """Every stored evaluation, of all agents; ``complain`` hears of the agents whose table is damaged."""
     found: list[Row] = []
