@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from trace_dag.evaluation.agents import Action, AgentFault, Motion, Observation,
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.observation import Sensing, Sensor
-from trace_dag.evaluation.registry import make_agent, offered, resolve
+from trace_dag.evaluation.registry import make_agent, offered, resolve, with_arguments
 from trace_dag.sim.driving import BodyState, Pedals
 
 
@@ -148,6 +149,27 @@ def test_baselines_are_offered_by_name():
 def test_names_that_lead_nowhere_are_the_callers_mistake(name):
     with pytest.raises(UserError, match="--agent"):
         resolve(name)
+
+
+@dataclass
+class Trained:
+    """An agent that is told what to load."""
+
+    checkpoint: str
+    device: str = "cpu"
+
+    def reset(self, *_: object) -> None: ...
+
+    def act(self, *_: object) -> None: ...
+
+
+def test_an_agent_is_made_with_its_arguments():
+    agent = resolve(with_arguments(f"{__name__}:Trained", ["checkpoint=runs/a b&c=1.pt", "device="]))
+    assert make_agent(agent) == Trained("runs/a b&c=1.pt", "")
+    with pytest.raises(AgentFault, match="checkpoint"):
+        make_agent(f"{__name__}:Trained")
+    with pytest.raises(UserError, match="--agent-arg checkpoint: expected NAME=VALUE"):
+        with_arguments("idm", ["checkpoint"])
 
 
 @pytest.mark.parametrize("reference", ["math:pi", "math:no_such_thing", "json:JSONDecoder"])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.options import ManyValuesCommand, agent_arguments, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
@@ -34,6 +34,7 @@ _FAULTS_SHOWN = 5
 @click.option(
     "--agent", "agents", multiple=True, metavar="NAME", help="A name, or module:Class; default the baselines."
 )
+@agent_arguments
 @click.option(
     "--ego",
     type=click.Choice(["both", "first", "second", "striking", "struck"]),
@@ -78,6 +79,7 @@ _FAULTS_SHOWN = 5
 def evaluate(
     root: str,
     agents: tuple[str, ...],
+    arguments: tuple[str, ...],
     ego: str,
     cohort: str | None,
     only: tuple[str, ...],
@@ -102,7 +104,7 @@ def evaluate(
     from trace_dag.cli.complaints import Complaints
     from trace_dag.evaluation.evaluate import Conditions
     from trace_dag.evaluation.observation import Sensing
-    from trace_dag.evaluation.registry import BASELINES
+    from trace_dag.evaluation.registry import BASELINES, with_arguments
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
     from trace_dag.studies.evaluations import Limits, evaluate_agents, remove_agent, try_agents
@@ -121,7 +123,7 @@ def evaluate(
         from trace_dag.studies.cases import stored_variations
 
         cases = stored_variations(workspace, cases, complain=complaints.hear)
-    names = agents or BASELINES
+    names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
     limits = Limits(time_s=time_limit_s)
     try_agents(names, limits)  # before anything begins
     roles = (AgentRole.FIRST, AgentRole.SECOND) if ego == "both" else (AgentRole(ego),)

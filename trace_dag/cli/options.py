@@ -104,3 +104,12 @@ def run_overrides(executor: str | None, workers: int | None, estimator: str | No
 def execution_overrides(executor: str | None, workers: int | None) -> dict[str, Any]:
     """The executor options as settings."""
     return {name: value for name, value in (("executor", executor), ("workers", workers)) if value is not None}
+
+
+agent_arguments = click.option(
+    "--agent-arg",
+    "arguments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="An argument for the class of the agent, as text, such as checkpoint=a.pt.",
+)

@@ -8,7 +8,7 @@ from typing import Literal
 
 import click
 
-from trace_dag.cli.options import examples
+from trace_dag.cli.options import agent_arguments, examples
 
 
 @click.command(
@@ -27,6 +27,7 @@ from trace_dag.cli.options import examples
     help="A page with a time slider, an animated picture, or a video (the extra mp4).",
 )
 @click.option("--agent", metavar="NAME", help="With an agent at one of the wheels: a name, or module:Class.")
+@agent_arguments
 @click.option(
     "--ego",
     type=click.Choice(["first", "second", "striking", "struck"]),
@@ -41,10 +42,12 @@ def replay(
     key: str,
     replay_format: Literal["html", "gif", "webp", "mp4"],
     agent: str | None,
+    arguments: tuple[str, ...],
     ego: str,
     output: Path | None,
 ) -> None:
     """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
+    from trace_dag.evaluation.registry import with_arguments
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole
     from trace_dag.studies.replays import replay as made_of
@@ -55,7 +58,7 @@ def replay(
         content = made_of(workspace, key, replay_format)
     else:
         sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
-        content = replay_with(workspace, key, agent, AgentRole(ego), replay_format)
+        content = replay_with(workspace, key, with_arguments(agent, arguments), AgentRole(ego), replay_format)
     target = output or Path(f"replay-{key}.{replay_format}")
     target.write_bytes(content)
     click.echo(f"{target}  {len(content) // 1024} kB")
