@@ -64,7 +64,9 @@ def in_one_sentence(record: CrashRecord) -> str:
         what = "collided"
     else:
         what = HARM_EV.meaning(event.code if event else record.first_harmful_event_code) or "crashed"
-    sentence = f"{_when(record)}{place}, {who} {what}.".strip(" ,")
+    others = len(record.vehicles) - 2 if len(involved) == 2 and len(record.vehicles) > 2 else 0
+    more = f"; {_count(others, 'more vehicle')} {'was' if others == 1 else 'were'} involved" if others else ""
+    sentence = f"{_when(record)}{place}, {who} {what}{more}.".strip(" ,")
     return sentence[0].upper() + sentence[1:]
 
 

@@ -149,6 +149,7 @@ class Dial:
     """Where a vehicle was struck, in hours of a clock whose 12 is its front, and the points to draw on a dial."""
 
     vehicle_number: int
+    event_number: int | None
     colour: str
     reported_h: float | None
     simulated_h: float
@@ -170,13 +171,21 @@ def _on_dial(clock_h: float, radius: float = _CLOCK_RADIUS) -> tuple[float, floa
 
 
 def _clocks(verdict: Verdict) -> list[Dial]:
-    """A dial for every vehicle whose impact was measured."""
+    """A dial for every vehicle whose impact was measured, in each contact."""
+    clocks = [each for each in verdict.criteria if each.name == "clock" and each.value is not None]
+    reported = {
+        (each.vehicle_number, each.event_number): each.value
+        for each in verdict.criteria
+        if each.name == "reported_clock"
+    }
+    numbers = sorted({each.vehicle_number for each in clocks if each.vehicle_number is not None})
+    several = len({each.event_number for each in clocks}) > 1
     dials: list[Dial] = []
-    for clock in verdict.criteria:
-        if clock.name == "clock" and clock.value is not None and clock.vehicle_number is not None:
-            reported = verdict.criterion("reported_clock", clock.vehicle_number)
-            colour = vehicle_colour(len(dials))
-            dials.append(Dial(clock.vehicle_number, colour, reported.value if reported else None, clock.value))
+    for clock in clocks:
+        number, event, simulated_h = clock.vehicle_number, clock.event_number, clock.value
+        if number is not None and simulated_h is not None:
+            colour = vehicle_colour(numbers.index(number))
+            dials.append(Dial(number, event if several else None, colour, reported.get((number, event)), simulated_h))
     return dials
 
 
@@ -192,13 +201,18 @@ class Reasons:
 def _reasons(page: CrashPage) -> Reasons:
     verdict = page.verdict
     deciding = [each for each in verdict.criteria if each.reason] if verdict else []
+    several = len({each.event_number for each in deciding}) > 1
+
+    def in_words(criterion: Criterion) -> str:
+        return _criterion_in_words(criterion, criterion.event_number if several else None)
+
     facts = sorted(verdict.support.facts, key=lambda fact: -abs(fact.weight)) if verdict and verdict.support else []
     contradictions = page.record.contradictions if page.record else ()
     detail = verdict.support.detail if verdict and verdict.support and verdict.grade is not Grade.CORROBORATED else ""
     return Reasons(
-        [_criterion_in_words(each) for each in deciding if each.passed]
+        [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
-        [_criterion_in_words(each) for each in deciding if each.passed is False]
+        [in_words(each) for each in deciding if each.passed is False]
         + ([f"Not corroborated: {detail}"] if detail else [])
         + [
             _fact_in_words(fact)
@@ -206,7 +220,7 @@ def _reasons(page: CrashPage) -> Reasons:
             if (fact.agreement is not Agreement.AGREES and fact.weight < 0.0) or fact.refutes
         ]
         + [f"The report contradicts itself: {line}" for line in contradictions],
-        [_criterion_in_words(each) for each in deciding if each.passed is None],
+        [in_words(each) for each in deciding if each.passed is None],
     )
 
 
@@ -214,6 +228,8 @@ _CRITERIA = {
     "contact": "the reported parties touch",
     "contact_distance": "distance of the first contact from the reported place",
     "clock_error": "struck where the report says",
+    "next_contact": "the next contact of the report comes in its turn",
+    "unreported_contact": "nobody touches whom no event has touch by then",
     "direction_error": "course as reported",
     "relation_error": "angle between the courses as reported",
     "departure": "left the carriageway",
@@ -228,10 +244,10 @@ _CRITERIA = {
 _UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off", "m": " m"}
 
 
-def _criterion_in_words(criterion: Criterion) -> str:
+def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
     whose = f"{party_in_words(criterion.vehicle_number)} " if criterion.vehicle_number is not None else ""
     what = _CRITERIA.get(criterion.name, words(criterion.name))
-    sentence = f"{whose}{what}"
+    sentence = f"{whose}{what}" + ("" if event is None else f" (event {event})")
     if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
         sentence += f": {abs(criterion.value):.1f}{_UNITS[criterion.unit]}, {criterion.threshold:g} allowed"
     elif criterion.detail and criterion.passed is not True:

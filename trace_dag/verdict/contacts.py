@@ -30,6 +30,7 @@ from trace_dag.verdict.metrics import (
     observe_contact,
     outside_m,
     sides_of,
+    speed_error_rel,
     struck_side,
 )
 from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
@@ -95,6 +96,7 @@ def contact_criteria(
         rejecting += _of_first(observed, begins, measures, record, limits, settings)
         for vehicle in measures.vehicles:
             reported += reported_of(vehicle, limits, begins.event_number)
+    rejecting += _later_speeds(contacts, begins, log, limits, settings)
     rejecting += _sequence(contacts, order, told=told)
     for contact, seen in zip(contacts, order.matched, strict=True):
         if seen is not None:
@@ -150,6 +152,27 @@ def _of_first(
         error = vehicle.initial_speed_error_rel
         limit = limits.max_speed_error_rel
         found.append(at_most("initial_speed_error", error, limit, "rel", too_fast, vehicle.number, event))
+    return found
+
+
+def _later_speeds(
+    contacts: Sequence[VehicleContact],
+    begins: VehicleContact | None,
+    log: SimulationLog,
+    limits: VerdictSettings,
+    settings: VerdictSettings,
+) -> list[Criterion]:
+    """Reported speeds of the vehicles that take part later, at the beginning."""
+    too_fast = Reason.WRONG_SPEED if RULE_SETS[settings.rule_set].speeds_reject else None
+    initial_mps = {vehicle.number: float(vehicle.speed_mps[0]) for vehicle in log.vehicles}
+    found, told = [], set(begins.pair if begins else ())
+    for contact in contacts:
+        for vehicle, _ in contact.sides:
+            if vehicle.number not in told and vehicle.number in initial_mps:
+                error = speed_error_rel(initial_mps[vehicle.number], vehicle)
+                limit, event = limits.max_speed_error_rel, contact.event_number
+                found.append(at_most("initial_speed_error", error, limit, "rel", too_fast, vehicle.number, event))
+            told.add(vehicle.number)
     return found
 
 
