@@ -29,7 +29,7 @@ _EXTENSION_STEP_S = 1.0
 class Case:
     """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
     had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
-    variation's."""
+    variation's. ``parked``: numbers of vehicles that nobody drives."""
 
     case_id: str
     key: str
@@ -39,6 +39,7 @@ class Case:
     participants: tuple[Participant, ...]
     impact_time_s: float
     recorded: SimulationLog
+    parked: frozenset[int] = frozenset()
 
     @property
     def contact(self) -> Contact | None:

@@ -76,17 +76,20 @@ def load_case(stored: StoredCase) -> Case:
         participants=participants(hypothesis),
         impact_time_s=hypothesis.impact_time_s,
         recorded=log,
+        parked=frozenset(each.number for each in files.load(RECORD).vehicles if not each.in_transport),
     )
 
 
 def number_of(case: Case, role: AgentRole) -> int:
     """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
 
-    Where one of the two is a person, whom no agent drives, it is the vehicle in every role.
+    Where one of the two is a person or parked, whom no agent drives, it is the other one in every role.
     """
     first, second = case.pair
-    if case.recorded.bodies[second].is_person:
+    if case.recorded.bodies[second].is_person or second in case.parked:
         return first
+    if first in case.parked:
+        return second
     if role is AgentRole.FIRST:
         return first
     if role is AgentRole.SECOND:
