@@ -1,8 +1,11 @@
 """Fit the weights by which a report's facts support a verdict, and say how well they do on crashes left out.
 
-    python benchmarks/fit_support.py ROOT
+    python benchmarks/fit_support.py ROOT                    collisions of two vehicles
+    python benchmarks/fit_support.py ROOT --strikes          crashes in which vehicles struck people
 
-``ROOT`` holds computed crashes. True reports at their true places are those accepted there whose vehicles touched.
+``ROOT`` holds computed crashes. True reports at their true places are those accepted there. Facts of the place are
+worth what they are in collisions, of strikes too: a street's name does not know who met on it. Either run leaves the
+facts of the other as they are in the table.
 Controls of the place are the same reports at the places of other crashes of the cohort, and at random points of
 their own maps at least 300 m away on another street, each with a road map, an estimate and a simulation made anew.
 Controls of the course are the simulations beside other crashes' reports. A fact's weight is the logarithm of how many
@@ -25,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from trace_dag.crash.codes.events import VEHICLE_EVENTS
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Rejection
 from trace_dag.flow.artefacts import EXTRACT, MAP_REPORT
@@ -43,7 +47,19 @@ from trace_dag.verdict.controls import renumbered
 from trace_dag.verdict.course_facts import course_facts
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.metrics import observe
-from trace_dag.verdict.support import Weight, facts_of, grade_of, supported, weights_of
+from trace_dag.verdict.strike_controls import in_place_of
+from trace_dag.verdict.strike_facts import OF_STRIKES, strike_facts
+from trace_dag.verdict.strikes import observe_strikes
+from trace_dag.verdict.support import (
+    Weight,
+    facts_of,
+    facts_of_strikes,
+    grade_of,
+    read_weights,
+    supported,
+    weights_of,
+)
+from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade
 
 TABLE = Path(__file__).parents[1] / "trace_dag/verdict/support_weights.py"
@@ -67,35 +83,46 @@ def main() -> None:
     """Fit, write the table, print the cross-validated rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root")
+    parser.add_argument("--strikes", action="store_true", help="fit what facts of strikes are worth")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
+    wanted = Reconstruction.STRIKES if arguments.strikes else Reconstruction.COLLISION
     workspace = Workspace.open(arguments.root)
     keys = [(cohort, key) for cohort in workspace.registry.cohorts() for key in workspace.registry.keys(cohort)]
-    tasks = [(arguments.root, cohort, key) for cohort, key in keys]
+    tasks = [(arguments.root, cohort, key, wanted) for cohort, key in keys]
     with get_context("fork").Pool(arguments.workers, maxtasksperchild=16) as pool:
         rows = [row for found in pool.imap(_rows_of, tasks) for row in found]
-    write_table(counts(rows))
-    print_rates(rows)
+    kept = [] if wanted is Reconstruction.COLLISION else list(read_weights(COUNTS))
+    write_table(counts(rows, weighed(wanted)), wanted)
+    print_rates(rows, kept, weighed(wanted))
 
 
-def write_table(table: Iterable[Weight]) -> None:
-    """The counts as the package holds them, in place of those there."""
+def weighed(wanted: Reconstruction) -> frozenset[ComparedWith]:
+    """What the facts are compared with that a run fits: of strikes those of the course alone."""
+    of_course = frozenset({ComparedWith.COURSE})
+    return of_course if wanted is Reconstruction.STRIKES else of_course | {ComparedWith.MAP}
+
+
+def write_table(table: Iterable[Weight], wanted: Reconstruction) -> None:
+    """The counts as the package holds them, in place of those of the same kind of crash."""
     names = ("fact", "agreement", "true_count", "true_of", "chance_count", "chance_of")
-    lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in table)]
+    others = [row for row in read_weights(COUNTS) if (row.fact in OF_STRIKES) is (wanted is Reconstruction.COLLISION)]
+    rows = sorted([*others, *table], key=lambda row: row.fact)
+    lines = [",".join(names), *(",".join(str(getattr(row, name)) for name in names) for row in rows)]
     head = TABLE.read_text().partition('"""\\\n')[0]
     TABLE.write_text(head + '"""\\\n' + "\n".join(lines) + '\n"""\n')
 
 
-def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight]:
-    """How often each fact came out each way, crash ``without`` left out."""
+def counts(rows: Iterable[Judged], against: frozenset[ComparedWith], *, without: str | None = None) -> list[Weight]:
+    """How often each fact that is compared with one of ``against`` came out each way, crash ``without`` left out."""
     true: dict[str, Counter[Agreement]] = defaultdict(Counter)
     chance: dict[str, Counter[Agreement]] = defaultdict(Counter)
     for row in rows:
         if without in row.keys:
             continue
         for fact in row.facts:
-            if fact.against is ComparedWith.RECORD:
-                continue  # essential or a note, not weighed
+            if fact.against not in against:
+                continue  # a contradiction is essential or a note, not weighed
             if row.kind == "true":
                 true[fact.name][fact.agreement] += 1
             elif (fact.against is ComparedWith.COURSE) == (row.kind == "other report"):
@@ -110,9 +137,11 @@ def counts(rows: Iterable[Judged], *, without: str | None = None) -> list[Weight
     ]
 
 
-def print_rates(rows: list[Judged]) -> None:
-    """Accepted and corroborated by kind and cohort, each crash judged by weights fitted without it."""
-    weights = {key: weights_of(counts(rows, without=key)) for key in {min(row.keys) for row in rows}}
+def print_rates(rows: list[Judged], kept: list[Weight], against: frozenset[ComparedWith]) -> None:
+    """Accepted and corroborated by kind and cohort, each crash judged by weights fitted without it, and those kept."""
+    others = [row for row in kept if row.fact not in OF_STRIKES]
+    keys = {min(row.keys) for row in rows}
+    weights = {key: weights_of([*others, *counts(rows, against, without=key)]) for key in keys}
     rates: dict[tuple[str, str], Counter[Grade]] = defaultdict(Counter)
     for row in rows:
         if row.kind != "other report":
@@ -126,11 +155,11 @@ def print_rates(rows: list[Judged]) -> None:
 
 
 # --- one crash ---------------------------------------------------------------------------------------------------
-def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
-    root, cohort, key = task
+def _rows_of(task: tuple[str, str, str, Reconstruction]) -> list[Judged]:
+    root, cohort, key, wanted = task
     workspace = Workspace.open(root)
     found = judged_crashes(workspace, [key])
-    if not found or not found[0].accepted or found[0].judged.record.first_harmful_event_code not in VEHICLE_EVENTS:
+    if not found or not found[0].accepted or not _is_wanted(found[0].judged.record, wanted):
         return []
     own, rng = found[0], np.random.default_rng(int(key.replace("-", "")))
     others = [other for other in workspace.registry.keys(cohort) if other != key]
@@ -141,7 +170,7 @@ def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
         if places == PLACES_OF_EACH and reports == REPORTS_OF_EACH:
             break
         there = next(iter(judged_crashes(workspace, [other])), None)
-        if there is None or not there.accepted:
+        if there is None or not there.accepted or not _is_wanted(there.judged.record, wanted):
             continue
         if places < PLACES_OF_EACH:
             record = there.judged.record
@@ -157,10 +186,19 @@ def _rows_of(task: tuple[str, str, str]) -> list[Judged]:
     return rows
 
 
+def _is_wanted(record: CrashRecord, wanted: Reconstruction) -> bool:
+    of_vehicles = record.first_harmful_event_code in VEHICLE_EVENTS
+    return reconstruction_of(record) is wanted and (wanted is Reconstruction.STRIKES or of_vehicles)
+
+
 def _true(own: StoredCrash, cohort: str) -> Judged:
-    crash = own.judged
-    observation = observe(crash.network, crash.hypothesis, crash.log)
-    facts = facts_of(crash.record, crash.network, own.files.load(MAP_REPORT), observation)
+    crash, report = own.judged, own.files.load(MAP_REPORT)
+    if reconstruction_of(crash.record) is Reconstruction.STRIKES:
+        observed = observe_strikes(crash.network, crash.hypothesis, crash.log)
+        facts = facts_of_strikes(crash.record, crash.network, report, observed)
+    else:
+        observation = observe(crash.network, crash.hypothesis, crash.log)
+        facts = facts_of(crash.record, crash.network, report, observation)
     return Judged("true", cohort, frozenset({crash.record.key}), own.accepted, facts)
 
 
@@ -190,7 +228,15 @@ def _at(
 
 def _beside(own: StoredCrash, cohort: str, other: StoredCrash) -> Iterator[Judged]:
     """The simulation beside another crash's report."""
-    crash, record = own.judged, renumbered(other.judged.record, own.judged.record)
+    crash = own.judged
+    if reconstruction_of(crash.record) is Reconstruction.STRIKES:
+        foreign = in_place_of(other.judged.record, crash.record)
+        if foreign is not None and foreign.kind is crash.record.kind:
+            observed = observe_strikes(crash.network, crash.hypothesis, crash.log)
+            keys = frozenset({crash.record.key, foreign.key})
+            yield Judged("other report", cohort, keys, False, tuple(strike_facts(foreign, observed)))
+        return
+    record = renumbered(other.judged.record, crash.record)
     observation = observe(crash.network, crash.hypothesis, crash.log)
     if record is not None and observation is not None:
         keys = frozenset({crash.record.key, record.key})

@@ -60,6 +60,11 @@ class Deviation(NamedTuple):
     collision_place_m: float
 
 
+def entity_of(number: str) -> str:
+    """A party's name in the scenarios: V1 vehicle 1, P1 person 1, whose number in the log is 1001."""
+    return f"P{int(number) - 1000}" if int(number) > 1000 else f"V{number}"
+
+
 def damaged_files(package: Path) -> list[str]:
     """Files that are not as the manifest has them, missing and additional ones included."""
     manifest = json.loads((package / "manifest.json").read_text())
@@ -79,9 +84,9 @@ def deviation(package: Path, scenario_name: str) -> Deviation:
     position_m = time_s = 0.0
     for number, columns in log["vehicles"].items():
         times = np.array(columns["time_s"])
-        x, y, _ = scenario.centres(f"V{number}", times).T
+        x, y, _ = scenario.centres(entity_of(number), times).T
         position_m = max(position_m, float(np.hypot(x - columns["x_m"], y - columns["y_m"]).max()))
-        vertices_s = scenario.vertices[f"V{number}"][:, 0]
+        vertices_s = scenario.vertices[entity_of(number)][:, 0]
         time_s = max(time_s, float(np.abs(vertices_s[[0, -1]] - times[[0, -1]]).max()))
     collision, contact = scenario.play(_PLAYER_STEP_S), log["contacts"][0]
     if collision is None:
@@ -101,7 +106,7 @@ def seen(package: Path, collision: Collision | None, scenario: Scenario, bodies:
     log = json.loads((package / "trajectories.json").read_text())
     away_m = 0.0
     for number, columns in log["vehicles"].items():
-        centre = scenario.box_at(f"V{number}", *bodies[f"V{number}"]).centroid
+        centre = scenario.box_at(entity_of(number), *bodies[entity_of(number)]).centroid
         x, y = (np.interp(collision.time_s, columns["time_s"], columns[name]) for name in ("x_m", "y_m"))
         away_m = max(away_m, math.hypot(centre.x - x, centre.y - y))
     return Seen(collision.time_s - log["contacts"][0]["time_s"], away_m)

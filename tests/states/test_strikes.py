@@ -13,6 +13,8 @@ from trace_dag.crash.parties import PartyKind, person_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
 from trace_dag.crash.strikes import strikes_of, untold_strike
 from trace_dag.errors import Rejection
+from trace_dag.roads.map.model import Crosswalk
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.courses import Course, readings, told_courses
@@ -180,6 +182,17 @@ def test_both_sides_are_hypotheses_where_the_report_leaves_it_open() -> None:
     found = estimated(struck(walker(pedestrian_type_code=760)))
     manoeuvres = {state.manoeuvre for hypothesis in found.hypotheses for state in hypothesis.participants[1:]}
     assert {Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT} <= manoeuvres
+
+
+@pytest.mark.parametrize(("location", "expected_m"), [(10, 4.5), (11, 0.0)])  # in a marked crosswalk, outside one
+def test_who_was_in_a_crosswalk_is_struck_in_that_of_the_map(location: int, expected_m: float) -> None:
+    """Lines 3 m wide, from 4 m to 7 m east of the reported point, along which the strike may be a stride aside."""
+    outline = ((-1.5, -4.0), (1.5, -4.0), (1.5, 4.0), (-1.5, 4.0))
+    (road,) = STREET.roads
+    street = RoadNetwork(STREET.frame, (replace(road, crosswalks=(Crosswalk("1", 305.5, outline),)),))
+    person = walker(location_code=location, pedestrian_position_code=None)
+    made = estimate(struck(person), street, PLACE, StateSettings())
+    assert made.best.impact_point_xy_m[0] == pytest.approx(expected_m, abs=1.2)
 
 
 def test_the_vehicle_leaves_the_carriageway_for_whom_it_struck_on_the_shoulder() -> None:

@@ -12,6 +12,7 @@ import pytest
 from cases import SAMPLE, SETTINGS
 
 from trace_dag.crash.parse import read_report
+from trace_dag.crash.reconstruction import Reconstruction
 from trace_dag.crash.record import PreCrashMovement
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
@@ -44,6 +45,27 @@ REPORT = b"""<ResponseOfListOfCaseDetail><Count>1</Count><Results><ArrayOfCaseDe
 <AOI2>1</AOI2></CEvent></CEvents></CrashResultSet></CaseDetail></ArrayOfCaseDetail></Results>
 </ResponseOfListOfCaseDetail>"""
 
+STRUCK = b"""<ResponseOfListOfCaseDetail><Count>1</Count><Results><ArrayOfCaseDetail><CaseDetail><CrashResultSet>
+<CaseYear>2023</CaseYear><State>51</State><ST_CASE>510003</ST_CASE><VE_FORMS>2</VE_FORMS><PEDS>1</PEDS>
+<LATITUDE>37.5</LATITUDE><LONGITUD>-77.5</LONGITUD><HARM_EV>8</HARM_EV><TYP_INT>2</TYP_INT>
+<Vehicles><Vehicle><VEH_NO>1</VEH_NO><BODY_TYP>4</BODY_TYP><IMPACT1>12</IMPACT1><P_CRASH1>1</P_CRASH1></Vehicle>
+<Vehicle><VEH_NO>2</VEH_NO><BODY_TYP>4</BODY_TYP><IMPACT1>1</IMPACT1><P_CRASH1>1</P_CRASH1></Vehicle></Vehicles>
+<NPersons><Person><VEH_NO>0</VEH_NO><PER_NO>1</PER_NO><PER_TYP>5</PER_TYP><STR_VEH>1</STR_VEH><LOCATION>3</LOCATION>
+</Person></NPersons><PbTypes><PBType><Veh_No>0</Veh_No><PER_NO>1</PER_NO><PBPTYPE>5</PBPTYPE><PEDCTYPE>760</PEDCTYPE>
+<BIKECTYPE>0</BIKECTYPE><PEDPOS>1</PEDPOS><BIKEPOS>7</BIKEPOS><PEDDIR>2</PEDDIR><MOTDIR>3</MOTDIR><PEDSNR>2b</PEDSNR>
+<PEDSNRNAME>From the right.</PEDSNRNAME><PEDCGP>750</PEDCGP><BIKECGP>0</BIKECGP></PBType></PbTypes>
+<CEvents><CEvent><EVENTNUM>1</EVENTNUM><SOE>8</SOE><VNUMBER1>1</VNUMBER1><AOI1>12</AOI1></CEvent>
+<CEvent><EVENTNUM>2</EVENTNUM><SOE>8</SOE><VNUMBER1>2</VNUMBER1><AOI1>1</AOI1></CEvent></CEvents>
+</CrashResultSet></CaseDetail></ArrayOfCaseDetail></Results></ResponseOfListOfCaseDetail>"""
+
+CHANGED_OF_PEOPLE = {
+    "nothing": [],
+    "clock_2h": ["IMPACT1 12 2", "AOI1 12 2"],
+    "left_for_straight": ["P_CRASH1 1 11", "P_CRASH1 1 11"],
+    "person_mirrored": ["PEDDIR 2 4", "PEDSNR 2b 2a"],
+    "person_on_sidewalk": ["LOCATION 3 21", "PEDPOS 1 5"],
+    "strikes_swapped": ["VNUMBER1 1 2", "VNUMBER1 2 1"],
+}
 CHANGED = {
     "nothing": [],
     # Vehicle 1: the initial impact, its damage, its party of the event (in the vehicle's copy too) and its own event.
@@ -99,6 +121,26 @@ def test_a_perturbation_changes_what_it_says_and_nothing_else(name: str) -> None
     changed = perturb(KINDS[name], REPORT, scene())
     assert changed is not None
     assert list(differences(REPORT, changed.xml)) == CHANGED[name]
+
+
+@pytest.mark.parametrize("name", CHANGED_OF_PEOPLE)
+def test_so_it_is_with_reports_of_people(name: str) -> None:
+    changed = perturb(KINDS[name], STRUCK, scene(STRUCK))
+    assert changed is not None
+    assert list(differences(STRUCK, changed.xml)) == CHANGED_OF_PEOPLE[name]
+    read_report(changed.xml, name=name, settings=SETTINGS.crash)
+
+
+def test_who_is_typed_as_going_along_the_road_comes_from_no_side() -> None:
+    changed = perturb(KINDS["person_along"], STRUCK, scene(STRUCK))
+    assert changed is not None
+    (person,) = read_report(changed.xml, name="report", settings=SETTINGS.crash).non_motorists
+    assert (person.pedestrian_type_code, person.pedestrian_group_code, person.scenario) == (410, 400, "")
+
+
+def test_what_is_of_two_vehicles_is_not_changed_in_reports_of_people_nor_the_other_way_round() -> None:
+    assert perturb(KINDS["clocks_swapped"], STRUCK, scene(STRUCK)) is None
+    assert perturb(KINDS["person_mirrored"], REPORT, scene()) is None
 
 
 def test_a_label_of_the_old_value_goes() -> None:
@@ -194,9 +236,10 @@ def test_every_perturbation_of_a_whole_report_can_be_read_and_is_drawn_alike(nam
 def test_real_reports_take_the_perturbations_their_fields_allow(shared_data) -> None:
     report = (shared_data / "va-2023" / "reports" / "crash_510002.xml").read_bytes()
     here = scene(report)
-    applied = {name for name, kind in KINDS.items() if perturb(kind, report, here) is not None}
+    of_collisions = {name: kind for name, kind in KINDS.items() if Reconstruction.COLLISION in kind.of}
+    applied = {name for name, kind in of_collisions.items() if perturb(kind, report, here) is not None}
     # Vehicle 1 turned left at a T-intersection on a straight road; both speeds and both streets are reported.
-    assert KINDS.keys() - applied <= {"alignment_mirrored", "type_left_across"}
+    assert of_collisions.keys() - applied <= {"alignment_mirrored", "type_left_across"}
     changed = perturb(KINDS["left_for_right"], report, here)
     assert changed is not None
     record = read_report(changed.xml, name="report", settings=SETTINGS.crash)

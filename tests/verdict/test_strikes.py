@@ -13,6 +13,8 @@ from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCra
 from trace_dag.crash.struck import ORDER_OF_STRIKES
 from trace_dag.crash.zones import Zone
 from trace_dag.errors import Reason
+from trace_dag.roads.map.model import Crosswalk
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participants
@@ -22,8 +24,9 @@ from trace_dag.states.estimate import estimate
 from trace_dag.states.types import Hypothesis
 from trace_dag.verdict.json_io import verdict_from_json, verdict_to_json
 from trace_dag.verdict.judge import judge, judge_hypothesis
+from trace_dag.verdict.strike_facts import OF_STRIKES
 from trace_dag.verdict.strikes import compass_error_deg, zone_error_m
-from trace_dag.verdict.types import Grade, Verdict
+from trace_dag.verdict.types import Agreement, Grade, Verdict
 
 FROM_RIGHT = walker(scenario="1b", pedestrian_group_code=750, pedestrian_type_code=760)
 
@@ -56,7 +59,7 @@ def test_a_strike_as_reported_is_accepted_and_graded_consistent() -> None:
     crash, hypothesis, log = crossing()
     verdict = judge(crash, STREET, PLACE, replace(estimated(crash), hypotheses=(hypothesis,)), [log], VerdictSettings())
     assert verdict.accepted
-    assert (verdict.grade, verdict.support) == (Grade.CONSISTENT, None)
+    assert verdict.grade is Grade.CONSISTENT  # a street without a name, a limit or a class has little to agree with
     of_event = {criterion.name for criterion in verdict.criteria if criterion.event_number == 1}
     assert {"contact", "contact_distance", "clock_error", "zone_error", "course_error", "throw_distance"} <= of_event
     assert verdict_from_json(verdict_to_json(verdict)) == verdict
@@ -75,6 +78,43 @@ def test_measures_are_those_of_the_motion() -> None:
     thrown = values["throw_distance", 1001]
     assert thrown is not None
     assert 12.1 < thrown < 35.6
+
+
+def facts_by(crash: CrashRecord, network: RoadNetwork = STREET) -> dict[str, Agreement]:
+    """What facts of another report come to, set beside the motion of :func:`crossing`."""
+    _, hypothesis, log = crossing()
+    made = replace(estimated(struck(FROM_RIGHT)), hypotheses=(hypothesis,))
+    verdict = judge(crash, network, PLACE, made, [log], VerdictSettings())
+    assert verdict.support is not None
+    return {fact.name: fact.agreement for fact in verdict.support.facts if fact.name in OF_STRIKES}
+
+
+def test_what_the_report_says_of_a_strike_is_weighed_as_facts() -> None:
+    agrees = dict.fromkeys(
+        (
+            "striking vehicle",
+            "impact of the strike",
+            "movement before the strike",
+            "speed before the strike",
+            "course of the person",
+            "zone of the person",
+        ),
+        Agreement.AGREES,
+    )
+    assert facts_by(struck(FROM_RIGHT)) == agrees
+    assert facts_by(with_person(pedestrian_direction_code=1))["compass direction"] is Agreement.AGREES  # north
+    assert facts_by(with_person(motorist_direction_code=4))["compass direction"] is Agreement.DIFFERS  # west, not east
+    assert facts_by(with_person(scenario="1a"))["course of the person"] is Agreement.DIFFERS
+    assert facts_by(with_person(pedestrian_position_code=5))["zone of the person"] is Agreement.DIFFERS
+
+
+def test_a_reported_crosswalk_is_looked_for_where_the_map_has_any() -> None:
+    (road,) = STREET.roads
+    outline = ((-1.5, -4.0), (1.5, -4.0), (1.5, 4.0), (-1.5, 4.0))
+    for at_m, agreement in ((305.0, Agreement.AGREES), (400.0, Agreement.DIFFERS)):  # the place is at 300 m
+        street = RoadNetwork(STREET.frame, (replace(road, crosswalks=(Crosswalk("1", at_m, outline),)),))
+        assert facts_by(with_person(crosswalk_code=1), street)["crosswalk"] is agreement
+    assert "crosswalk" not in facts_by(with_person(crosswalk_code=1))
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,13 @@ from trace_dag.cli.sample import COHORT, sample_folder
 @click.command(
     epilog=examples(
         "trace-dag --root demo demo",
+        "trace-dag --root demo demo --people",
     )
 )
+@click.option("--people", is_flag=True, help="And the town's crashes with pedestrians and cyclists.")
 @executor_options
 @click.pass_context
-def demo(context: click.Context, executor: str | None, workers: int | None) -> None:
+def demo(context: click.Context, people: bool, executor: str | None, workers: int | None) -> None:
     """Run the bundled sample: a fictional town and crashes whose true course is known.
 
     Registers it as cohort "sample", runs it through all stages, and prints the funnel, the coverage and where to look.
@@ -33,7 +35,8 @@ def demo(context: click.Context, executor: str | None, workers: int | None) -> N
     from trace_dag.warehouse.query import query
 
     root, began, folder = context.obj, time.monotonic(), sample_folder()
-    context.invoke(ingest, reports=(str(folder / "reports"),), maps=(str(folder / "osm"),), cohort=COHORT)
+    reports = [folder / "reports", *([folder / "people" / "reports"] if people else [])]
+    context.invoke(ingest, reports=tuple(map(str, reports)), maps=(str(folder / "osm"),), cohort=COHORT)
     settings = {"execution": execution_overrides(executor, workers)}
     code = carry_out(root, settings, lambda workspace: select_stale(workspace, COHORT))
     workspace = Workspace.open(root)

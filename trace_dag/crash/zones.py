@@ -47,6 +47,15 @@ _ZONES_OF_REL_ROAD: Final[Mapping[int, frozenset[Zone]]] = {
 }
 
 
+_IN_CROSSWALK: Final = frozenset({1, 2, 10})  # LOCATION
+_CROSSWALK: Final = 2  # PEDPOS
+
+
+def in_crosswalk(person: NonMotorist) -> bool:
+    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
+    return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
+
+
 def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
     """Where the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``; empty if none says."""
     tables = (

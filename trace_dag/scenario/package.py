@@ -159,7 +159,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
             scenario(
                 f"scenario.carla.free_V{number}.xosc",
                 Flavour(carla=True, free=number),
-                f"for ScenarioRunner, {what} (`external_control`)",
+                f"for ScenarioRunner, {what} (external_control)",
             ),
         ]
     return files

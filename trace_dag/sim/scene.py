@@ -44,6 +44,8 @@ _MOST_WHEEL_LOAD_N = 44_500.0
 """Load of the wheels on one side of an axle: half of 20,000 lb, the heaviest single axle on US interstates (23 CFR
 658.17); of a lighter vehicle a quarter of its weight."""
 _LIES_BELOW_M = 0.3  # centre of mass above the road
+_LYING_M = 0.24  # height of a trunk that lies
+_CREEPS_MPS = 1.0
 _SEEN_M = 0.2  # so near to a vehicle a segment is seen, before it touches
 _VEHICLE_SLIDING = 0.3  # rate of the friction's reference, of the normal one
 _ROAD_RATE_RPS, _ROAD_DAMPING_RATIO = 100.0, 1.0
@@ -96,6 +98,10 @@ class Scene(RigidBodies):
         self._pushed: dict[_Tree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
         self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
         self._pressed: dict[tuple[tuple[int, int], _Tree], list[PersonTouch]] = {}  # down, by a vehicle
+        self._wheels = {
+            geom(f"v{i}_{k}"): i for i, m in enumerate(models) for k, box in enumerate(shell(m.body)) if box.wheel
+        }
+        self._rolled_ns: dict[tuple[int, _Tree], float] = {}  # how hard a wheel has pushed who lies before it
         self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
         self._shells = []
         for i, vehicle in enumerate(models):
@@ -159,6 +165,8 @@ class Scene(RigidBodies):
         self._pressed.clear()
         total = super().step(forces, step_s, count)
         self._let_up(count * step_s)
+        if self._rolled_ns:
+            self._roll_over()
         self._settle_velocities(step_s, count)
         for pair, touches in self.touches.items():
             total[pair] = (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
@@ -167,6 +175,7 @@ class Scene(RigidBodies):
     def _touching(self) -> Iterator[Touch]:
         """Those between vehicles; those of people are kept on the way."""
         contacts: Any = self._data.contact
+        over_s = self._last_step_s
         forces = self._data.efc_force
         owner, vehicles = self._owner, self._count
         for geoms, row, frame, point, distance in zip(
@@ -203,6 +212,9 @@ class Scene(RigidBodies):
             touch = PersonTouch(-distance, point, normal, force)
             self.touches.setdefault(pair, []).append(touch)
             self._pressed.setdefault((pair, tree), []).append(touch)
+            if geoms[0] in self._wheels or geoms[1] in self._wheels:
+                rolls = (pair[0], tree)
+                self._rolled_ns[rolls] = self._rolled_ns.get(rolls, 0.0) + math.hypot(force[0], force[1]) * over_s
 
     def _push(self, tree: _Tree, force: tuple[float, ...]) -> None:
         before = self._pushed.get(tree, (0.0, 0.0, 0.0))
@@ -232,6 +244,20 @@ class Scene(RigidBodies):
                 self._rates[k + 2] -= (arm_x * back_y - arm_y * back_x) * per_inertia * over_s
                 kept = self.touches[pair]
                 kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
+
+    def _roll_over(self) -> None:
+        """Let wheels over whom they have pushed as hard as they can while they climb: with their load, for as long as
+        they take for the height of a body that lies."""
+        for (vehicle, tree), pushed_ns in list(self._rolled_ns.items()):
+            speed = max(math.hypot(*self._rates[3 * vehicle : 3 * vehicle + 2].tolist()), _CREEPS_MPS)
+            if pushed_ns > self._wheel_loads_n[vehicle] * _LYING_M / speed and self._lies(tree):
+                model = self._model
+                wheels = [geom for geom, of in self._wheels.items() if of == vehicle]
+                one, two = model.pair_geom1, model.pair_geom2
+                over = np.isin(one, wheels) & np.isin(two, tree.geoms)
+                over |= np.isin(two, wheels) & np.isin(one, tree.geoms)
+                model.pair_margin[over] = -math.inf  # they no longer meet
+                del self._rolled_ns[vehicle, tree]
 
     def _lies(self, tree: _Tree) -> bool:
         return bool(self._data.subtree_com[tree.body_id][2] - tree.person.z < _LIES_BELOW_M)

@@ -20,6 +20,7 @@ from typing import Final
 
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import NonMotorist
+from trace_dag.crash.zones import in_crosswalk
 from trace_dag.units import METRES_PER_FOOT, kmh_to_mps
 
 OLD_YEARS: Final = 65
@@ -30,8 +31,6 @@ _RUNNING_MPS: Final = 3.5
 _RUNNING_OLD_MPS: Final = 2.5
 _RIDING_MPS: Final = kmh_to_mps(17.8)
 _ROLLING_MPS: Final = 3.0  # on a skateboard or kick scooter; between walking and riding, not from a source
-_IN_CROSSWALK: Final = frozenset({1, 2, 10})  # LOCATION
-_CROSSWALK_POSITION: Final = 2  # PEDPOS
 _JOGGING: Final = 4  # NMACTION
 _DASHED: Final = frozenset({1, 11})  # NMCC: darted or dashed out
 _DASHES: Final = frozenset({741, 742})  # PEDCTYPE
@@ -69,5 +68,4 @@ def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
         return _RUNNING_OLD_MPS if old else _RUNNING_MPS
     if gait is Gait.RIDING:
         return _RIDING_MPS if person.kind is PartyKind.CYCLIST else _ROLLING_MPS
-    in_crosswalk = person.pedestrian_position_code == _CROSSWALK_POSITION or person.location_code in _IN_CROSSWALK
-    return (_WALKING_OLD_MPS if old else _WALKING_MPS) * (1.0 if in_crosswalk else _AWAY_FROM_CROSSWALK)
+    return (_WALKING_OLD_MPS if old else _WALKING_MPS) * (1.0 if in_crosswalk(person) else _AWAY_FROM_CROSSWALK)

@@ -32,15 +32,18 @@ from trace_dag.states.paths import LateralShift, Path, shifted, straight
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
-from trace_dag.states.spots import Spot, spots_of
+from trace_dag.states.spots import Spot
 from trace_dag.states.streams import Stream
+from trace_dag.states.strike_place import (
+    crosswalk_log_likelihood,
+    crosswalk_of,
+    is_far_side,
+    placed,
+    spot_of,
+)
 from trace_dag.states.types import Manoeuvre
 from trace_dag.units import GRAVITY_MPS2
 
-_MEETS_MPS: Final = 0.3  # slower than this nobody comes to touch a face
-_REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
-_STATION_STEP_M: Final = 0.25
-_TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _COMPASS_RAD: Final = math.radians(45)  # a coded direction is a quarter of the compass
 _WIDEST_M: Final = 30.0
 _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
@@ -49,8 +52,6 @@ behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
 _DRIFT_G: Final = 0.08  # a driver who drifts off the road
 _DASH_BEYOND_M: Final = 0.8  # who runs out starts so far beyond the edge
-_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR: the near side of a turning motorist's intersection
-_TURNED: Final = 0.4  # share of the turn from which on a vehicle struck at the far side has turned
 _KINDS: Final = {PartyKind.CYCLIST: PartyKind.CYCLIST, PartyKind.CONVEYANCE: PartyKind.CONVEYANCE}
 _MANOEUVRES: Final = {
     Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
@@ -151,10 +152,11 @@ def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
     """Every way the strike can have happened, likeliest first."""
     who = party(scene.record, strike.vehicle)
     courses = readings(strike.person, who.turn, strike.area)
+    crosswalk = crosswalk_of(scene, strike.person)
     found = []
     for option, speed, terms in ways_of(scene, who):
         for reading in courses:
-            plan = _plan(scene, strike, who, option, speed, terms, reading)
+            plan = _plan(scene, strike, who, option, speed, terms, reading, crosswalk)
             if plan is not None:
                 found.append(plan)
     return sorted(found, key=lambda plan: (-plan.score, plan.name))
@@ -212,16 +214,17 @@ def _plan(
     speed: TravelSpeed,
     terms: dict[str, float],
     reading: CourseReading,
+    crosswalk: shapely.Polygon | None,
 ) -> StrikePlan | None:
     person = strike.person
     gait = Gait.STANDING if reading.course is Course.STANDING else gait_of(person)
     speed_mps = usual_speed_mps(person, gait)
     profile = speed_profile(who.vehicle, speed.speed_mps)
-    spot = _spot(strike, option, profile.impact_mps, reading.course, speed_mps)
+    spot = spot_of(strike, option, profile.impact_mps, reading.course, speed_mps)
     if spot is None:
         return None
     option, path = _onto_person(scene, strike, option, spot)
-    path, station_m, slid_m = _placed(scene, path, option, spot, _far_side(person, option))
+    path, station_m, slid_m = placed(scene, path, option, spot, is_far_side(person, option), crosswalk)
     pose = path.pose(station_m)
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
@@ -230,29 +233,11 @@ def _plan(
     contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
     terms = terms | {"course of the person": reading.log_prior} | _contact_terms(scene, strike, drive, contact_xy_m)
+    if crosswalk is not None:
+        terms["crosswalk"] = float(crosswalk_log_likelihood(crosswalk, np.array(contact[0]), np.array(contact[1])))
     if slid_m:
         terms[f"place of the turn (vehicle {who.vehicle.number})"] = -0.5 * (slid_m / TURN_SLIDE_SIGMA_M) ** 2
     return StrikePlan(strike, drive, walk, contact_xy_m, terms)
-
-
-# --- where on the vehicle ------------------------------------------------------------------------------------------
-def _spot(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
-    """The spot of the reported area, or the nearest one that the two can come to touch at; None if there is none."""
-    half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
-    ahead = -impact_mps if option.backing else impact_mps
-    closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
-    for spot in spots_of(strike.area, half_length, half_width):
-        if float(closing @ np.array(spot.normal)) < -_MEETS_MPS:
-            return spot
-    return None
-
-
-def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
-    """Velocity of the person in the vehicle's axes, as planned."""
-    if course is Course.STANDING:
-        return np.zeros(2)
-    angle = math.radians(RELATIVE_DEG[course] + (180.0 if backing else 0.0))
-    return np.array([speed_mps * math.cos(angle), speed_mps * math.sin(angle)])
 
 
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
@@ -294,50 +279,6 @@ def edge_of(area: shapely.MultiPolygon, here: Pose, side: float) -> float:
     return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
 
 
-def _far_side(person: NonMotorist, option: Option) -> bool:
-    """Whether a turning vehicle struck the person where it left the intersection."""
-    if option.turn is None:
-        return False
-    return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
-
-
-def _placed(scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool) -> tuple[Path, float, float]:
-    """Path, station at the strike, and how far the turn was moved along the road for it to be at the place."""
-    if option.turn is None:
-        return path, _station(scene, path, option, spot, far_side, 0.0)[0], 0.0
-    found = []
-    for slide_m in _TURN_SLIDES_M:
-        turned = option.path(slide_m)
-        station_m, score = _station(scene, turned, option, spot, far_side, slide_m)
-        score -= 0.5 * (slide_m / TURN_SLIDE_SIGMA_M) ** 2
-        found.append((round(score, 6), -abs(slide_m), turned, station_m, slide_m))
-    _, _, turned, station_m, slide_m = max(found, key=lambda each: each[:2])
-    return turned, station_m, slide_m
-
-
-def _station(
-    scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool, slide_m: float
-) -> tuple[float, float]:
-    """Where along the path the spot comes nearest to the place, in a turn where that fits how far it has turned; and
-    how well that fits, as a log-likelihood."""
-    x, y = scene.place_xy_m
-    near, _ = path.project(x, y)
-    stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)
-    px, py, heading = path.plan(stations)
-    if option.backing:
-        heading = heading + math.pi
-    contact_x = px + spot.ahead_m * np.cos(heading) - spot.left_m * np.sin(heading)
-    contact_y = py + spot.ahead_m * np.sin(heading) + spot.left_m * np.cos(heading)
-    score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
-    if option.turn is not None:
-        start = float(path.plan(np.array([option.turn_start_m + slide_m]))[2][0])
-        share = (heading - start) / option.turn.angle_rad
-        short = np.maximum(_TURNED - share, 0.0) if far_side else np.maximum(share - _TURNED, 0.0)
-        score = score - 2.0 * short / _TURNED
-    best = int(np.argmax(np.round(score, 6)))
-    return float(stations[best]), float(score[best])
-
-
 # --- the way of the person -------------------------------------------------------------------------------------------
 def _walk(
     scene: Scene,
@@ -376,7 +317,7 @@ def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
         return drive.pose.heading_rad + backing + math.radians(RELATIVE_DEG[course])
     stream = drive.option.stream
     road = stream.path.pose(max(drive.option.turn_start_m - 1.0, 0.0)).heading_rad
-    if _far_side(person, drive.option):
+    if is_far_side(person, drive.option):
         road += drive.option.turn.angle_rad
     return road + math.radians(RELATIVE_DEG[course])
 

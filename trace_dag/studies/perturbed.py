@@ -45,12 +45,14 @@ from trace_dag.stage import Stage
 from trace_dag.states.estimate import estimator_factory
 from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import StoredCrash, crash_files, drawn, read_judged
-from trace_dag.studies.tables import PERTURBED, store
+from trace_dag.studies.tables import PERTURBED as PERTURBED_TABLE
+from trace_dag.studies.tables import store
 from trace_dag.verdict.controls import JudgedCrash, renumbered
 from trace_dag.verdict.judge import judge_hypothesis
-from trace_dag.verdict.perturbed.kinds import KINDS, Changed, Needs, PerturbationKind, perturb
+from trace_dag.verdict.perturbed.kinds import KINDS, PERTURBED, Changed, Needs, PerturbationKind, perturb
 from trace_dag.verdict.perturbed.places import is_same_street, random_point
 from trace_dag.verdict.perturbed.scene import PerturbedScene, Point
+from trace_dag.verdict.strike_controls import in_place_of
 
 MOST = 12
 """Crashes of a cohort that are perturbed unless more are asked for: some minutes of work."""
@@ -139,9 +141,10 @@ def perturbed_controls(
 ) -> list[PerturbedRow]:
     """Verified crashes of a cohort, drawn at random, each with its report changed in every way that applies to it.
 
-    The same request on the same root gives the same rows, whatever the number of workers. ``tell`` hears how many
-    changed reports of how many are through, ``complain`` of crashes left out because something stored of them is
-    damaged. Stored for the warehouse, in place of the cohort's rows before.
+    Collisions of two vehicles and crashes with people are drawn each for themselves. The same request on the same root
+    gives the same rows, whatever the number of workers. ``tell`` hears how many changed reports of how many are
+    through, ``complain`` of crashes left out because something stored of them is damaged. Stored for the warehouse, in
+    place of the cohort's rows before.
 
     Raises :class:`UserError` for a kind or crash there is not, a cohort without a verified crash, or an estimator that
     would have to be paid for every changed report.
@@ -163,24 +166,27 @@ def perturbed_controls(
             verified += [each] if _is_verified(each) else []
         except DamagedFile as damaged:
             complain(damaged)
-    wanted = [each for each in verified if not request.only or each.key in request.only]
-    if not wanted:
+    if not any(not request.only or each.key in request.only for each in verified):
         asked = f"of {', '.join(request.only)} none is verified" if request.only else "no crash is verified yet"
         raise UserError(f"cohort {cohort!r}: {asked}; only verified crashes are perturbed")
-    crashes = drawn(wanted, request.most, request.seed)
-    tasks = list(_tasks(workspace, crashes, verified, kinds, request))
+    tasks: list[_Task] = []
+    for reconstruction in sorted(PERTURBED):
+        alike = [each for each in verified if _reconstructed(each) is reconstruction]
+        asked_for = [each for each in alike if not request.only or each.key in request.only]
+        crashes = drawn(asked_for, request.most, request.seed)
+        tasks += _tasks(workspace, crashes, alike, [kind for kind in kinds if reconstruction in kind.of], request)
     rows = _run(workspace, tasks, tell)
-    store(workspace, PERTURBED, cohort, rows)
+    store(workspace, PERTURBED_TABLE, cohort, rows)
     return rows
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    """Whether it is a verified collision of two vehicles: what is changed is in reports of such."""
-    return (
-        crash.has(VERDICT)
-        and crash.load(VERDICT).accepted
-        and (reconstruction_of(crash.load(RECORD)) is Reconstruction.COLLISION)
-    )
+    """Whether it is verified, and reconstructed as what changes are made to."""
+    return crash.has(VERDICT) and crash.load(VERDICT).accepted and _reconstructed(crash) in PERTURBED
+
+
+def _reconstructed(crash: CrashFiles) -> Reconstruction:
+    return reconstruction_of(crash.load(RECORD))
 
 
 def _tasks(
@@ -348,7 +354,8 @@ class _Perturbation:
     def _own_accepted(self, record: CrashRecord) -> bool | None:
         crash = self._judged
         if self._change.other is not None:
-            foreign = renumbered(record, crash.record)
+            of_strikes = reconstruction_of(crash.record) is Reconstruction.STRIKES
+            foreign = (in_place_of if of_strikes else renumbered)(record, crash.record)
             if foreign is None:
                 return None
             record = foreign
@@ -452,6 +459,7 @@ def _for_maps(record: CrashRecord) -> tuple[CrashRecord, tuple[int, ...]]:
         record,
         vehicles=vehicles,
         events=(),
+        non_motorists=(),
         collision_type=CollisionType.OTHERS,
         vehicle_trajectory=VehicleTrajectory.OTHERS,
         manner_of_collision_code=None,

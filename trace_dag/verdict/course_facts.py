@@ -43,10 +43,8 @@ def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fac
         if vehicle is not None:
             yield from _crash_type(record, vehicle, seen, other)
             yield from _critical_event(record, vehicle, seen, other)
-            yield from _movement(record, vehicle, seen)
-            yield from _clock(vehicle, seen)
-            yield from _damage(vehicle, seen)
-            yield from _speed(vehicle, seen)
+            found = (movement_fact(record, vehicle, seen), impact_fact(vehicle, seen), _damage(vehicle, seen))
+            yield from (fact for fact in (*found, speed_fact(vehicle, seen)) if fact is not None)
     yield from _manner(record, one, two)
 
 
@@ -173,11 +171,11 @@ def _critical_event(
         )
 
 
-def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
-    """``P_CRASH1``: turning, going straight, standing, backing."""
+def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
+    """``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these."""
     movement = vehicle.movement
     if "movement" in vehicle.implied:
-        return
+        return None
     found = f"turned {seen.turn_deg:+.0f} deg, {seen.impact_speed_mps:.1f} m/s at the impact"
     if movement is PreCrashMovement.BACKING:
         agrees = seen.impact_speed_mps < 0
@@ -190,30 +188,31 @@ def _movement(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle
         error = turn_error_deg(seen.turn_deg, frozenset(allowed), seen.offered_turns_deg)
         agrees = error is None or error <= _TURN_DEG
     else:
-        return
+        return None
     reported = movement.name.lower().replace("_", " ")
-    yield Fact("movement", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+    return Fact("movement", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
 
 
 # --- each vehicle ------------------------------------------------------------------------------------------------
-def _clock(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
+    """The area of impact, by the clock; None if none is reported."""
     error = clock_error_h(seen.clock_h, vehicle.impact)
     if vehicle.impact is None or error is None:
-        return
+        return None
     agreement = Agreement.DIFFERS
     if error <= _SAME_CLOCK_H:
         agreement = Agreement.AGREES
     elif error <= _NEAR_CLOCK_H:
         agreement = Agreement.NEAR
     reported, found = f"{vehicle.impact.clock_h:g} o'clock", f"{seen.clock_h:.1f} o'clock"
-    yield Fact("impact", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    return Fact("impact", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
-def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     """``DAMAGE`` (``MDAREAS``): the part that was struck is damaged."""
     hours = [area for area in vehicle.damaged_areas if 1 <= area <= 12]
     if not hours or len(hours) >= _DAMAGED_ALL_AROUND:
-        return
+        return None
     off_h = min(clock_difference_h(float(hour), seen.clock_h) for hour in hours)
     agreement = Agreement.DIFFERS
     if off_h <= 2 * _SAME_CLOCK_H:
@@ -222,16 +221,17 @@ def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
         agreement = Agreement.NEAR
     reported = ", ".join(f"{hour}" for hour in hours) + " o'clock damaged"
     found = f"struck at {seen.clock_h:.1f} o'clock"
-    yield Fact("damage", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    return Fact("damage", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
-def _speed(vehicle: VehicleRecord, seen: ObservedVehicle) -> Iterator[Fact]:
+def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
+    """The travel speed; None if none is reported."""
     error = speed_error_rel(seen.initial_speed_mps, vehicle)
     if error is None or vehicle.travel_speed_mps is None:
-        return
+        return None
     agreement = _agreement(abs(error) <= _KEPT_REL)
     reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:.1f} m/s"
-    yield Fact("travel speed", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
+    return Fact("travel speed", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
 
 
 def _agreement(agrees: bool) -> Agreement:

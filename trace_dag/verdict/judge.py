@@ -21,7 +21,7 @@ from trace_dag.verdict.departures import ObservedDeparture, departure_criteria, 
 from trace_dag.verdict.metrics import FirstContact, compare, observe
 from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_DEPARTURES, REQUIRED_OF_SEQUENCES, criteria, judgement
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
-from trace_dag.verdict.support import facts_of, grade_of, supported
+from trace_dag.verdict.support import facts_of, facts_of_strikes, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
 
 _REQUIRED: Final = {
@@ -43,8 +43,8 @@ def judge(
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
     The verdict is graded by what else of the report the map, the course and the report itself bear out
-    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. Any
-    but a collision of two vehicles is graded no higher than consistent: what facts are worth was measured on those.
+    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. One
+    of several contacts of vehicles is graded no higher than consistent: what facts are worth was not measured on those.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -55,10 +55,15 @@ def judge(
         for i, (hypothesis, log) in enumerate(zip(estimate.hypotheses, logs, strict=True))
     ]
     verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
-    if reconstruction_of(record) is not Reconstruction.COLLISION:
-        return verdict  # the weights of facts are fitted to collisions of two vehicles
-    observation = observe(network, estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis])
-    support = supported(facts_of(record, network, report, observation))
+    hypothesis, log = estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis]
+    match reconstruction_of(record):
+        case Reconstruction.COLLISION:
+            facts = facts_of(record, network, report, observe(network, hypothesis, log))
+        case Reconstruction.STRIKES:
+            facts = facts_of_strikes(record, network, report, observe_strikes(network, hypothesis, log))
+        case _:
+            return verdict  # no weights are fitted to it
+    support = supported(facts)
     return replace(verdict, grade=grade_of(verdict.accepted, support), support=support)
 
 

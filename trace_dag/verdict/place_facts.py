@@ -8,7 +8,7 @@ fact here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from trace_dag.crash.classes import RoadTopology
@@ -33,7 +33,7 @@ from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import Comparison, CrashPlacement, MapReport
 from trace_dag.units import wrap_angle
-from trace_dag.verdict.metrics import FirstContact, ObservedVehicle
+from trace_dag.verdict.metrics import ObservedVehicle
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact
 
 _OTHER_STREET: Final = 0.4  # similarity of names below which two are not one street
@@ -67,9 +67,9 @@ _FACT_OF: Final = {
 
 
 def place_facts(
-    record: CrashRecord, network: RoadNetwork, report: MapReport, observation: FirstContact | None
+    record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle] = ()
 ) -> Iterator[Fact]:
-    """Every fact about the place that both the report and the map say something of."""
+    """Every fact about the place that both the report and the map say something of, and the vehicles ``seen`` there."""
     streets = streets_at(network, record, report.placement)
     yield from _street_names(record, network, report.placement, streets)
     yield from _road_class(record, network, report.placement, streets)
@@ -77,8 +77,7 @@ def place_facts(
     for comparison in report.comparisons:
         yield from _compared(comparison)
     yield _moved(report.placement)
-    if observation is not None:
-        yield from _alignment(record, network, report.placement, observation)
+    yield from _alignment(record, network, report.placement, seen)
 
 
 # --- streets -----------------------------------------------------------------------------------------------------
@@ -193,14 +192,14 @@ def _moved(placement: CrashPlacement) -> Fact:
 
 # --- alignment ---------------------------------------------------------------------------------------------------
 def _alignment(
-    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, observation: FirstContact
+    record: CrashRecord, network: RoadNetwork, placement: CrashPlacement, vehicles: Sequence[ObservedVehicle]
 ) -> Iterator[Fact]:
     """``VALIGN`` of each vehicle that came along the crash's road, beside how that road bends there."""
     bend = bend_rad(network, placement, _BEND_REACH_M)
     line = network.road_geometry(placement.road_id).line
     heading = line.at(line.project(placement.x_m, placement.y_m)[0])[2]
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
-    for seen in observation.vehicles:
+    for seen in vehicles:
         vehicle = reported.get(seen.number)
         curve = _CURVES.get(vehicle.alignment_code or 0) if vehicle else None
         turned = _bend_seen(bend, heading, seen)

@@ -140,7 +140,7 @@ def strike_criteria(
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, None, event),)
     limits = RULE_SETS[settings.rule_set].limits or settings
     first = observed.contacts[0]
-    matched = _matched(observed, strikes, in_order=order_is_told(record))
+    matched = matched_strikes(observed, strikes, in_order=order_is_told(record))
     rejecting = [
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION, "", None, strikes[0].event_number)
     ]
@@ -164,7 +164,7 @@ def strike_criteria(
     return (*rejecting, *reported, *_other_events(record, strikes), *_afterwards(observed, strikes, matched))
 
 
-def _matched(
+def matched_strikes(
     observed: ObservedStrikes, strikes: Sequence[Strike], *, in_order: bool
 ) -> tuple[ObservedStrike | None, ...]:
     """The contact that each reported strike is, None where it does not happen after the one before."""

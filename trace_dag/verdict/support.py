@@ -23,6 +23,8 @@ from trace_dag.roads.report import MapReport
 from trace_dag.verdict.course_facts import course_facts
 from trace_dag.verdict.metrics import FirstContact
 from trace_dag.verdict.place_facts import place_facts
+from trace_dag.verdict.strike_facts import crosswalk_facts, strike_facts
+from trace_dag.verdict.strikes import ObservedStrikes
 from trace_dag.verdict.support_weights import COUNTS
 from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Support
 
@@ -71,11 +73,15 @@ class Weight:
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way."""
+        """ln of the ratio of the two shares, each count with a prior, within :data:`_MOST` either way.
+
+        What differs never speaks for a crash: where it hardly ever does, in controls neither, few true reports would.
+        """
         levels = len(Agreement)
         true = (self.true_count + _PRIOR) / (self.true_of + levels * _PRIOR)
         chance = (self.chance_count + _PRIOR) / (self.chance_of + levels * _PRIOR)
-        return min(max(math.log(true / chance), -_MOST), _MOST)
+        most = 0.0 if self.agreement is Agreement.DIFFERS else _MOST
+        return min(max(math.log(true / chance), -_MOST), most)
 
 
 Weights = Mapping[tuple[str, Agreement], float]
@@ -88,10 +94,24 @@ def facts_of(
 
     Not weighed yet. Without an ``observation`` (no contact) those of the place and of the report alone.
     """
-    found = [*place_facts(record, network, report, observation), *_contradictions(record)]
+    seen = observation.vehicles if observation is not None else ()
+    found = [*place_facts(record, network, report, seen), *_contradictions(record)]
     if observation is not None:
         found += course_facts(record, observation)
     return tuple(found)
+
+
+def facts_of_strikes(
+    record: CrashRecord, network: RoadNetwork, report: MapReport, observed: ObservedStrikes
+) -> tuple[Fact, ...]:
+    """As :func:`facts_of`, of a crash in which vehicles struck people."""
+    seen = tuple({strike.vehicle.number: strike.vehicle for strike in reversed(observed.strikes)}.values())
+    return (
+        *place_facts(record, network, report, seen),
+        *crosswalk_facts(record, network, report.placement),
+        *_contradictions(record),
+        *strike_facts(record, observed),
+    )
 
 
 def _contradictions(record: CrashRecord) -> Iterator[Fact]:

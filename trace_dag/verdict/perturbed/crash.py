@@ -105,7 +105,7 @@ def set_road(
         put(report.crash, "ROUTE", 1)
     for element, value in (("VNUM_LAN", lanes), ("VSPD_LIM", limit_mph)):
         if value is not None:
-            done += [put(vehicle, element, value) for vehicle in _pair(report, scene)]
+            done += [put(vehicle, element, value) for vehicle in _vehicles(report, scene)]
     if not any(done):
         return None
     said = ("an interstate" * interstate, f"{lanes} lanes" * bool(lanes), f"{limit_mph} mph" * bool(limit_mph))
@@ -124,15 +124,15 @@ def other_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 def _align(report: ChangedReport, scene: PerturbedScene, to: dict[int, int], words: str) -> str | None:
     changed = False
-    for vehicle in _pair(report, scene):
+    for vehicle in _vehicles(report, scene):
         code = code_in(vehicle, "VALIGN")
         if code in to:
             changed |= put(vehicle, "VALIGN", to[code])
     return words if changed else None
 
 
-def _pair(report: ChangedReport, scene: PerturbedScene) -> list[etree._Element]:
-    found = [report.vehicle(number) for number in scene.pair]
+def _vehicles(report: ChangedReport, scene: PerturbedScene) -> list[etree._Element]:
+    found = [report.vehicle(number) for number in scene.vehicles]
     return [vehicle for vehicle in found if vehicle is not None]
 
 

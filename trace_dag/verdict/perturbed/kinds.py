@@ -8,8 +8,9 @@ from enum import StrEnum
 from functools import partial
 from typing import Final, TypeAlias
 
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import PreCrashMovement
-from trace_dag.verdict.perturbed import crash, vehicles
+from trace_dag.verdict.perturbed import crash, people, vehicles
 from trace_dag.verdict.perturbed.report import ChangedReport
 from trace_dag.verdict.perturbed.scene import PerturbedScene
 
@@ -26,9 +27,16 @@ class Needs(StrEnum):
     SAME_STREET = "same_street"  # a point of the map on the crash's street, far away
 
 
+_COLLISIONS: Final = frozenset({Reconstruction.COLLISION})
+_STRIKES: Final = frozenset({Reconstruction.STRIKES})
+PERTURBED: Final = _COLLISIONS | _STRIKES
+"""What a crash has to be reconstructed as for its report to be changed."""
+
+
 @dataclass(frozen=True)
 class PerturbationKind:
-    """One perturbation. ``drawn``: another draw gives another report. ``moves``: the place is another one."""
+    """One perturbation. ``drawn``: another draw gives another report. ``moves``: the place is another one. ``of``: what
+    the crashes are reconstructed as whose reports it changes."""
 
     name: str
     title: str
@@ -36,6 +44,7 @@ class PerturbationKind:
     needs: Needs = Needs.NOTHING
     drawn: bool = False
     moves: bool = False
+    of: frozenset[Reconstruction] = _COLLISIONS
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,8 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
     ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.errors.Rejection` for data that
     is no report.
     """
+    if reconstruction_of(scene.record) not in kind.of:
+        return None
     changed = ChangedReport(report)
     before = changed.to_bytes()
     detail = kind.change(changed, scene)
@@ -66,7 +77,7 @@ def _nothing(_report: ChangedReport, _scene: PerturbedScene) -> str:
     return "nothing"
 
 
-NOTHING: Final = PerturbationKind("nothing", "nothing", _nothing)
+NOTHING: Final = PerturbationKind("nothing", "nothing", _nothing, of=PERTURBED)
 _STRAIGHT: Final = (PreCrashMovement.GOING_STRAIGHT, PreCrashMovement.NEGOTIATING_CURVE)
 
 
@@ -74,7 +85,7 @@ def _clocks() -> Iterator[PerturbationKind]:
     turn = vehicles.turn_clocks
     for hours in (1, 2, 3, 4, 6):
         yield PerturbationKind(
-            f"clock_{hours}h", f"clock of vehicle 1 by {hours} h", partial(turn, hours=hours, both=False)
+            f"clock_{hours}h", f"clock of vehicle 1 by {hours} h", partial(turn, hours=hours, both=False), of=PERTURBED
         )
     for hours in (3, 4, 6):
         yield PerturbationKind(
@@ -94,20 +105,22 @@ def _movements() -> Iterator[PerturbationKind]:
         ("both_u_turn", "both U-turn", dict.fromkeys(PreCrashMovement, PreCrashMovement.U_TURN)),
         ("both_backing", "both backing", dict.fromkeys(PreCrashMovement, PreCrashMovement.BACKING)),
     ):
-        yield PerturbationKind(name, title, partial(vehicles.change_movements, to=to))
+        yield PerturbationKind(name, title, partial(vehicles.change_movements, to=to), of=PERTURBED)
 
 
 def _speeds() -> Iterator[PerturbationKind]:
     yield PerturbationKind("speeds_swapped", "speeds swapped", vehicles.swap_speeds)
     for mph in (0, 1, 150):
-        yield PerturbationKind(f"speeds_{mph}", f"speeds {mph} mph", partial(vehicles.set_speeds, mph=mph))
+        change = partial(vehicles.set_speeds, mph=mph)
+        yield PerturbationKind(f"speeds_{mph}", f"speeds {mph} mph", change, of=PERTURBED)
 
 
 def _places() -> Iterator[PerturbationKind]:
     for far_m in (10, 30, 100, 300, 1000):
         for way, east, north in (("n", 0, 1), ("e", 1, 0), ("s", 0, -1), ("w", -1, 0)):
             change = partial(crash.move, east_m=far_m * east, north_m=far_m * north)
-            yield PerturbationKind(f"moved_{far_m}m_{way}", f"moved {far_m} m {way.upper()}", change, moves=True)
+            title = f"moved {far_m} m {way.upper()}"
+            yield PerturbationKind(f"moved_{far_m}m_{way}", title, change, moves=True, of=PERTURBED)
 
 
 def _crash_types() -> Iterator[PerturbationKind]:
@@ -132,12 +145,22 @@ def _what_happened() -> Iterator[PerturbationKind]:
     yield PerturbationKind("tree_event_code", "first event: a tree, code alone", partner_stays)
 
 
+def _people() -> Iterator[PerturbationKind]:
+    for name, title, change in (
+        ("person_mirrored", "the person from the other side", people.mirror_sides),
+        ("person_along", "the person along the road", people.go_along),
+        ("person_on_sidewalk", "the person on a sidewalk", people.on_sidewalk),
+        ("strikes_swapped", "strikes of two vehicles swapped", people.swap_strikes),
+    ):
+        yield PerturbationKind(name, title, change, of=_STRIKES)
+
+
 def _streets() -> Iterator[PerturbationKind]:
     names = crash.made_up_names
-    yield PerturbationKind("name_made_up", "street name made up", partial(names, elements=("TWAY_ID",)), drawn=True)
-    both = partial(names, elements=("TWAY_ID", "TWAY_ID2"))
-    yield PerturbationKind("names_made_up", "both street names made up", both, drawn=True)
-    yield PerturbationKind("name_i999", "street name I-999", partial(crash.name_street, name="I-999"))
+    one, both = partial(names, elements=("TWAY_ID",)), partial(names, elements=("TWAY_ID", "TWAY_ID2"))
+    yield PerturbationKind("name_made_up", "street name made up", one, drawn=True, of=PERTURBED)
+    yield PerturbationKind("names_made_up", "both street names made up", both, drawn=True, of=PERTURBED)
+    yield PerturbationKind("name_i999", "street name I-999", partial(crash.name_street, name="I-999"), of=PERTURBED)
     for name, title, kind, junction in (
         ("none", "none", 1, 1),
         ("four_way", "four-way", 2, 2),
@@ -145,20 +168,21 @@ def _streets() -> Iterator[PerturbationKind]:
         ("five_arms", "five arms", 7, 2),
     ):
         change = partial(crash.set_intersection, kind=kind, junction=junction)
-        yield PerturbationKind(f"intersection_{name}", f"intersection: {title}", change)
+        yield PerturbationKind(f"intersection_{name}", f"intersection: {title}", change, of=PERTURBED)
 
 
 def _road() -> Iterator[PerturbationKind]:
     road = crash.set_road
-    yield PerturbationKind(
-        "road_interstate", "class, lanes, limit: interstate", partial(road, interstate=True, lanes=6, limit_mph=70)
-    )
-    yield PerturbationKind("class_interstate", "class of an interstate", partial(road, interstate=True))
-    yield PerturbationKind("lanes_6", "six lanes", partial(road, lanes=6))
-    yield PerturbationKind("lanes_1", "one lane", partial(road, lanes=1))
-    yield PerturbationKind("limit_70", "limit 70 mph", partial(road, limit_mph=70))
-    yield PerturbationKind("alignment_mirrored", "alignment mirrored", crash.mirror_alignment)
-    yield PerturbationKind("alignment_other", "curved for straight, straight for curved", crash.other_alignment)
+    for name, title, change in (
+        ("road_interstate", "class, lanes, limit: interstate", partial(road, interstate=True, lanes=6, limit_mph=70)),
+        ("class_interstate", "class of an interstate", partial(road, interstate=True)),
+        ("lanes_6", "six lanes", partial(road, lanes=6)),
+        ("lanes_1", "one lane", partial(road, lanes=1)),
+        ("limit_70", "limit 70 mph", partial(road, limit_mph=70)),
+        ("alignment_mirrored", "alignment mirrored", crash.mirror_alignment),
+        ("alignment_other", "curved for straight, straight for curved", crash.other_alignment),
+    ):
+        yield PerturbationKind(name, title, change, of=PERTURBED)
 
 
 def _whole_reports() -> Iterator[PerturbationKind]:
@@ -173,20 +197,21 @@ def _whole_reports() -> Iterator[PerturbationKind]:
 def _elsewhere() -> Iterator[PerturbationKind]:
     other = Needs.OTHER_REPORT
     own, here = partial(crash.set_down, named_here=False), partial(crash.set_down, named_here=True)
-    yield PerturbationKind("foreign_site", "foreign site", own, other, drawn=True)
-    yield PerturbationKind("foreign_site_named_here", "foreign site, names of this site", here, other, drawn=True)
+    yield PerturbationKind("foreign_site", "foreign site", own, other, drawn=True, of=PERTURBED)
+    named = "foreign site, names of this site"
+    yield PerturbationKind("foreign_site_named_here", named, here, other, drawn=True, of=PERTURBED)
     for name, title, needs in (
         ("random_point_other_street", "random point, another street", Needs.OTHER_STREET),
         ("random_point_same_street", "random point, same street", Needs.SAME_STREET),
     ):
-        yield PerturbationKind(name, title, crash.at_point, needs, drawn=True, moves=True)
+        yield PerturbationKind(name, title, crash.at_point, needs, drawn=True, moves=True, of=PERTURBED)
 
 
 KINDS: Final[dict[str, PerturbationKind]] = {
     kind.name: kind
     for kinds in (
         *([NOTHING], _clocks(), _movements(), _speeds(), _places(), _crash_types(), _what_happened()),
-        *(_streets(), _road(), _whole_reports(), _elsewhere()),
+        *(_people(), _streets(), _road(), _whole_reports(), _elsewhere()),
     )
     for kind in kinds
 }

@@ -42,6 +42,18 @@ class ChangedReport:
         """The elements of all vehicles in transport."""
         return list(Fields(self.crash, "report").members("Vehicles"))
 
+    def people(self) -> list[etree._Element]:
+        """The rows of persons outside motor vehicles (``NPersons``)."""
+        return self._outside("NPersons")
+
+    def typings(self) -> list[etree._Element]:
+        """The rows that type what pedestrians and cyclists did (``PbTypes``)."""
+        return self._outside("PbTypes")
+
+    def _outside(self, name: str) -> list[etree._Element]:
+        rows = Fields(self.crash, "report").members(name)
+        return [row for row in rows if code_in(row, "VEH_NO") in (None, 0)]
+
     def crash_events(self) -> list[etree._Element]:
         """Every row that says what happened between parties: ``CEvent``, and the ``VEvent`` that repeats it."""
         rows = list(Fields(self.crash, "report").members("CEvents"))
@@ -115,6 +127,11 @@ class ChangedReport:
 def code_in(element: etree._Element, *names: str) -> int | None:
     """The number in the first of the named children that has one."""
     return Fields(element, "report").integer(*names)
+
+
+def text_in(element: etree._Element, name: str) -> str:
+    """The text of the first child of that name, "" if there is none."""
+    return Fields(element, "report").text(name)
 
 
 def put(element: etree._Element, name: str, value: object) -> bool:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import strikes_of
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,13 @@ class PerturbedScene:
     record: CrashRecord
     rng: np.random.Generator
     point: Point | None = None
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """Numbers of the vehicles it is about: the pair that collided, or those that struck people, in order."""
+        if reconstruction_of(self.record) is Reconstruction.STRIKES:
+            return tuple(dict.fromkeys(strike.vehicle.number for strike in strikes_of(self.record)))
+        return self.pair
 
     @property
     def pair(self) -> tuple[int, int]:

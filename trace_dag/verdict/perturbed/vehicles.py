@@ -46,7 +46,7 @@ def turned(area: int, hours: int) -> int:
 
 def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, both: bool) -> str | None:
     """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike."""
-    numbers = scene.pair if both else scene.pair[:1]
+    numbers = scene.vehicles if both else scene.vehicles[:1]
     for number in numbers:
         report.change_areas(number, lambda area: turned(area, hours))
     return f"areas of vehicle {' and '.join(map(str, numbers))} turned by {hours} h"
@@ -88,7 +88,7 @@ def change_movements(
     ``ACC_TYPE``, which speaks of both vehicles, stays.
     """
     words = []
-    for number in scene.pair:
+    for number in scene.vehicles:
         vehicle = report.vehicle(number)
         code = code_in(vehicle, "P_CRASH1") if vehicle is not None else None
         if vehicle is None or code is None or code not in P_CRASH1.meanings or PreCrashMovement(code) not in to:
@@ -115,7 +115,7 @@ def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
 def set_speeds(report: ChangedReport, scene: PerturbedScene, *, mph: int) -> str | None:
     """``TRAV_SP`` of both vehicles, where it is reported."""
     numbers = []
-    for number in scene.pair:
+    for number in scene.vehicles:
         vehicle = report.vehicle(number)
         if vehicle is not None and _has_speed(vehicle):
             put(vehicle, "TRAV_SP", mph)

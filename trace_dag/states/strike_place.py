@@ -1,0 +1,121 @@
+"""Where a person is touched: the spot on the vehicle, and where along the vehicle's path that spot meets the place.
+
+Frame: the local frame; stations along the vehicle's path.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.crash.record import NonMotorist
+from trace_dag.crash.strikes import Strike
+from trace_dag.crash.zones import in_crosswalk
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.people import crosswalks_near
+from trace_dag.states import evidence
+from trace_dag.states.courses import RELATIVE_DEG, Course
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.paths import Path
+from trace_dag.states.scene import Scene
+from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
+from trace_dag.states.spots import Spot, spots_of
+
+_MEETS_MPS: Final = 0.3  # slower than this nobody comes to touch a face
+_REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
+_STATION_STEP_M: Final = 0.25
+_TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
+_CROSSWALK_M: Final = 8.0  # from the place: where it crosses another leg of the intersection it is another crosswalk
+_CROSSWALK_SIGMA_M: Final = 0.7  # who crosses in a crosswalk walks beside its lines, too
+_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR: the near side of a turning motorist's intersection
+_TURNED: Final = 0.4  # share of the turn from which on a vehicle struck at the far side has turned
+
+
+# --- where on the vehicle ------------------------------------------------------------------------------------------
+def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
+    """The spot of the reported area, or the nearest one that the two can come to touch at; None if there is none."""
+    half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
+    ahead = -impact_mps if option.backing else impact_mps
+    closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
+    for spot in spots_of(strike.area, half_length, half_width):
+        if float(closing @ np.array(spot.normal)) < -_MEETS_MPS:
+            return spot
+    return None
+
+
+def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
+    """Velocity of the person in the vehicle's axes, as planned."""
+    if course is Course.STANDING:
+        return np.zeros(2)
+    angle = math.radians(RELATIVE_DEG[course] + (180.0 if backing else 0.0))
+    return np.array([speed_mps * math.cos(angle), speed_mps * math.sin(angle)])
+
+
+# --- where along the path -------------------------------------------------------------------------------------------
+def is_far_side(person: NonMotorist, option: Option) -> bool:
+    """Whether a turning vehicle struck the person where it left the intersection."""
+    if option.turn is None:
+        return False
+    return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
+
+
+def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
+    """The map's crosswalk that the report has the person in: the nearest one; None where the map or the report has
+    none."""
+    near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
+    return shapely.Polygon(near[0].corners_m) if near else None
+
+
+def crosswalk_log_likelihood(crosswalk: shapely.Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    off_m = shapely.distance(crosswalk, shapely.points(x_m, y_m))
+    return np.asarray(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
+
+
+def placed(
+    scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool, crosswalk: shapely.Polygon | None
+) -> tuple[Path, float, float]:
+    """Path, station at the strike, and how far the turn was moved along the road for it to be at the place."""
+    if option.turn is None:
+        return path, _station(scene, path, option, spot, far_side, 0.0, crosswalk)[0], 0.0
+    found = []
+    for slide_m in _TURN_SLIDES_M:
+        turned = option.path(slide_m)
+        station_m, score = _station(scene, turned, option, spot, far_side, slide_m, crosswalk)
+        score -= 0.5 * (slide_m / TURN_SLIDE_SIGMA_M) ** 2
+        found.append((round(score, 6), -abs(slide_m), turned, station_m, slide_m))
+    _, _, turned, station_m, slide_m = max(found, key=lambda each: each[:2])
+    return turned, station_m, slide_m
+
+
+def _station(
+    scene: Scene,
+    path: Path,
+    option: Option,
+    spot: Spot,
+    far_side: bool,
+    slide_m: float,
+    crosswalk: shapely.Polygon | None,
+) -> tuple[float, float]:
+    """Where along the path the spot comes nearest to the place, in a turn where that fits how far it has turned and in
+    the crosswalk, if it was in one; and how well that fits, as a log-likelihood."""
+    x, y = scene.place_xy_m
+    near, _ = path.project(x, y)
+    stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)
+    px, py, heading = path.plan(stations)
+    if option.backing:
+        heading = heading + math.pi
+    contact_x = px + spot.ahead_m * np.cos(heading) - spot.left_m * np.sin(heading)
+    contact_y = py + spot.ahead_m * np.sin(heading) + spot.left_m * np.cos(heading)
+    score = evidence.place_log_likelihood(np.hypot(contact_x - x, contact_y - y))
+    if crosswalk is not None:
+        score = score + crosswalk_log_likelihood(crosswalk, contact_x, contact_y)
+    if option.turn is not None:
+        start = float(path.plan(np.array([option.turn_start_m + slide_m]))[2][0])
+        share = (heading - start) / option.turn.angle_rad
+        short = np.maximum(_TURNED - share, 0.0) if far_side else np.maximum(share - _TURNED, 0.0)
+        score = score - 2.0 * short / _TURNED
+    best = int(np.argmax(np.round(score, 6)))
+    return float(stations[best]), float(score[best])
