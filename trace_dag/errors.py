@@ -47,6 +47,7 @@ class Reason(StrEnum):
     NO_COLLISION = "no_collision"
     NO_DEPARTURE = "no_departure"
     WRONG_SIDE = "wrong_side"
+    NO_OVERTURN = "no_overturn"
     WRONG_LOCATION = "wrong_location"
     WRONG_PARTY = "wrong_party"
     WRONG_IMPACT = "wrong_impact"
@@ -134,7 +135,7 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         _PAPER.NOT_IN_PAPER,
         "The crash is of a kind that cannot be judged yet, such as one with an animal; the detail names the event.",
         "Nothing: modelled are crashes in which vehicles touched each other, struck people or, having left the road, "
-        "fixed objects.",
+        "fixed objects, or overturned.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,
@@ -190,6 +191,12 @@ _REASONS: dict[Reason, _ReasonFacts] = {
         _PAPER.NOT_REPRODUCED,
         "A vehicle leaves the road to another side than reported.",
         "Watch the replay; see the criterion departure_side.",
+    ),
+    Reason.NO_OVERTURN: _ReasonFacts(
+        Stage.VERDICT,
+        _PAPER.NOT_REPRODUCED,
+        "A vehicle that overturned by the report comes to rest on its wheels in every simulated hypothesis.",
+        "Watch the replay: often the reported speed is too low for what the ground can do to the vehicle.",
     ),
     Reason.WRONG_LOCATION: _ReasonFacts(
         Stage.VERDICT,

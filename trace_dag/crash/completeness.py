@@ -15,7 +15,7 @@ from typing import Final
 from trace_dag.crash.codes.crash import REL_ROAD, TYP_INT
 from trace_dag.crash.codes.events import DEPARTURES, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.crash_types import crash_type_of
-from trace_dag.crash.departures import is_of_departure, untold_departure, untold_side
+from trace_dag.crash.departures import is_of_departure, overturns_on_road, untold_departure, untold_side
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.modelled import another_kind, untold_meeting
@@ -196,7 +196,7 @@ def _topology(record: CrashRecord) -> str | None:
 
 def _trajectory(record: CrashRecord) -> str | None:
     if is_of_departure(record):
-        return untold_side(record)
+        return untold_side(record) or (_course_of_vehicles(record) if overturns_on_road(record) else None)
     return _course_of_persons(record) if is_of_strikes(record) else _course_of_vehicles(record)
 
 

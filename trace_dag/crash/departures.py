@@ -1,4 +1,4 @@
-"""One vehicle that leaves the road: which, to which side, in what manner, and what it struck or where it overturned.
+"""One vehicle that leaves the road: which, to which side, in what manner, and what it struck or that it overturned.
 
 The side is that of the last departure (``SOE`` 63, 64, 71) before the first harmful event; else of the crash type
 (``ACC_TYPE`` 1 to 5 right, 6 to 10 left, 11 to 16 ahead), else of the critical event (``P_CRASH2`` 12 to 14). Tables
@@ -17,8 +17,10 @@ from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, VehicleRecord
 
-OF_DEPARTURES: Final = frozenset({CrashKind.FIXED_OBJECT})
-"""Kinds of crash that are reconstructed by how one vehicle leaves the road."""
+OF_DEPARTURES: Final = frozenset({CrashKind.FIXED_OBJECT, CrashKind.OVERTURN})
+"""Kinds of crash that are reconstructed by how one vehicle leaves the road, or overturns."""
+ON_ROADWAY: Final = frozenset({1, 11})
+"""``REL_ROAD`` of what happened on the roadway: nobody left it."""
 
 
 class DepartureSide(StrEnum):
@@ -56,10 +58,12 @@ class ObjectStruck:
 class Departure:
     """What the report says of the vehicle that left the road.
 
-    ``objects`` are those it struck from the first harmful event on, in order. ``side`` is None where nothing tells it.
+    ``event_number`` is that of the first harmful event. ``objects`` are those it struck from then on, in order: none,
+    or what came later, where it overturned first. ``side`` is None where nothing tells it.
     """
 
     vehicle: VehicleRecord
+    event_number: int
     side: DepartureSide | None
     manner: DepartureManner
     objects: tuple[ObjectStruck, ...]
@@ -93,9 +97,12 @@ def departure_of(record: CrashRecord) -> Departure | None:
     struck = [event for event in events if event.code in codes.FIXED_OBJECTS]
     objects = []
     for place, event in enumerate(struck):
-        area = event.area_1 if event.area_1 is not None or place else vehicle.impact
+        first = not place and event is events[0]
+        area = vehicle.impact if first and event.area_1 is None else event.area_1
         objects.append(ObjectStruck(event.number, event.code, area))
-    return Departure(vehicle, _side(record, vehicle), _manner(record, vehicle), tuple(objects))
+    side = None if overturns_on_road(record) else _side(record, vehicle)
+    manner = _manner(record, vehicle)
+    return Departure(vehicle, events[0].number if events else 1, side, manner, tuple(objects))
 
 
 def untold_departure(record: CrashRecord) -> str | None:
@@ -109,10 +116,20 @@ def untold_departure(record: CrashRecord) -> str | None:
     return None
 
 
+def overturns_first(record: CrashRecord) -> bool:
+    """Whether the vehicle overturned before it struck anything."""
+    return record.kind is CrashKind.OVERTURN
+
+
+def overturns_on_road(record: CrashRecord) -> bool:
+    """Whether the vehicle overturned on the roadway, so that it left it to no side."""
+    return overturns_first(record) and record.road_relation_code in ON_ROADWAY
+
+
 def untold_side(record: CrashRecord) -> str | None:
     """Says that nothing tells where the vehicle left the road; None if something does, or if it is no such crash."""
     departure = departure_of(record)
-    if departure is None or departure.side is not None:
+    if departure is None or departure.side is not None or overturns_on_road(record):
         return None
     vehicle = departure.vehicle
     said = "not reported" if vehicle.crash_type_code is None else str(vehicle.crash_type_code)

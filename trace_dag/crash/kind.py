@@ -30,7 +30,9 @@ class CrashKind(StrEnum):
 COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
 """Kinds whose vehicles touched."""
 OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
-JUDGED_KINDS: Final = frozenset({CrashKind.PARKED, *COLLISIONS, *OF_PERSONS, CrashKind.FIXED_OBJECT})
+JUDGED_KINDS: Final = frozenset(
+    {CrashKind.PARKED, *COLLISIONS, *OF_PERSONS, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
+)
 """Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map."""
 
 _BEFORE_ALL: Final[Mapping[int, CrashKind]] = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from trace_dag.crash.contacts import is_of_contacts
-from trace_dag.crash.departures import is_of_departure
+from trace_dag.crash.departures import is_of_departure, overturns_first
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import is_of_strikes
 
@@ -20,12 +20,13 @@ class Reconstruction(StrEnum):
     STRIKES = "strikes"  # every strike of a person, in order
     CONTACTS = "contacts"  # every contact of three and more vehicles, or with a parked one, in order
     DEPARTURE = "departure"  # one vehicle leaves the road, and what it strikes there
+    OVERTURN = "overturn"  # one vehicle overturns before it strikes anything
 
 
 def reconstruction_of(record: CrashRecord) -> Reconstruction:
     """What the crash is reconstructed as."""
     if is_of_departure(record):
-        return Reconstruction.DEPARTURE
+        return Reconstruction.OVERTURN if overturns_first(record) else Reconstruction.DEPARTURE
     if is_of_strikes(record):
         return Reconstruction.STRIKES
     return Reconstruction.CONTACTS if is_of_contacts(record) else Reconstruction.COLLISION

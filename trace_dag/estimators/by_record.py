@@ -8,6 +8,7 @@ from typing import Final
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.estimators.contacts import estimate_contacts
+from trace_dag.estimators.overturns import estimate_overturn
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
@@ -23,6 +24,7 @@ _MADE_BY: Final[
     Reconstruction.STRIKES: estimate_strikes,
     Reconstruction.CONTACTS: estimate_contacts,
     Reconstruction.DEPARTURE: estimate_departure,
+    Reconstruction.OVERTURN: estimate_overturn,
 }
 
 

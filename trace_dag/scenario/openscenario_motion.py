@@ -65,7 +65,24 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
             np.arctan(bank),
         ]
     )
+    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not log.bodies[vehicle.number].is_person:
+        vertices = _rolled(vertices, vehicle, log.bodies[vehicle.number].height_m)
     return TimedPoses(*kept_by_filters(vertices, seen_s).T)
+
+
+def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> FloatArray:
+    """The vertices of a vehicle that overturns: its reference point lies at the bottom of the body, which turns about
+    its middle, as high above the road as that is."""
+    roll, above = (
+        np.interp(vertices[:, 0], vehicle.time_s, values) for values in (vehicle.roll_rad, vehicle.above_road_m)
+    )
+    left_m, up_m = np.sin(roll) * height_m / 2, above - np.cos(roll) * height_m / 2
+    rolled: FloatArray = vertices.copy()
+    rolled[:, 1] -= left_m * np.sin(vertices[:, 4])
+    rolled[:, 2] += left_m * np.cos(vertices[:, 4])
+    rolled[:, 3] += up_m
+    rolled[:, 6] += roll
+    return rolled
 
 
 def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_rad: FloatArray) -> FloatArray:

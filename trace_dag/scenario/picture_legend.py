@@ -15,7 +15,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
 from trace_dag.scenario.map_surfaces import MINOR_SURFACE
 from trace_dag.scenario.object_shapes import is_ours, names
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, overturned_at
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Verdict
@@ -167,6 +167,8 @@ def _signs(
         several = hypothesis is not None and len(hypothesis.planned) > 1
         what = "first contact of each pair" if several else "first contact"
         signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, what))
+    if log and any(overturned_at(vehicle) is not None for vehicle in log.vehicles):
+        signs.append(({"color": CONTACT_COLOUR, "marker": "P", "ms": 7, "mew": 0}, "overturned"))
     signs.append(({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point (× on the road)"))
     if report.inferred_roads:
         signs.append(({"color": MINOR_SURFACE, "lw": 5}, "driveway: ours, not the map's"))

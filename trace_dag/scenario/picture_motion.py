@@ -15,7 +15,7 @@ from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_C
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.object_shapes import is_ours, outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
-from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.types import Hypothesis
 
 _AT_REST_ALPHA, _ALPHA = 0.35, 0.85
@@ -54,6 +54,7 @@ class DrawnMotion:
         self._contacts = _first_of_pairs(contacts)
         planned = {p.vehicle_number: p for p in hypothesis.participants} if hypothesis else {}
         driven = {v.number: v for v in log.vehicles} if log else {}
+        self._overturns: list[tuple[float, float]] = []
         self._planned: list[tuple[str, FloatArray]] = []
         self._driven: list[tuple[str, FloatArray]] = []
         self._bodies: list[_Body] = []
@@ -67,7 +68,7 @@ class DrawnMotion:
                 size = participant.length_m, participant.width_m
                 if is_vehicle(number):
                     self._bodies.append(_Body(participant.initial_pose, *size, colour, 0.0))
-                    if not contacts:
+                    if not contacts and not log:
                         self._bodies.append(_Body(participant.impact_pose, *size, colour, _ALPHA))
             if log and (vehicle := driven.get(number)):
                 body = log.bodies[number]
@@ -83,6 +84,11 @@ class DrawnMotion:
                     continue
                 size = body.length_m, body.width_m
                 self._bodies.append(_Body(_last_pose(vehicle), *size, colour, _AT_REST_ALPHA))
+                over = overturned_at(vehicle)
+                if over is not None:
+                    self._overturns.append((float(vehicle.x_m[over]), float(vehicle.y_m[over])))
+                    if pose is None:
+                        pose = Pose(*self._overturns[-1], float(vehicle.heading_rad[over]))
                 if pose is not None:
                     self._bodies.append(_Body(pose, *size, colour, _ALPHA))
 
@@ -125,6 +131,8 @@ class DrawnMotion:
         )
         for figure in self._figures:
             _draw_figure(panel, figure)
+        for x, y in self._overturns:
+            panel.add(Line2D([x], [y], marker="P", ms=9, color=CONTACT_COLOUR, mec="white", mew=0.7, zorder=40))
         for contact in self._contacts:
             # Of two vehicles it lies between them; somebody on foot would be covered by it.
             level = 40.0 if is_vehicle(contact.number_2) else 31.5

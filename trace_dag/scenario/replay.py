@@ -25,7 +25,7 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -53,7 +53,11 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
     centre = (low + high) / 2
     contact = log.first_contact
-    impact = np.array([contact.x_m, contact.y_m]) if contact else centre
+    over = next(((v, k) for v in log.vehicles if (k := overturned_at(v)) is not None), None)
+    if contact is not None:
+        impact = np.array([contact.x_m, contact.y_m])
+    else:
+        impact = centre if over is None else np.array([over[0].x_m[over[1]], over[0].y_m[over[1]]])
     person = contact is not None and log.is_person(contact.number_2)
     close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
     return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))
@@ -143,6 +147,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "colour": vehicle_colour(index),
                 "length": round(body.length_m, 2),
                 "width": round(body.width_m, 2),
+                "height": round(body.height_m, 2),
                 "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),
                 "delta_v": _delta_v(log, vehicle.number),
                 **_motion(vehicle),
@@ -164,6 +169,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
             {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
             for each in _later_strikes(log)
         ],
+        "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
         "objects": [
             {"name": in_words(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
             for item in log.objects
@@ -177,10 +183,18 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
     }
 
 
+def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:
+    """When and where a vehicle has overturned."""
+    time_s, x, y = (float(values[k]) for values in (vehicle.time_s, vehicle.x_m, vehicle.y_m))
+    return {"time": round(time_s, 4), "x": round(x, 3), "y": round(y, 3), "name": party_label(vehicle.number)}
+
+
 def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
     heading = np.unwrap(vehicle.heading_rad)
     speed = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)
     columns = {"x": (vehicle.x_m, 3), "y": (vehicle.y_m, 3), "h": (heading, 4), "v": (speed, 2)}
+    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0.01 and not vehicle.landmarks_m.shape[1]:
+        columns |= {"roll": (vehicle.roll_rad, 3)}
     columns |= {"brake": (vehicle.brake, 2), "throttle": (vehicle.throttle, 2), "steer": (vehicle.steer_rad, 3)}
     return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
 

@@ -26,6 +26,7 @@ from trace_dag.crash.record import VehicleClass
 from trace_dag.sim.after_strike import DriverAfterStrike
 from trace_dag.sim.driving import BodyState
 from trace_dag.sim.outlines import Outline
+from trace_dag.sim.overturn import ROLLS_G, Roll
 from trace_dag.sim.plan import SampledTrajectory
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import AfterStriking, Participant
@@ -75,6 +76,8 @@ class Vehicle:
         "number",
         "plan_end_s",
         "reach_m",
+        "roll",
+        "side_grip",
         "skids_from_s",
         "steer",
         "vx",
@@ -110,6 +113,8 @@ class Vehicle:
         self.vy = speed * s + model.cg_ahead_m * self.yaw_rate * c
         self.steer = 0.0
         self.crashed = False
+        self.roll: Roll | None = None  # of one that can overturn
+        self.side_grip = 1.0  # across, of who is out of control: more where wheels dig in
         self.ground = Ground(math.inf, math.inf, pose.z_m, 0.0, 0.0)  # not looked at yet
         self._rows = plan.rows
         self._after_strike: DriverAfterStrike | None = None
@@ -148,6 +153,11 @@ class Vehicle:
         self.x, self.y, self.vx, self.vy, self.heading = x, y, vx, vy, heading
         self.yaw_rate = (after[8] - before[8]) / step_s
 
+    def from_plan_m(self, time_s: float, step_s: float) -> float:
+        """How far the vehicle is from where the plan has it at a time."""
+        x, y = self._rows[min(int(time_s / step_s), len(self._rows) - 1)][:2]
+        return math.hypot(self.x - x, self.y - y)
+
     def outline(self) -> Outline:
         """The body's outline now."""
         return self.outline_at(self.x, self.y, self.heading)
@@ -180,6 +190,8 @@ class Vehicle:
     @property
     def at_rest(self) -> bool:
         """Whether it no longer moves."""
+        if self.roll is not None and not self.roll.settled:
+            return False
         return math.hypot(self.vx, self.vy) < _REST_MPS and abs(self.yaw_rate) < _REST_RPS
 
     def road_force(self, step: int) -> tuple[float, float, float]:
@@ -203,7 +215,10 @@ class Vehicle:
 
     def log_row(self) -> tuple[float, ...]:
         """The state as the recorder keeps it, at the centre of gravity."""
-        return (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, self.steer, *self.pedals)
+        state = (self.x, self.y, self.z, self.heading, self.vx, self.vy, self.yaw_rate, self.steer, *self.pedals)
+        if self.roll is None:
+            return (*state, self.model.body.height_m / 2, 0.0)
+        return (*state, self.roll.above_road_m, self.roll.roll_rad)
 
     def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
         """From now on the driver has struck a person; of several the first is what the driver answers."""
@@ -217,7 +232,8 @@ class Vehicle:
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
         if self.crashed:
-            return self._free(self._locked_wheels)
+            rolls = self.roll is not None and self.roll.over and not self._toppled
+            return self._rolling() if rolls else self._free(self._locked_wheels)
         if self._after_strike is not None:
             ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)
             return self._driven(self._after_strike.row(step, self.x, self.y, ahead_v))
@@ -311,6 +327,13 @@ class Vehicle:
         wanted = curvature - sense * 2 * angle / _LOOKAHEAD_M - offset / _LOOKAHEAD_M**2
         return math.atan(model.wheelbase_m * wanted)
 
+    def _rolling(self) -> tuple[float, float, float]:
+        """What slows down one that has overturned: against its way, and against its turning."""
+        speed = max(math.hypot(self.vx, self.vy), _SLIDE_FLOOR_MPS)
+        drag_n = ROLLS_G * self._mass * GRAVITY_MPS2
+        slowing = -drag_n * self.model.wheelbase_m / 4 * max(-1.0, min(1.0, self.yaw_rate / _REST_RPS / 4))
+        return -drag_n * self.vx / speed, -drag_n * self.vy / speed, slowing
+
     def _free(self, locked: float) -> tuple[float, float, float]:
         friction = self._friction
         c, s = math.cos(self.heading), math.sin(self.heading)
@@ -326,6 +349,7 @@ class Vehicle:
             slide = friction * load * locked / max(math.hypot(ahead_v, across_v), _SLIDE_FLOOR_MPS)
             grip = friction * load
             side = -rolling * grip * math.tanh(stiffness * across_v / floor_v / grip) - slide * across_v
+            side *= self.side_grip
             ahead -= slide * ahead_v + load * resist
             left += side
             moment += arm * side

@@ -8,6 +8,7 @@ While nothing can touch, each body moves by the same scheme by itself. Nothing i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -76,7 +77,7 @@ class EmbeddedSimulation:
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
         people = any(p.body.is_person for p in participants)
         what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
-        if not objects:
+        if not objects and all(math.isinf(p.skids_from_s) for p in participants):
             return (PeopleRun if people else VehicleRun)(*what).log()
         if people:
             raise Failure("people and fixed objects in one run; the embedded back-end takes one or the other")

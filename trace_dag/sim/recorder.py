@@ -16,7 +16,8 @@ from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.types import DEEPEST_EVERY_S, PULSE_S, Contact, VehicleLog
 
 _SAME_TIME_S = 1e-6
-_STATE = 10  # numbers of a row that everybody has; a person's goes on with height, pitch, roll and landmarks
+_STATE = 10  # numbers of a row that everybody has; a vehicle's goes on with height and roll, a person's with height,
+# pitch, roll and landmarks
 _LONGEST_GAP_S = 0.05  # bodies that touch again sooner are still in the same contact
 _LONGEST_PERSON_GAP_S = 1.0  # and a person: legs, hip and head meet a front one after the other
 
@@ -94,7 +95,7 @@ class StateRecorder:
 
     @staticmethod
     def _posture(mover: Vehicle | Person, rows: FloatArray) -> dict[str, FloatArray]:
-        """What a log has of how a body is turned: vehicles stand on the road."""
+        """What a log has of how a body is turned: vehicles do not pitch."""
         if isinstance(mover, Person):
             return {
                 "above_road_m": rows[:, 0],
@@ -102,12 +103,11 @@ class StateRecorder:
                 "roll_rad": rows[:, 2],
                 "landmarks_m": rows[:, 3:],
             }
-        level = np.zeros(len(rows))
         return {
-            "above_road_m": level + mover.model.body.height_m / 2,
-            "pitch_rad": level,
-            "roll_rad": level,
-            "landmarks_m": rows,
+            "above_road_m": rows[:, 0],
+            "pitch_rad": np.zeros(len(rows)),
+            "roll_rad": rows[:, 1],
+            "landmarks_m": rows[:, 2:],
         }
 
 

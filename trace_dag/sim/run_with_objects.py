@@ -20,12 +20,20 @@ from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.obstacles import Obstacle, Struck
 from trace_dag.sim.outlines import separation
+from trace_dag.sim.overturn import Roll
 from trace_dag.sim.run_of_vehicles import BOUND, VehicleRun
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import Contact, Participant
+from trace_dag.sim.types import OVERTURNED_RAD, Contact, Participant, Termination
 from trace_dag.states.objects import FixedObject, Resistance
 
 _NEAR_M = 1.0
+_CURB = 33  # SOE
+_SQUARELY = 0.7  # cosine between a kerb's normal and the vehicle's side, for its wheels to catch
+_SLIDES_MPS = 0.5
+_JOINS_M = 1.5  # who is farther from the plan lost control before it, and slides from where it is
+_FURROW_M, _FURROW_GRIP = 2.0, 1.8
+"""Wheels that slide sideways on soil dig in within so far, and hold so much of the load then: judgement by tests in
+which cars tripped on soil were slowed down by 1.0 to 2.0 g (Cooperrider, Thomas and Hammoud, SAE 900366)."""
 _PAVED_REACH_M = 250.0  # farther from the first object nobody slides
 
 
@@ -50,7 +58,12 @@ class RoadsideRun(VehicleRun):
         self._obstacles = [Obstacle.of(item) for item in objects]
         self._touching: dict[tuple[int, int], Struck] = {}
         self._struck: list[Struck] = []  # all contacts with objects, in the order they began
-        self._paved = _carriageway(network, objects[0]) if network is not None else None
+        self._paved = _carriageway(network, objects, participants) if network is not None else None
+        self._on_soil = [False] * len(self._vehicles)
+        self._furrows_m = [0.0] * len(self._vehicles)  # so far each has slid sideways on soil
+        self._overturned_s: float | None = None
+        for vehicle in self._vehicles:
+            vehicle.roll = Roll(vehicle.model.body)
         self._soft_friction = friction / settings.friction * min(settings.roadside_friction, settings.friction)
 
     def _contacts(self) -> list[Contact]:
@@ -61,13 +74,20 @@ class RoadsideRun(VehicleRun):
 
     @property
     def _first_contact_s(self) -> float | None:
-        firsts = [self._struck[0].contact().time_s] if self._struck else []
-        others = super()._first_contact_s
-        return min([*firsts, *([others] if others is not None else [])], default=None)
+        firsts = [self._struck[0].contact().time_s if self._struck else None, super()._first_contact_s]
+        return min((first for first in (*firsts, self._overturned_s) if first is not None), default=None)
+
+    def _ended(self, step: int, last_plan_step: int) -> tuple[Termination, str] | None:
+        ended = super()._ended(step, last_plan_step)
+        slides = any(vehicle.crashed and not vehicle.at_rest for vehicle in self._vehicles)
+        if ended is not None and ended[0] is Termination.NO_CONTACT and slides:
+            return None  # it may strike something yet, or overturn
+        return ended
 
     def _no_contact_reason(self) -> str:
         if len(self._vehicles) == 1:
-            return f"no contact: vehicle {self._vehicles[0].number} strikes none of {len(self._items)} objects"
+            number = self._vehicles[0].number
+            return f"no contact: vehicle {number} strikes none of {len(self._items)} objects, and does not overturn"
         return super()._no_contact_reason()
 
     # --- the ground ------------------------------------------------------------------------------------------
@@ -75,14 +95,32 @@ class RoadsideRun(VehicleRun):
         super()._stand_on_surface()
         if self._paved is None:
             return
-        for vehicle in self._vehicles:
+        for i, vehicle in enumerate(self._vehicles):
             paved = bool(shapely.contains_xy(self._paved, vehicle.x, vehicle.y))
+            self._on_soil[i] = not paved
             vehicle.stand_on(self._friction if paved else self._soft_friction)
 
     # --- steps -----------------------------------------------------------------------------------------------
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         super()._advance(step, forces)
         self._carry((step + 1) * self._step_s)
+        for i, (vehicle, (fx, fy, _)) in enumerate(zip(self._vehicles, forces, strict=True)):
+            if vehicle.crashed:
+                self._roll(i, vehicle, fx, fy, (step + 1) * self._step_s)
+
+    def _roll(self, i: int, vehicle: Vehicle, fx: float, fy: float, now_s: float) -> None:
+        """Dig in, tip and roll for a step under the road's force x, y (N)."""
+        assert vehicle.roll is not None
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        left_mps, mass = vehicle.vy * c - vehicle.vx * s, vehicle.model.body.mass_kg
+        if self._on_soil[i] and not vehicle.roll.over:
+            self._furrows_m[i] += abs(left_mps) * self._step_s
+            dug = min(self._furrows_m[i] / _FURROW_M, 1.0)
+            vehicle.side_grip = 1.0 + dug * (_FURROW_GRIP / self._soft_friction - 1.0)
+        speed_mps = math.hypot(vehicle.vx, vehicle.vy)
+        vehicle.roll.advance((fy * c - fx * s) / mass, left_mps, speed_mps, self._step_s)
+        if self._overturned_s is None and abs(vehicle.roll.roll_rad) >= OVERTURNED_RAD:
+            self._overturned_s = now_s
 
     def _place_people(self, time_s: float) -> None:
         self._carry(time_s)
@@ -92,7 +130,11 @@ class RoadsideRun(VehicleRun):
         for vehicle in self._vehicles:
             if vehicle.crashed or time_s < vehicle.skids_from_s:
                 continue
-            vehicle.crashed = time_s >= vehicle.plan_end_s  # nothing was struck: it slides on by itself
+            over = time_s >= vehicle.plan_end_s  # nothing was struck: it slides on by itself
+            lost = vehicle.from_plan_m(time_s, self._step_s) > _JOINS_M
+            vehicle.crashed = over or lost
+            if lost:
+                continue
             vehicle.carry(time_s, self._step_s)
             self._state = None
 
@@ -134,10 +176,30 @@ class RoadsideRun(VehicleRun):
         skids = now_s >= vehicle.skids_from_s
         rolls_over = obstacle.item.resistance is Resistance.DRIVEN_OVER
         vehicle.crashed = vehicle.crashed or falls or skids or not rolls_over
+        if obstacle.item.code == _CURB:
+            self._trip(vehicle, struck)
         return struck
 
+    def _trip(self, vehicle: Vehicle, struck: Struck) -> None:
+        """A vehicle that slides sideways against a kerb turns its lateral speed into rotation."""
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        nx, ny = struck.contact().normal_x, struck.contact().normal_y
+        left_mps, ahead_mps = vehicle.vy * c - vehicle.vx * s, vehicle.vx * c + vehicle.vy * s
+        if vehicle.roll is None or abs(ny * c - nx * s) < _SQUARELY or abs(left_mps) < _SLIDES_MPS:
+            return
+        left_mps = vehicle.roll.trip(left_mps)
+        vehicle.vx, vehicle.vy = ahead_mps * c - left_mps * s, ahead_mps * s + left_mps * c
+        vehicle.crashed = True
+        self._state = None
+        self._taken_over()
 
-def _carriageway(network: RoadNetwork, near: FixedObject) -> MultiPolygon:
-    """What is paved around an object, at its level."""
-    pose = near.pose
-    return network.carriageway_near(pose.x_m, pose.y_m, _PAVED_REACH_M, z_m=pose.z_m)
+
+def _carriageway(
+    network: RoadNetwork, objects: tuple[FixedObject, ...], participants: tuple[Participant, ...]
+) -> MultiPolygon:
+    """What is paved around the first object, else around the end of the first plan, at its level."""
+    t = participants[0].trajectory
+    x, y, z = float(t.x_m[-1]), float(t.y_m[-1]), float(t.z_m[-1])
+    if objects:
+        x, y, z = objects[0].pose.x_m, objects[0].pose.y_m, objects[0].pose.z_m
+    return network.carriageway_near(x, y, _PAVED_REACH_M, z_m=z)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+import numpy as np
+
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.network import RoadNetwork
@@ -25,6 +27,10 @@ PULSE_S = 0.25
 DEEPEST_EVERY_S = 0.1
 """Of each contact, the log has the state at its deepest overlap within each so much of its clock. Rigid bodies overlap
 by centimetres for some thirty milliseconds: the log's own steps can miss what made the crash."""
+
+
+OVERTURNED_RAD = math.radians(60)
+"""Who is tilted that far has overturned: the centre of gravity of every class is beyond its wheels by then."""
 
 
 class Termination(StrEnum):
@@ -196,6 +202,12 @@ class SimulationLog:
     def first_contact(self) -> Contact | None:
         """The first contact between two participants."""
         return min(self.contacts, key=lambda contact: contact.time_s, default=None)
+
+
+def overturned_at(vehicle: VehicleLog) -> int | None:
+    """The step of a log at which a vehicle has overturned; None if it does not."""
+    over = np.flatnonzero(np.abs(vehicle.roll_rad) >= OVERTURNED_RAD)
+    return int(over[0]) if len(over) else None
 
 
 class Simulation(Protocol):

@@ -38,39 +38,40 @@ from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states import evidence
 from trace_dag.states.analytic import NAME, VERSION, build_scene
-from trace_dag.states.assemble import AFTER_IMPACT_M, driven, rounded
+from trace_dag.states.assemble import AFTER_IMPACT_M, driven
 from trace_dag.states.encounters import Party, party
+from trace_dag.states.leaving import (
+    FLATTEST,
+    GOES_ON_M,
+    SIGN,
+    edge_near,
+    end_of_road_m,
+    lane_path,
+    path_aside,
+    skid_profile,
+    skidding,
+    slope_of,
+    turned_by,
+)
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
-from trace_dag.states.paths import LateralShift, Path, shifted
+from trace_dag.states.paths import Path
 from trace_dag.states.scene import Scene
-from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes, speed_profile
+from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.spots import Spot, spots_of
-from trace_dag.states.striking import edge_of, ways_of
+from trace_dag.states.striking import ways_of
 from trace_dag.states.types import (
     EstimatorRun,
     Hypothesis,
     Manoeuvre,
-    ParticipantState,
     PlannedEvent,
     StateEstimate,
-    Trajectory,
 )
 from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 
-_STEEPEST: Final = math.tan(math.radians(30))
-_FLATTEST: Final = 0.03
 _LEAST_OFF_M: Final = 0.2
-_ROOM_M: Final = 0.8  # from a path to the carriageway's edge, at least: nearly half a car
-_GOES_ON_M: Final = 60.0  # the course is followed so far beyond the first object
 _NEXT_M: Final = 1.5  # the next object stands at least so much farther out
 _BREAKS_J: Final = 30e3  # an object that takes no more is left behind
-_AWAY_M: Final = 4.0  # along the road, at most, to where the edge is that the vehicle can have crossed
-_EDGE_JUMPS_M: Final = 0.5  # an edge so much nearer beside the place: the mouth of a side street is at the place
-_LOOK_AHEAD_M: Final = (-15.0, 45.0)  # of the place, for the end of the road
-_SKID_S: Final = 1.2
-_SKID_G: Final = 0.3  # mean while the slip builds up to sliding sideways
-_LEAST_SHARE: Final = 0.4  # of the speed, left after skidding
 _STRAY_RAD: Final = math.radians(20)  # out of control, struck at the front all the same
 _UNKNOWN_RAD: Final = math.radians(35)  # out of control, area not known
 _AREA_REACHED_RAD: Final = math.radians(75)  # an area so far round is met by who skids only
@@ -84,7 +85,6 @@ _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end 
 _CURVE_RAD: Final = math.radians(6)
 _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 _CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
-_SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide.AHEAD: 0.0}
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def _courses(departure: Departure, option: Option, speed_mps: float) -> list[_Co
     if slip:
         return [_Course(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
     found = [_Course(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
-    sign = _SIGN[side] if side is not None else 0.0
+    sign = SIGN[side] if side is not None else 0.0
     if option.stream.curve_rad * sign < -abs(_CURVE_RAD) and departure.vehicle.movement is _CURVE:
         here = np.abs(option.stream.path.s_m - option.station_m) < 20.0
         sharpest = float(np.abs(option.stream.path.curvature_1pm[here]).max(initial=0.0))
@@ -216,21 +216,13 @@ def _slip(departure: Departure) -> float:
 def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> float | None:
     """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
     the road; None if the area is one that is struck without turning."""
-    sign = _SIGN[departure.side or DepartureSide.AHEAD]
+    sign = SIGN[departure.side or DepartureSide.AHEAD]
     if KINDS[first.code].form is ObjectForm.LINE and sign:
         # Going off at a small angle, the front corner on that side is struck first.
         apart = abs(math.remainder(area.centre_rad - sign * math.pi / 4, math.tau))
         return None if apart <= _CORNER_RAD else sign * math.pi / 2 - area.centre_rad
     at_near_corner = abs(area.centre_rad) <= math.pi / 2 + math.radians(5) and area.centre_rad * sign > 0
     return None if abs(area.centre_rad) < _AREA_REACHED_RAD or at_near_corner else -area.centre_rad
-
-
-def _profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
-    """The speed up to the impact: skidding sideways brakes."""
-    if not slip_rad or brakes(who.vehicle):
-        return speed_profile(who.vehicle, speed_mps)
-    lost = _SKID_G * GRAVITY_MPS2 * _SKID_S * min(abs(math.sin(slip_rad)) + 0.3, 1.0)
-    return SpeedProfile(speed_mps, max(speed_mps - lost, _LEAST_SHARE * speed_mps), _SKID_S)
 
 
 # --- one plan ------------------------------------------------------------------------------------------------------
@@ -243,10 +235,10 @@ def _plan(
     terms: dict[str, float],
     course: _Course,
 ) -> DeparturePlan | None:
-    profile = _profile(who, speed.speed_mps, course.slip_rad)
+    profile = skid_profile(who, speed.speed_mps, course.slip_rad)
     if profile.impact_mps < 1.0 or not departure.objects:
         return None
-    base = _lane_path(scene, option)
+    base = lane_path(scene, option)
     place_m, _ = base.project(*scene.place_xy_m)
     ahead = departure.side is DepartureSide.AHEAD
     found = _straight_on if ahead else _aside
@@ -257,7 +249,7 @@ def _plan(
     objects, planned = _objects(departure, path, station_m, along_rad, course, profile.impact_mps)
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
-    pose = _turned(path.pose(station_m), course.slip_rad)
+    pose = turned_by(path.pose(station_m), course.slip_rad)
     bearing = body_bearing_rad(pose, own.length_m, own.width_m, np.array(contact))
     terms = terms | {"manner of leaving": course.log_prior}
     if own.impact is not None:
@@ -268,18 +260,6 @@ def _plan(
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
     return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)
-
-
-def _lane_path(scene: Scene, option: Option) -> Path:
-    """The path before the departure: as driven at this speed; where that would have left the carriageway by itself, in
-    a bend too sharp for the speed, along the middle of the lane."""
-    driven_path = option.path()
-    if option.turn is not None:
-        return driven_path
-    here = driven_path.pose(driven_path.project(*scene.place_xy_m)[0])
-    if min(_edge_m(scene, here, 1.0), _edge_m(scene, here, -1.0)) >= _ROOM_M:
-        return driven_path
-    return next((stream.path for stream in scene.streams if stream.name == option.stream.name), driven_path)
 
 
 def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
@@ -294,25 +274,20 @@ def _aside(
 ) -> tuple[Path, float, float, bool] | None:
     """The path off the road to the left or right, the vehicle's station on it at the first object, the road's direction
     there."""
-    sign = _SIGN[departure.side or DepartureSide.RIGHT]
-    place_m, edge = _edge_near(scene, base, place_m, sign)
+    sign = SIGN[departure.side or DepartureSide.RIGHT]
+    place_m, edge = edge_near(scene, base, place_m, sign)
     here = base.pose(place_m)
     first = departure.objects[0]
     beyond_m = _beyond_edge_m(scene, here, sign, edge, first.code)
-    slope = _FLATTEST
+    slope = FLATTEST
     for _ in range(3):  # where the spot is depends on the slope, and the slope on how far it is
         turn_rad = sign * math.atan(slope) + course.slip_rad
         spot = _touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
         off_m = edge + beyond_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
         off_m = max(off_m, _LEAST_OFF_M)
-        steep = math.sqrt(2 * off_m * course.lateral_mps2 / (1.5 * max(impact_mps, 5.0) ** 2))
-        slope = min(max(steep, _FLATTEST), _STEEPEST)
+        slope = slope_of(off_m, course.lateral_mps2, impact_mps)
     anchor_m = place_m - (spot.ahead_m * math.cos(turn_rad) - spot.left_m * math.sin(turn_rad))
-    ramp_m = min(1.5 * slope * max(impact_mps, 5.0) ** 2 / max(course.lateral_mps2, 1e-6), 2 * off_m / slope)
-    shift = LateralShift(sign * (off_m + slope * _GOES_ON_M), sign * off_m, slope, max(ramp_m, 1.0))
-    path = shifted(base, shift, anchor_s_m=anchor_m)
-    at = base.pose(anchor_m).to_world(np.array([0.0, sign * off_m]))
-    station_m, _ = path.project(float(at[0]), float(at[1]), near_s_m=anchor_m)
+    path, station_m = path_aside(base, anchor_m, sign * off_m, slope, course.lateral_mps2, impact_mps)
     return path, station_m, here.heading_rad, False
 
 
@@ -322,7 +297,7 @@ def _straight_on(
     """The path straight on: to the end of the road, if it ends there, else to an object in the way."""
     first = departure.objects[0]
     half_width_m = departure.vehicle.width_m / 2
-    ends = [_end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
+    ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
     end_m = None if None in ends else max(each for each in ends if each is not None)
     reach_m = place_m if end_m is None else end_m + KINDS[first.code].beyond_edge_m
     slip = course.slip_rad
@@ -335,32 +310,6 @@ def _straight_on(
         if edge is not None and abs(math.sin(edge.along_rad - here.heading_rad)) > 0.5:
             across_rad = edge.along_rad
     return base, reach_m - spot_m, across_rad, end_m is not None
-
-
-def _end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
-    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
-    s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
-    x, y, heading = base.plan(s_m)
-    x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
-    off = ~shapely.contains_xy(scene.carriageway, x, y)
-    began = np.flatnonzero(off[1:] & ~off[:-1])
-    return float(s_m[int(began[0]) + 1]) if len(began) else None
-
-
-def _edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
-    """The station nearest to the place where the carriageway's edge is, and how far from the path that is: at the
-    place itself, unless a side street opens there."""
-    stations = place_m + np.arange(-_AWAY_M, _AWAY_M + 0.1, 0.5)
-    edges = np.array([_edge_m(scene, base.pose(float(s)), sign) for s in stations])
-    usual = float(edges.min())
-    near = np.flatnonzero(edges <= usual + _EDGE_JUMPS_M)
-    chosen = int(near[np.argmin(np.abs(stations[near] - place_m))])
-    return float(stations[chosen]), float(edges[chosen])
-
-
-def _edge_m(scene: Scene, here: Pose, sign: float) -> float:
-    """Distance from a pose on the carriageway to its edge, at the level of the crash."""
-    return edge_of(scene.carriageway, here, sign)
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int) -> float:
@@ -397,10 +346,6 @@ def _touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outwa
     return next((spot for spot in spots if float(goes @ np.array(spot.normal)) > _MEETS), spots[-1])
 
 
-def _turned(pose: Pose, slip_rad: float) -> Pose:
-    return Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + slip_rad, math.tau), pose.z_m)
-
-
 def _objects(
     departure: Departure, path: Path, station_m: float, along_rad: float, course: _Course, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], tuple[tuple[float, tuple[float, float]], ...]]:
@@ -418,9 +363,9 @@ def _objects(
             farther_m = max(kind.beyond_edge_m, beyond_m + _NEXT_M) - beyond_m
             on_m += farther_m / max(out_rad, 0.02)
             beyond_m += farther_m
-        if on_m > _GOES_ON_M:
+        if on_m > GOES_ON_M:
             break
-        pose = _turned(path.pose(station_m + on_m), course.slip_rad)
+        pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
         item, contact = _placed(departure, struck, path, pose, along_rad, course)
         objects.append(item)
         planned.append((on_m / impact_mps, contact))
@@ -503,7 +448,7 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         after_s=after_s,
     )
     if plan.course.slip_rad:
-        state = _skidding(state, plan.course.slip_rad, lead_s)
+        state = skidding(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
     bearing = body_bearing_rad(state.impact_pose, vehicle.length_m, vehicle.width_m, np.array(first_xy))
     state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
@@ -520,20 +465,4 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         impact_point_xy_m=first_xy,
         planned=planned,
         objects=plan.objects,
-    )
-
-
-def _skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
-    """The same course, the body turning about itself over the last part of it, up to its slip at the impact."""
-    t = state.trajectory
-    share = np.clip((t.time_s - (lead_s - _SKID_S)) / _SKID_S, 0.0, 1.0)
-    slip = slip_rad * share**2
-    trajectory: Trajectory = rounded(t.time_s, t.x_m, t.y_m, t.z_m, t.heading_rad + slip, t.speed_mps * np.cos(slip))
-    impact = int(np.argmin(np.abs(t.time_s - lead_s)))
-    return replace(
-        state,
-        trajectory=trajectory,
-        impact_pose=_turned(state.impact_pose, slip_rad),
-        impact_speed_mps=float(trajectory.speed_mps[impact]),
-        skids_from_s=round(lead_s - _SKID_S, 6),
     )

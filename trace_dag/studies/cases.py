@@ -124,7 +124,8 @@ def verified_cases(
         raise UserError(
             f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
         )
-    met = [case for case in cases if reconstruction_of(case.files.load(RECORD)) is not Reconstruction.DEPARTURE]
+    alone = (Reconstruction.DEPARTURE, Reconstruction.OVERTURN)
+    met = [case for case in cases if reconstruction_of(case.files.load(RECORD)) not in alone]
     if not met:
         raise UserError(
             f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "

@@ -87,7 +87,7 @@ def _of_crash(
         if other_side is not None:
             yield replace(judged(crash, other_side), kind="mirrored", shift_s=None)
         return
-    if reconstruction is Reconstruction.DEPARTURE:
+    if reconstruction in (Reconstruction.DEPARTURE, Reconstruction.OVERTURN):
         yield from against_other_departure_reports(crash, verified, settings)
         for kind, changed in (("mirrored", mirrored_departure(crash)), ("object_moved", object_moved(crash))):
             if changed is not None:

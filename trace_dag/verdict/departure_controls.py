@@ -7,23 +7,26 @@ placed by us, so that a verdict can only be worth what these reject: the mirrore
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from trace_dag.crash.departures import Departure, DepartureSide, departure_of
+from trace_dag.crash.departures import Departure, DepartureSide, departure_of, overturns_first
 from trace_dag.crash.record import CrashRecord
-from trace_dag.geometry import FloatArray, Pose
+from trace_dag.geometry import Pose
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
 from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, Shift, row_of
 from trace_dag.verdict.departures import observe_departure, reported_zone
-from trace_dag.verdict.judge import judge_departure
+from trace_dag.verdict.judge import judge_departure, judge_overturn
 from trace_dag.verdict.metrics import clock_error_h
+from trace_dag.verdict.overturns import observe_overturn
+from trace_dag.verdict.types import Verdict
 
 _ALONG_RAD: Final = math.radians(1.5)  # who goes off at less goes along the road
 _LOOKED_AT: Final = 4  # steps of the plan between two looks at it
@@ -34,25 +37,34 @@ def against_other_departure_reports(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
     """One simulation against every other report of the same kind of crash, its place left its own."""
-    observed = observe_departure(crash.network, crash.hypothesis, crash.log)
+    judged = _judging(crash, settings)
     for other in others:
         if other.record.key == crash.record.key or other.record.kind is not crash.record.kind:
             continue
         foreign = in_place_of(other.record, crash.record)
         if foreign is None:
             continue
-        row = row_of("other_report", crash.record.key, judge_departure(foreign, observed, crash.log, settings))
+        row = row_of("other_report", crash.record.key, judged(foreign))
         differ = departures_differ(crash.record, foreign, settings)
         yield replace(row, other_key=other.record.key, reports_differ=differ)
+
+
+def _judging(crash: JudgedCrash, settings: VerdictSettings) -> Callable[[CrashRecord], Verdict]:
+    """Judges a report by the simulation of this crash."""
+    if overturns_first(crash.record):
+        over = observe_overturn(crash.network, crash.log)
+        return lambda foreign: judge_overturn(foreign, over, crash.log, settings)
+    left = observe_departure(crash.network, crash.hypothesis, crash.log)
+    return lambda foreign: judge_departure(foreign, left, crash.log, settings)
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     """The other report with its vehicle and its events numbered as the own one's; None if either tells of no
     departure."""
     theirs, ours = departure_of(other), departure_of(own)
-    if theirs is None or ours is None or not theirs.objects or not ours.objects:
+    if theirs is None or ours is None:
         return None
-    later = ours.objects[0].event_number - theirs.objects[0].event_number
+    later = ours.event_number - theirs.event_number
     number = ours.vehicle.number
     events = tuple(
         replace(
@@ -72,14 +84,13 @@ def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSetti
     mine, theirs = departure_of(one), departure_of(two)
     if mine is None or theirs is None:
         return False
-    (own, *_), (other, *_) = mine.objects, theirs.objects
+    if mine.side is not theirs.side or reported_zone(one) is not reported_zone(two):
+        return True
+    if overturns_first(one) or not mine.objects or not theirs.objects:
+        return False
+    own, other = mine.objects[0], theirs.objects[0]
     apart_h = clock_error_h(own.area.clock_h, other.area) if own.area else None
-    return (
-        mine.side is not theirs.side
-        or own.code != other.code
-        or reported_zone(one) is not reported_zone(two)
-        or (apart_h is not None and apart_h > settings.max_clock_error_h)
-    )
+    return own.code != other.code or (apart_h is not None and apart_h > settings.max_clock_error_h)
 
 
 def mirrored_departure(crash: JudgedCrash) -> Shift | None:
@@ -91,19 +102,41 @@ def mirrored_departure(crash: JudgedCrash) -> Shift | None:
     state = _leaving(departure, hypothesis)
     t = state.trajectory
     k, axis = _last_along_road(crash, state)
-    x, y = _mirrored_at(axis, t.x_m, t.y_m)
-    heading = 2 * axis.heading_rad - t.heading_rad
-    after = np.arange(len(t.time_s)) >= k
-    turned = Trajectory(
-        t.time_s,
-        np.where(after, x, t.x_m),
-        np.where(after, y, t.y_m),
-        t.z_m,
-        np.where(after, heading, t.heading_rad),
-        t.speed_mps,
-    )
-    objects = tuple(replace(item, pose=_mirrored_pose(axis, item.pose)) for item in hypothesis.objects)
-    return _with(hypothesis, replace(state, trajectory=turned), objects)
+    mirror = _Mirror(crash.network, axis)
+    x, y, heading = t.x_m.copy(), t.y_m.copy(), t.heading_rad.copy()
+    for at in range(k, len(x)):
+        x[at], y[at], heading[at] = mirror.of(float(x[at]), float(y[at]), float(heading[at]))
+    turned = Trajectory(t.time_s, x, y, t.z_m, np.unwrap(heading), t.speed_mps)
+    objects = []
+    for item in hypothesis.objects:
+        there = mirror.of(item.pose.x_m, item.pose.y_m, item.pose.heading_rad)
+        objects.append(replace(item, pose=Pose(there[0], there[1], math.remainder(there[2], math.tau), item.pose.z_m)))
+    return _with(hypothesis, replace(state, trajectory=turned), tuple(objects))
+
+
+class _Mirror:
+    """The mirror image across the line along which a vehicle went: parallel to its road as far as that goes, else
+    straight on."""
+
+    def __init__(self, network: RoadNetwork, axis: Pose) -> None:
+        self._axis = axis
+        near = network.nearest_lanes(axis.x_m, axis.y_m, 1.0)
+        geometry = network.road_geometry(near[0].lane.road_id) if near else None
+        self._line = geometry.line if geometry is not None else None
+        self._length_m = geometry.road.length_m if geometry is not None else 0.0
+        self._left_m = self._line.project(axis.x_m, axis.y_m)[1] if self._line is not None else 0.0
+
+    def of(self, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float, float]:
+        """The image of a point and a heading."""
+        if self._line is not None:
+            s_m, t_m, _ = self._line.project(x_m, y_m)
+            if 0.0 < s_m < self._length_m:
+                at_x, at_y, along, _ = self._line.at(s_m)
+                left_m = 2 * self._left_m - t_m
+                return at_x - left_m * math.sin(along), at_y + left_m * math.cos(along), 2 * along - heading_rad
+        ahead_m, left_m = self._axis.to_body(np.array([x_m, y_m]))
+        x, y = self._axis.to_world(np.array([ahead_m, -left_m]))
+        return float(x), float(y), 2 * self._axis.heading_rad - heading_rad
 
 
 def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, Pose]:
@@ -120,17 +153,6 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
         if abs(apart) < _ALONG_RAD:
             return k, Pose(x, y, heading - apart)
     return 0, Pose(float(t.x_m[0]), float(t.y_m[0]), float(t.heading_rad[0]))
-
-
-def _mirrored_at(axis: Pose, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    points = axis.to_body(np.stack([x_m, y_m], axis=-1)) * np.array([1.0, -1.0])
-    world = axis.to_world(points)
-    return world[..., 0], world[..., 1]
-
-
-def _mirrored_pose(axis: Pose, pose: Pose) -> Pose:
-    x, y = _mirrored_at(axis, np.array(pose.x_m), np.array(pose.y_m))
-    return Pose(float(x), float(y), math.remainder(2 * axis.heading_rad - pose.heading_rad, math.tau), pose.z_m)
 
 
 def object_moved(crash: JudgedCrash) -> Shift | None:

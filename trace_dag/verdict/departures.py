@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from shapely.ops import nearest_points
 
+from trace_dag.crash.codes.events import OVERTURN
 from trace_dag.crash.departures import Departure, DepartureSide, ObjectStruck, departure_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure, Reason
@@ -24,7 +25,7 @@ from trace_dag.geometry import FloatArray, Pose, contact_clock_h, rectangle_corn
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.types import Hypothesis
 from trace_dag.verdict.metrics import (
     ObservedVehicle,
@@ -78,6 +79,7 @@ class ObservedDeparture:
     sides: tuple[DepartureSide, ...]
     objects: tuple[ObservedObject, ...]
     vehicle: ObservedVehicle
+    overturned_s: float | None = None  # when it has overturned, if it does
 
     @property
     def first(self) -> ObservedObject:
@@ -99,30 +101,28 @@ def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: Simulat
         raise Failure(f"the log has vehicle {number}, which the hypothesis does not have; simulate again")
     side, _ = sides_of(first)
     vehicle = observed_vehicle(network, side, state, driven, body, first)
-    left_s, sides = _left_road(network, driven, body, first)
+    left_s, sides = left_road(network, driven, body, first.time_s)
     objects = tuple(_object(network, contact, body) for contact in struck if contact.number_1 == number)
-    return ObservedDeparture(left_s, sides, objects, vehicle)
+    over = overturned_at(driven)
+    return ObservedDeparture(left_s, sides, objects, vehicle, None if over is None else float(driven.time_s[over]))
 
 
 def _object(network: RoadNetwork, contact: Contact, body: Body) -> ObservedObject:
     point = np.array([contact.x_m, contact.y_m])
     place = roadside_at(network, contact.x_m, contact.y_m, z_m=contact.z_m)
-    along_m = math.hypot(contact.x_m, contact.y_m)
-    if place is not None and place.zone is not RoadZone.ROADWAY:
-        along_m = abs(contact.x_m * math.cos(place.along_rad) + contact.y_m * math.sin(place.along_rad))
+    along_m = along_road_m(contact.x_m, contact.y_m, place)
     return ObservedObject(contact, contact_clock_h(contact.pose_1, body.length_m, body.width_m, point), place, along_m)
 
 
-def _left_road(
-    network: RoadNetwork, driven: VehicleLog, body: Body, first: Contact
+def left_road(
+    network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
-    """When a corner of the vehicle left the carriageway for good before the contact, and to where."""
-    area = network.carriageway_near(first.x_m, first.y_m, _REACH_M, z_m=first.z_m)
-    poses = [(first.time_s, first.pose_1, math.atan2(first.velocity_1_mps[1], first.velocity_1_mps[0]))]
-    for k in range(int(np.searchsorted(driven.time_s, first.time_s)) - 1, -1, -1):
-        pose = Pose(float(driven.x_m[k]), float(driven.y_m[k]), float(driven.heading_rad[k]))
-        course = math.atan2(float(driven.velocity_y_mps[k]), float(driven.velocity_x_mps[k]))
-        poses.append((float(driven.time_s[k]), pose, course))
+    """When a corner of the vehicle left the carriageway for good before a time, and to where."""
+    now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
+    area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
+    poses = [_moment(driven, until_s)]
+    before = np.flatnonzero(driven.time_s < until_s)[::-1]
+    poses += [_moment(driven, float(driven.time_s[k])) for k in before]
     left: tuple[float, FloatArray, float] | None = None
     for time_s, pose, course in poses:
         corners = rectangle_corners(pose, body.length_m, body.width_m)
@@ -148,6 +148,20 @@ def reported_zone(record: CrashRecord) -> RoadZone | None:
     return _ZONES.get(record.road_relation_code or 0)
 
 
+def _moment(driven: VehicleLog, time_s: float) -> tuple[float, Pose, float]:
+    """Time, pose and course of a vehicle at a time."""
+    columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
+    x, y, heading, vx, vy = (float(np.interp(time_s, driven.time_s, values)) for values in columns)
+    return time_s, Pose(x, y, heading), math.atan2(vy, vx)
+
+
+def along_road_m(x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
+    """Distance from the reported point: along the road for what is beside it, the whole one for what is on it."""
+    if place is None or place.zone is RoadZone.ROADWAY:
+        return math.hypot(x_m, y_m)
+    return abs(x_m * math.cos(place.along_rad) + y_m * math.sin(place.along_rad))
+
+
 # --- criteria ----------------------------------------------------------------------------------------------------
 def departure_criteria(
     observed: ObservedDeparture | None, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
@@ -159,7 +173,7 @@ def departure_criteria(
             f"{record.key}: judged as a departure from the road, but its report tells of none; judge it again"
         )
     first = departure.objects[0]
-    number, event = departure.vehicle.number, first.event_number
+    number, event = departure.vehicle.number, departure.event_number
     if observed is None:
         detail = f"{log.termination}: {log.reason}"
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, number, event),)
@@ -170,7 +184,7 @@ def departure_criteria(
     return (
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION, "", number, event),
         *_party(observed, log, first, number),
-        *_departure(observed, departure, record, settings),
+        *departing(observed.left_s, observed.sides, observed.first.place, departure, record, settings),
         at_most(
             "station_distance",
             observed.first.along_m,
@@ -213,25 +227,30 @@ def _party(observed: ObservedDeparture, log: SimulationLog, first: ObjectStruck,
     return [Criterion("right_party", 0.0, 1.0, "", False, Reason.WRONG_PARTY, detail, number, first.event_number)]
 
 
-def _departure(
-    observed: ObservedDeparture, departure: Departure, record: CrashRecord, settings: VerdictSettings
+def departing(
+    left_s: float | None,
+    sides: tuple[DepartureSide, ...],
+    place: RoadsidePlace | None,
+    departure: Departure,
+    record: CrashRecord,
+    settings: VerdictSettings,
 ) -> list[Criterion]:
-    """Whether, to which side and into which zone the vehicle left the road."""
-    number, event = departure.vehicle.number, departure.objects[0].event_number
+    """Whether, to which side and into which zone the vehicle left the road before the first harmful event."""
+    number, event = departure.vehicle.number, departure.event_number
     zone = reported_zone(record)
     on_road = zone is RoadZone.ROADWAY or (departure.side is DepartureSide.AHEAD and zone is None)
-    left = observed.left_s is not None
-    detail = "" if left or on_road else "the vehicle had not left the carriageway when it struck the object"
+    left = left_s is not None
+    detail = "" if left or on_road else "the vehicle had not left the carriageway at the first harmful event"
     found = [Criterion("departure", float(left), 1.0, "", left or on_road, Reason.NO_DEPARTURE, detail, number, event)]
     told = departure.side
-    right = told in observed.sides or (told is DepartureSide.AHEAD and not left)
-    where = _IN_WORDS[observed.sides[0]] if observed.sides else "not at all"
+    right = told in sides or (told is DepartureSide.AHEAD and not left)
+    where = _IN_WORDS[sides[0]] if sides else "not at all"
     detail = "" if right else f"the vehicle left the road {where}, reported is {told}"
     held = None if told is None else right
     found.append(
         Criterion("departure_side", float(right), 1.0, "", held, Reason.WRONG_SIDE, detail, number, event),
     )
-    error = zone_error_m(observed.first.place, zone)
+    error = zone_error_m(place, zone)
     found.append(at_most("zone_error", error, settings.max_zone_error_m, "m", Reason.WRONG_ZONE, number, event))
     return found
 
@@ -277,6 +296,12 @@ def _later(observed: ObservedDeparture, departure: Departure, record: CrashRecor
         seen = None
         if struck is not None:
             seen = next((each for each in observed.objects if each.contact.number_2 == struck.party), None)
+        if event.code == OVERTURN:
+            over = observed.overturned_s is not None
+            detail = "" if over else f"the vehicle does not overturn, which event {event.number} says"
+            reason = Reason.NO_OVERTURN if strict else None
+            found.append(Criterion("later_overturn", float(over), 1.0, "", over, reason, detail, None, event.number))
+            continue
         if struck is None:
             detail = f"event {event.number}, SOE {event.code}: not simulated"
             found.append(Criterion("later_event", None, 1.0, "", None, None, detail, None, event.number))

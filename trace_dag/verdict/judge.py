@@ -19,7 +19,15 @@ from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.contacts import ObservedContacts, contact_criteria, observe_contacts
 from trace_dag.verdict.departures import ObservedDeparture, departure_criteria, observe_departure
 from trace_dag.verdict.metrics import FirstContact, compare, observe
-from trace_dag.verdict.rules import REQUIRED, REQUIRED_OF_DEPARTURES, REQUIRED_OF_SEQUENCES, criteria, judgement
+from trace_dag.verdict.overturns import ObservedOverturn, observe_overturn, overturn_criteria
+from trace_dag.verdict.rules import (
+    REQUIRED,
+    REQUIRED_OF_DEPARTURES,
+    REQUIRED_OF_OVERTURNS,
+    REQUIRED_OF_SEQUENCES,
+    criteria,
+    judgement,
+)
 from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, facts_of_strikes, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
@@ -29,6 +37,7 @@ _REQUIRED: Final = {
     Reconstruction.STRIKES: REQUIRED_OF_SEQUENCES,
     Reconstruction.CONTACTS: REQUIRED_OF_SEQUENCES,
     Reconstruction.DEPARTURE: REQUIRED_OF_DEPARTURES,
+    Reconstruction.OVERTURN: REQUIRED_OF_OVERTURNS,
 }
 
 
@@ -86,6 +95,9 @@ def judge_hypothesis(
     if reconstruction is Reconstruction.CONTACTS:
         contacts = observe_contacts(network, hypothesis, log)
         return judge_contacts(record, contacts, log, settings, report=report, index=index, of=of)
+    if reconstruction is Reconstruction.OVERTURN:
+        over = observe_overturn(network, log)
+        return judge_overturn(record, over, log, settings, report=report, index=index, of=of)
     if reconstruction is Reconstruction.DEPARTURE:
         left = observe_departure(network, hypothesis, log)
         return judge_departure(record, left, log, settings, report=report, index=index, of=of)
@@ -162,6 +174,21 @@ def judge_departure(
     found = departure_criteria(observed, record, log, settings)
     at = (observed.first.contact.x_m, observed.first.contact.y_m) if observed is not None else None
     return _verdict(record, found, at, settings, report, index, of)
+
+
+def judge_overturn(
+    record: CrashRecord,
+    observed: ObservedOverturn | None,
+    log: SimulationLog,
+    settings: VerdictSettings,
+    *,
+    report: MapReport | None = None,
+    index: int = 0,
+    of: int = 1,
+) -> Verdict:
+    """Judge an overturn, as :func:`judge_observation` a contact of two vehicles."""
+    found = overturn_criteria(observed, record, log, settings)
+    return _verdict(record, found, observed.xy_m if observed is not None else None, settings, report, index, of)
 
 
 def _verdict(

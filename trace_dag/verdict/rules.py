@@ -28,11 +28,14 @@ REQUIRED_OF_SEQUENCES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRON
 parking place made no turn."""
 REQUIRED_OF_DEPARTURES = (Reason.NO_COLLISION, Reason.NO_DEPARTURE, Reason.WRONG_SIDE, Reason.WRONG_LOCATION)
 """The area of impact of an object is not known in 15 % of such crashes (2016)."""
+REQUIRED_OF_OVERTURNS = (Reason.NO_OVERTURN, Reason.WRONG_LOCATION)
+"""Who overturned on the roadway left it to no side."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
     Reason.NO_DEPARTURE,
     Reason.WRONG_SIDE,
+    Reason.NO_OVERTURN,
     Reason.WRONG_LOCATION,
     Reason.WRONG_IMPACT,
     Reason.WRONG_SEQUENCE,

@@ -10,6 +10,7 @@ from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.sim.backends import backend
 from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.run import simulate
+from trace_dag.sim.types import VehicleLog, overturned_at
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
@@ -24,7 +25,7 @@ def simulation_log(
     """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
-    collided = [log for log in logs if log.first_contact is not None]
+    collided = [log for log in logs if log.first_contact is not None or any(map(_overturns, log.vehicles))]
     shown = collided[0] if collided else logs[0]
     figures: dict[str, Figure] = {
         "backend": f"{shown.backend} {shown.backend_version}",
@@ -37,7 +38,7 @@ def simulation_log(
         figures["contact_time_s"] = shown.first_contact.time_s
         figures["closing_speed_mps"] = shown.first_contact.closing_speed_mps
     rejection = None
-    if not collided:
+    if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so
         rejection = Rejection(
             Reason.NO_COLLISION,
             f"{_who(record)} do not touch in any of {len(logs)} simulated hypotheses ({shown.reason}).",
@@ -45,6 +46,10 @@ def simulation_log(
             threshold=1.0,
         )
     return StageProduct({"parquet": steps, "json": summary}, figures, rejection)
+
+
+def _overturns(vehicle: VehicleLog) -> bool:
+    return overturned_at(vehicle) is not None
 
 
 def _who(record: CrashRecord) -> str:
