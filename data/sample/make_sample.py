@@ -2,7 +2,7 @@
 
 Writes ``osm/*.osm``, ``reports/crash_<case>.xml`` and ``truth.json`` into ``--out`` (default: beside this script), and
 the crashes with people in the same town as ``people/reports/crash_<case>.xml`` and ``people/truth.json``, those of
-several contacts likewise below ``chains``.
+several contacts likewise below ``chains``, those of one vehicle that leaves the road below ``roadside``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from make import broken_map, chains, crossings, people, stretches, town
+from make import broken_map, chains, crossings, people, roadside, stretches, town
 from make.crash import Crash
 from make.crashapi import crashapi_xml
 from make.motion import Collision, collide
@@ -64,6 +64,13 @@ def files() -> dict[str, bytes]:
         out[f"chains/reports/crash_{told.case}.xml"] = crashapi_xml(told)
         rows.append(chains.truth_of(chain, told, meetings))
     out["chains/truth.json"] = _truth(rows)
+    rows = []
+    for alone in roadside.crashes(roads):
+        impact = roadside.impact_of(alone)
+        told = roadside.coded(alone, impact)
+        out[f"roadside/reports/crash_{told.case}.xml"] = crashapi_xml(told)
+        rows.append(roadside.truth_of(alone, told, impact))
+    out["roadside/truth.json"] = _truth(rows)
     return out
 
 

@@ -40,9 +40,10 @@ def score_truth(root: str, as_json: bool) -> None:
     truth = load_truth(sample_folder() / "truth.json")
     of_people = load_people_truth(sample_folder() / "people" / "truth.json")
     of_contacts = load_truth(sample_folder() / "chains" / "truth.json")
+    of_roadside = load_truth(sample_folder() / "roadside" / "truth.json")
     storage = Workspace.open(root).storage
     complaints = Complaints()
-    keys = [*truth.by_key, *of_contacts.by_key, *(crash.key for crash in of_people.crashes)]
+    keys = [*truth.by_key, *of_contacts.by_key, *of_roadside.by_key, *(crash.key for crash in of_people.crashes)]
     records = read_records(storage, keys, complain=complaints.hear)
     if not any(records.values()):
         raise UserError(f"the sample has not been run in {storage.root}; trace-dag demo runs it")
@@ -61,6 +62,7 @@ def score_truth(root: str, as_json: bool) -> None:
     result = score(truth, estimates, outcomes=outcomes, hypothesis=hypotheses)
     people = score_people(of_people, estimates, hypotheses)
     contacts = score(of_contacts, estimates, outcomes=outcomes, hypothesis=hypotheses)
+    roadside = score(of_roadside, estimates, outcomes=outcomes, hypothesis=hypotheses)
     if as_json:
         write_json(
             {
@@ -68,6 +70,7 @@ def score_truth(root: str, as_json: bool) -> None:
                 "vehicles": [asdict(row) for row in result.rows],
                 "people": [{**asdict(row), "course_correct": row.course_correct} for row in people],
                 "contacts": [asdict(row) for row in contacts.rows],
+                "roadside": [asdict(row) for row in roadside.rows],
                 "outcomes": [{**asdict(row), "as_expected": row.as_expected} for row in result.outcomes],
             }
         )
@@ -79,12 +82,15 @@ def score_truth(root: str, as_json: bool) -> None:
         print_table(
             [each.name.replace("_", " ") for each in fields(KindSummary)], [astuple(row) for row in by_kind(people)]
         )
-    if any(row.lane_correct is not None for row in contacts.rows):
+    lines = [
+        astuple(line)
+        for sample, found in ((of_contacts, contacts), (of_roadside, roadside))
+        if any(row.lane_correct is not None for row in found.rows)
+        for line in contacts_by_kind(sample, found.rows)
+    ]
+    if lines:
         click.echo()
-        print_table(
-            [each.name.replace("_", " ") for each in fields(ContactsSummary)],
-            [astuple(row) for row in contacts_by_kind(of_contacts, contacts.rows)],
-        )
+        print_table([each.name.replace("_", " ") for each in fields(ContactsSummary)], lines)
     unexpected = [row for row in result.outcomes if not row.as_expected]
     if unexpected:
         click.echo()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 _SOE = {
-    8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
+    1: "Rollover/Overturn", 8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
     12: "Motor Vehicle In-Transport", 14: "Parked Motor Vehicle", 45: "Working Motor Vehicle",
-    33: "Curb", 35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
+    24: "Guardrail Face", 25: "Concrete Traffic Barrier", 30: "Utility Pole/Light Support", 33: "Curb", 34: "Ditch",
+    35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
     63: "Ran Off Roadway - Right", 64: "Ran Off Roadway - Left", 68: "Cross Centerline", 69: "Re-entering Roadway",
 }  # fmt: skip
 _TURN = "Changing Trafficway, Vehicle Turning"
@@ -13,8 +14,8 @@ _ACROSS, _INTO = f"{_TURN}-Turn Across Path-Initial", f"{_TURN}-Turn Into Path-T
 _SAME, _OPPOSITE = "Same Trafficway, Same Direction", "Same Trafficway, Opposite Direction"
 _SPEEDS = {0: "Stopped Motor Vehicle In-Transport", 998: "Not Reported", 999: "Reported as Unknown"}
 _CLOCKS = {
-    **{h: f"{h} Clock Point" for h in range(1, 13)}, 55: "Non-Harmful Event", 77: "Not a Motor Vehicle",
-    99: "Reported as Unknown",
+    0: "Non-Collision", **{h: f"{h} Clock Point" for h in range(1, 13)}, 55: "Non-Harmful Event",
+    77: "Not a Motor Vehicle", 99: "Reported as Unknown",
 }  # fmt: skip
 
 LABELS: dict[str, dict[int, str]] = {
@@ -34,7 +35,7 @@ LABELS: dict[str, dict[int, str]] = {
         8: "Driveway Access Related", 17: "Acceleration/Deceleration Lane", 18: "Through Roadway",
         20: "Entrance/Exit Ramp", 98: "Not Reported", 99: "Reported as Unknown",
     },
-    "REL_ROAD": {1: "On Roadway", 2: "On Shoulder", 4: "On Roadside", 99: "Reported as Unknown"},
+    "REL_ROAD": {1: "On Roadway", 2: "On Shoulder", 3: "On Median", 4: "On Roadside", 99: "Reported as Unknown"},
     "LGT_COND": {1: "Daylight", 2: "Dark - Not Lighted", 3: "Dark - Lighted", 4: "Dawn", 5: "Dusk"},
     "WEATHER": {1: "Clear", 2: "Rain", 4: "Snow", 10: "Cloudy"},
     "ROUTE": {1: "Interstate", 2: "U.S. Highway", 3: "State Highway", 4: "County", 6: "Municipal"},
@@ -84,7 +85,9 @@ LABELS: dict[str, dict[int, str]] = {
     "P_CRASH2": {
         80: "Pedestrian in Road", 83: "Pedalcyclist or Other Non-Motorist in Road",
         10: "Over the lane line on left side of travel lane", 11: "Over the lane line on right side of travel lane",
-        13: "Off the edge of the road on the right side", 15: "Turning Left", 16: "Turning Right",
+        6: "Traveling too fast for conditions", 8: "Other cause of control loss",
+        12: "Off the edge of the road on the left side", 13: "Off the edge of the road on the right side",
+        15: "Turning Left", 16: "Turning Right",
         17: "Crossing Over (Passing Through) Junction", 18: "This vehicle decelerating", 20: "Backing",
         21: "Making a U-Turn", 50: "Other vehicle stopped", 51: "Traveling in same direction with lower steady speed",
         52: "Traveling in same direction while decelerating", 53: "Traveling in same direction with higher speed",
@@ -97,7 +100,7 @@ LABELS: dict[str, dict[int, str]] = {
         72: "From driveway, turning into opposite direction", 73: "From driveway, intended path not known",
         99: "Unknown",
     },
-    "P_CRASH3": {1: "No Avoidance Maneuver", 16: "Braking", 99: "Unknown/Not Reported"},
+    "P_CRASH3": {1: "No Avoidance Maneuver", 7: "Steering Right", 16: "Braking", 99: "Unknown/Not Reported"},
     "PCRASH4": {
         1: "Tracking", 2: "Skidding longitudinally  rotation less than 30 degrees", 9: "Precrash stability unknown",
     },
@@ -109,6 +112,9 @@ LABELS: dict[str, dict[int, str]] = {
         11: "Single Driver-Configuration C-Forward Impact, Parked Vehicle",
         13: "Single Driver-Configuration C-Forward Impact, Pedestrian/Animal",
         1: "A1-Single Driver-Right Roadside Departure-Drive Off Road",
+        2: "A2-Single Driver-Right Roadside Departure-Control/Traction Loss",
+        3: "A3-Single Driver-Right Roadside Departure-Avoid Collision with Vehicle, Pedestrian, Animal",
+        6: "B6-Single Driver-Left Roadside Departure-Drive Off Road",
         20: f"D20-{_SAME}-Rear End-Stopped", 21: f"D21-{_SAME}-Rear End-Stopped, Straight",
         24: f"D24-{_SAME}-Rear End-Slower", 25: f"D25-{_SAME}-Rear End-Slower, Going Straight",
         28: f"D28-{_SAME}-Rear End-Decelerating (Slowing)",
@@ -135,7 +141,7 @@ LABELS: dict[str, dict[int, str]] = {
     },
     "ACC_CONFIG": {
         103: "Single Driver-Forward Impact",
-        101: "Single Driver-Right Roadside Departure",
+        101: "Single Driver-Right Roadside Departure", 102: "Single Driver-Left Roadside Departure",
         201: f"{_SAME}-Rear End, Trailing Vehicle", 202: f"{_SAME}-Rear End, Lead Vehicle",
         207: f"{_SAME}-Sideswipe, Angle, Vehicle on Left", 208: f"{_SAME}-Sideswipe, Angle, Vehicle on Right",
         301: f"{_OPPOSITE}-Lateral Move [Left/Right], Head-On, Sideswipe, or Angle",
@@ -163,7 +169,7 @@ LABELS: dict[str, dict[int, str]] = {
 }  # fmt: skip
 
 CONFIGURATION_OF_TYPE = {
-    1: 101, 11: 103, 13: 103,
+    1: 101, 2: 101, 3: 101, 6: 102, 11: 103, 13: 103,
     20: 202, 21: 201, 24: 202, 25: 201, 28: 202, 29: 201, 45: 208, 46: 207, 47: 208, 50: 301, 51: 302, 64: 301, 65: 302,
     68: 401, 69: 402, 70: 403, 71: 404, 72: 405, 73: 406, 76: 408, 77: 409, 78: 410, 79: 411, 82: 414, 83: 415,
     86: 501, 87: 502, 88: 503, 89: 504, 92: 992, 93: 993, 98: 998, 99: 999,

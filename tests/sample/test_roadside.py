@@ -1,0 +1,109 @@
+"""The sample's crashes of one vehicle that leaves the road: estimates and verdicts against their truth."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from cases import SETTINGS, Case, cases
+
+from trace_dag.crash.completeness import check
+from trace_dag.crash.departures import departure_of
+from trace_dag.crash.parse import read_report
+from trace_dag.errors import Reason, Rejection
+from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.run import simulate
+from trace_dag.sim.types import overturned_at
+from trace_dag.states.estimate import estimate
+from trace_dag.studies.truth import SampleTruth, load_truth, score_truth
+from trace_dag.studies.truth_of_contacts import contacts_by_kind
+from trace_dag.verdict.controls import JudgedCrash, shifted_estimate, shifted_row
+from trace_dag.verdict.departure_controls import mirrored_departure, object_moved
+from trace_dag.verdict.judge import judge
+from trace_dag.verdict.types import Verdict
+
+UNTOLD, TOO_SLOW = "2023-319119", "2023-319120"
+ON_ROADWAY = "2023-319118"
+
+
+@pytest.fixture(scope="module")
+def truth(sample: Path) -> SampleTruth:
+    return load_truth(sample / "roadside" / "truth.json")
+
+
+@pytest.fixture(scope="module")
+def found(sample: Path) -> dict[str, Case]:
+    reports = {path.name: path.read_bytes() for path in (sample / "roadside" / "reports").glob("*.xml")}
+    return {case.key: case for case in cases(reports, sample / "osm")}
+
+
+@pytest.fixture(scope="module")
+def judged(found: dict[str, Case]) -> dict[str, tuple[JudgedCrash, Verdict]]:
+    out = {}
+    for key, case in found.items():
+        made = estimate(case.record, case.network, case.report, SETTINGS.states)
+        logs = simulate(EmbeddedBackend(SETTINGS.sim), case.network, case.xodr, made, SETTINGS.sim, record=case.record)
+        verdict = judge(case.record, case.network, case.report, made, logs, SETTINGS.verdict)
+        chosen = verdict.hypothesis
+        crash = JudgedCrash(case.record, case.network, made.hypotheses[chosen], logs[chosen])
+        out[key] = crash, verdict
+    return out
+
+
+def test_every_crash_ends_as_it_must(truth: SampleTruth, judged: dict[str, tuple[JudgedCrash, Verdict]]) -> None:
+    for key, (crash, verdict) in judged.items():
+        expected = truth.by_key[key].expected
+        assert verdict.accepted == (expected.final_state == "verified"), f"{key}: {verdict.detail}"
+        assert (verdict.reason.value if verdict.reason else None) == expected.reason
+        overturns = any(overturned_at(vehicle) is not None for vehicle in crash.log.vehicles)
+        assert overturns or crash.record.kind == "fixed_object" or not verdict.accepted
+    assert judged[TOO_SLOW][1].reason is Reason.NO_OVERTURN
+
+
+def test_the_other_side_and_a_moved_object_are_refused(judged: dict[str, tuple[JudgedCrash, Verdict]]) -> None:
+    refused = 0
+    for key, (crash, verdict) in judged.items():
+        if not verdict.accepted or key == ON_ROADWAY:
+            continue
+        for shift in (mirrored_departure(crash), object_moved(crash)):
+            if shift is None:
+                continue
+            changed = shifted_estimate(crash, shift)
+            backend = EmbeddedBackend(SETTINGS.sim)
+            (log,) = simulate(backend, crash.network, b"", changed, SETTINGS.sim, record=crash.record)
+            assert shifted_row(crash, shift, log, SETTINGS.verdict).accepted is False, key
+            refused += 1
+    assert refused >= 12
+
+
+def test_vehicles_come_from_their_lane_and_strike_where_they_did(
+    truth: SampleTruth, judged: dict[str, tuple[JudgedCrash, Verdict]], found: dict[str, Case]
+) -> None:
+    estimates = {key: estimate(case.record, case.network, case.report, SETTINGS.states) for key, case in found.items()}
+    score = score_truth(truth, estimates, hypothesis={key: verdict.hypothesis for key, (_, verdict) in judged.items()})
+    rows = [row for row in score.rows if row.impact_point_error_m is not None]
+    assert {line.kind: line.crashes for line in contacts_by_kind(truth, score.rows)} == {
+        "fixed_object": 6,
+        "overturn": 2,
+    }
+    assert all(row.lane_correct for row in rows)
+    # Across the road the objects stand where such objects usually do: the truth has them elsewhere by up to 1.5 m.
+    assert all((row.impact_point_error_m or math.inf) <= 3.0 for row in rows)
+
+
+def test_sides_are_read_from_the_events(truth: SampleTruth, found: dict[str, Case]) -> None:
+    sides = {key: departure_of(case.record) for key, case in found.items()}
+    read = {key: str(departure.side) for key, departure in sides.items() if departure and departure.side}
+    assert read == {
+        **{f"2023-{number}": "right" for number in (319111, 319114, 319115, 319116, 319117, 319120)},
+        **{f"2023-{number}": "left" for number in (319112, 319113)},
+    }
+
+
+def test_a_report_that_tells_no_side_is_refused(sample: Path) -> None:
+    path = sample / "roadside" / "reports" / f"crash_{UNTOLD[-6:]}.xml"
+    record = read_report(path.read_bytes(), name=path.name, settings=SETTINGS.crash)
+    with pytest.raises(Rejection) as caught:
+        check(record, SETTINGS.crash)
+    assert caught.value.reason is Reason.INCOMPLETE_TRAJECTORY
