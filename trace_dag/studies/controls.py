@@ -27,6 +27,9 @@ from trace_dag.verdict.controls import (
 from trace_dag.verdict.departure_controls import against_other_departure_reports, mirrored_departure, object_moved
 from trace_dag.verdict.strike_controls import against_other_strike_reports, late_person, mirrored
 
+_OF_TWO = (Reconstruction.COLLISION, Reconstruction.STRIKES)
+"""Whose reports are set beside a collision of two vehicles, where two vehicles met: after a person was struck, too."""
+
 
 def negative_controls(
     workspace: Workspace,
@@ -96,6 +99,6 @@ def _of_crash(
     if reconstruction is Reconstruction.CONTACTS:
         yield from contact_controls(crash, verified, settings)
     else:
-        collisions = (each for each in verified if reconstruction_of(each.record) is Reconstruction.COLLISION)
-        yield from against_other_reports(crash, collisions, settings)
+        pairs = (each for each in verified if reconstruction_of(each.record) in _OF_TWO)
+        yield from against_other_reports(crash, pairs, settings)
     yield judged(crash, shifted_in_time(crash.hypothesis))
