@@ -11,11 +11,14 @@ from tests.verdict.crashes import STREET, area, record, simulated, vehicle
 from trace_dag.crash.contacts import contacts_of
 from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement
 from trace_dag.errors import Reason
-from trace_dag.settings import VerdictSettings
+from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.run import participants
+from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, Trajectory
-from trace_dag.verdict.contact_controls import contact_controls, dropped, in_place_of, swapped
-from trace_dag.verdict.controls import JudgedCrash
+from trace_dag.verdict.contact_controls import contact_controls, dropped, in_place_of, parked_moved, swapped
+from trace_dag.verdict.controls import JudgedCrash, shifted_row
 from trace_dag.verdict.judge import judge_hypothesis
 from trace_dag.verdict.types import Verdict
 
@@ -46,6 +49,12 @@ def queue(third_y_m: float = LANE_Y_M) -> tuple[Hypothesis, SimulationLog]:
         standing(2.25, LANE_Y_M),
         standing(8.75, third_y_m),
     )
+
+
+def again(hypothesis: Hypothesis) -> SimulationLog:
+    settings = SimSettings()
+    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
+    return simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
 
 
 def judged(report: CrashRecord, made: tuple[Hypothesis, SimulationLog] | None = None) -> Verdict:
@@ -122,6 +131,19 @@ def test_a_parked_vehicle_stands_in_the_reported_zone(zone: int, y_m: float, rea
     made = simulated(straight(-47.25, y_m, 0.0, 15.0), standing(2.25, y_m))
     verdict = judged(parked_report(zone), made)
     assert verdict.reason is reason, verdict.detail
+
+
+def test_a_parked_vehicle_that_is_moved_aside_is_missed() -> None:
+    made = simulated(straight(-47.25, -4.7, 0.0, 15.0), standing(2.25, -4.7))
+    parked = JudgedCrash(parked_report(7), STREET, *made)
+    shift = parked_moved(parked)
+    assert shift is not None
+    moved = next(state for state in shift.hypothesis.participants if state.vehicle_number == 2)
+    assert abs(moved.initial_pose.y_m + 4.7) == pytest.approx(3.0)
+    assert (moved.trajectory.y_m == moved.initial_pose.y_m).all()
+    log = again(shift.hypothesis)
+    assert shifted_row(parked, shift, log, SETTINGS).reason is Reason.NO_COLLISION
+    assert parked_moved(crash(queue_report())) is None
 
 
 # --- controls --------------------------------------------------------------------------------------------------------

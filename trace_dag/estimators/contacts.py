@@ -163,15 +163,21 @@ def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> lis
     found = arrivals(
         crash.scene, contact, newcomers[0], _motions(chain.log), after_s=_last_contact_s(chain, place, crash.told)
     )
-    tried = [_joined(crash, chain, arrival, planned) for arrival in _leaders_first(found)[:_TRIED]]
+    tried: list[_Chain] = []
+    good: list[_Chain] = []
+    for arrival in _leaders_first(found)[:_TRIED]:
+        tried.append(_joined(crash, chain, arrival, planned))
+        if tried[-1].order.happened == planned and not tried[-1].order.strange:
+            good.append(tried[-1])
+        if len(good) == _FOLLOWED:
+            break
     if not tried:
         (known,) = (number for number in contact.pair if number != newcomers[0])
         stuck.append(
             f"event {contact.event_number}: on none of {len(crash.scene.streams)} ways past the crash vehicle "
             f"{newcomers[0]} comes to touch vehicle {known} after what was before"
         )
-    good = [each for each in tried if each.order.happened == planned and not each.order.strange]
-    return good[:_FOLLOWED] or sorted(tried, key=lambda each: each.rank)[:1]
+    return good or sorted(tried, key=lambda each: each.rank)[:1]
 
 
 def _last_contact_s(chain: _Chain, place: int, told: bool) -> float:

@@ -13,7 +13,7 @@ from trace_dag.progress import Progress, silent
 from trace_dag.settings import VerdictSettings
 from trace_dag.studies.stored_crashes import judged_crashes
 from trace_dag.studies.tables import CONTROLS, store
-from trace_dag.verdict.contact_controls import contact_controls
+from trace_dag.verdict.contact_controls import contact_controls, parked_moved
 from trace_dag.verdict.controls import (
     ControlRow,
     JudgedCrash,
@@ -98,6 +98,9 @@ def _of_crash(
         return
     if reconstruction is Reconstruction.CONTACTS:
         yield from contact_controls(crash, verified, settings)
+        aside = parked_moved(crash)
+        if aside is not None:
+            yield replace(judged(crash, aside), kind="parked_moved", shift_s=None)
     else:
         pairs = (each for each in verified if reconstruction_of(each.record) in _OF_TWO)
         yield from against_other_reports(crash, pairs, settings)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from trace_dag.crash.contacts import OF_CONTACTS
-from trace_dag.crash.kind import OF_PERSONS
+from trace_dag.crash.kind import OF_PERSONS, CrashKind
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
 from trace_dag.scenario.share_chart import Share
@@ -33,6 +33,7 @@ _FURTHER = {
     "mirrored": "its own, the side mirrored",
     "dropped": "its own, one contact dropped",
     "swapped": "its own, two contacts swapped",
+    "parked_moved": "its own, the parked vehicle moved aside",
 }
 
 
@@ -49,7 +50,12 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
         late = [row for row in rows if row.kind == "shifted"]
         people = kind in OF_PERSONS
-        further = {"mirrored": people, "dropped": kind in OF_CONTACTS, "swapped": kind in OF_CONTACTS}
+        further = {
+            "mirrored": people,
+            "dropped": kind in OF_CONTACTS,
+            "swapped": kind in OF_CONTACTS,
+            "parked_moved": kind == CrashKind.PARKED,
+        }
         groups = (
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),

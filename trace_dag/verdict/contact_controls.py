@@ -2,22 +2,28 @@
 
 As of two vehicles (:mod:`trace_dag.verdict.controls`), judged by the same rules as the true pairing. A report that
 lacks one contact must not accept the simulation in which it happens, nor one that tells two of them in the other order.
+A parked vehicle is moved aside, so that the other one passes it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told
 from trace_dag.crash.record import CrashRecord
 from trace_dag.settings import VerdictSettings
 from trace_dag.verdict.contacts import observe_contacts
-from trace_dag.verdict.controls import ControlRow, JudgedCrash, row_of
+from trace_dag.verdict.controls import ControlRow, JudgedCrash, Shift, row_of
 from trace_dag.verdict.judge import judge_contacts
 from trace_dag.verdict.metrics import clock_error_h
 
 Contacts = tuple[VehicleContact, ...]
+_ASIDE_M: Final = 3.0
 
 
 def contact_controls(
@@ -41,6 +47,31 @@ def contact_controls(
         yield row("dropped", crash.record, changed)
     for changed in swapped(ours) if order_is_told(crash.record) else ():
         yield row("swapped", crash.record, changed)
+
+
+def parked_moved(crash: JudgedCrash) -> Shift | None:
+    """The hypothesis with the parked vehicle of the first contact 3 m farther from where the other one came; None where
+    none was parked."""
+    first = contacts_of(crash.record)[0]
+    parked = next((vehicle.number for vehicle, _ in first.sides if not vehicle.in_transport), None)
+    if parked is None:
+        return None
+    states = {state.vehicle_number: state for state in crash.hypothesis.participants}
+    (driven,) = (states[number] for number in first.pair if number != parked)
+    stands = states[parked]
+    heading = stands.initial_pose.heading_rad
+    normal = np.array([-math.sin(heading), math.cos(heading)])
+    away_m = math.copysign(_ASIDE_M, float(normal @ (stands.initial_pose.xy_m - driven.initial_pose.xy_m)))
+    dx, dy = (away_m * normal).tolist()
+    t = stands.trajectory
+    moved = replace(
+        stands,
+        initial_pose=replace(stands.initial_pose, x_m=stands.initial_pose.x_m + dx, y_m=stands.initial_pose.y_m + dy),
+        impact_pose=replace(stands.impact_pose, x_m=stands.impact_pose.x_m + dx, y_m=stands.impact_pose.y_m + dy),
+        trajectory=replace(t, x_m=t.x_m + dx, y_m=t.y_m + dy),
+    )
+    participants = tuple(moved if state is stands else state for state in crash.hypothesis.participants)
+    return Shift(replace(crash.hypothesis, participants=participants), parked, 0.0)
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> Contacts | None:

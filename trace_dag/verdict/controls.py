@@ -50,10 +50,10 @@ class JudgedCrash:
 @dataclass(frozen=True)
 class ControlRow:
     """One judgement of a control. ``kind``: "true", "other_report", "shifted", "mirrored" (a person that comes from the
-    other side than reported, a vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts), or
-    "object_moved"; ``crash_kind`` is the crash's; ``accepted`` is None where the control does not apply. Residuals as
-    in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the paper's criteria:
-    every reported speed is driven; None where none is reported.
+    other side than reported, a vehicle that leaves the road to it), "dropped" or "swapped" (of several contacts),
+    "parked_moved" or "object_moved"; ``crash_kind`` is the crash's; ``accepted`` is None where the control does not
+    apply. Residuals as in the verdict: the worst of all parties, None where not evaluated. ``speeds_kept``, beyond the
+    paper's criteria: every reported speed is driven; None where none is reported.
     """
 
     kind: str
