@@ -29,6 +29,7 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.openscenario_environment import environment
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, TimedPoses, motion
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
@@ -80,15 +81,17 @@ class OpenScenarios:
             raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
         if flavour.free is not None and log.bodies[flavour.free].is_person:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
+        minor_version = 0 if flavour.carla else 2
+        xosc.VersionBase().setVersion(minor=minor_version)  # of the process: what is built next asks for it
         scenario = xosc.Scenario(
             f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
             AUTHOR,
             xosc.ParameterDeclarations(),
             _entities(log, flavour),
-            _storyboard(log, flavour, {each.number: self._followed(each, flavour) for each in log.vehicles}),
+            _storyboard(record, log, flavour, {each.number: self._followed(each, flavour) for each in log.vehicles}),
             xosc.RoadNetwork(roadfile=map_file),
             xosc.Catalog(),
-            osc_minor_version=0 if flavour.carla else 2,
+            osc_minor_version=minor_version,
             license=None if flavour.carla else xosc.License("CC0 1.0", _LICENCE[1], _LICENCE[0]),
             creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
         )
@@ -169,10 +172,15 @@ def _controller() -> xosc.Controller:
     return xosc.Controller(CONTROLLER, properties)
 
 
-def _storyboard(log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driven]) -> xosc.StoryBoard:
+def _storyboard(
+    record: CrashRecord, log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driven]
+) -> xosc.StoryBoard:
     from scenariogeneration import xosc
 
     init = xosc.Init()
+    surroundings = environment(record, carla=flavour.carla)
+    if surroundings is not None:
+        init.add_global_action(surroundings)
     act = xosc.Act("reconstruction", _at_start("start_act", flavour))
     for logged in log.vehicles:
         name = party_label(logged.number)

@@ -31,10 +31,15 @@ _DRIVES_ON = AfterStriking(math.inf, 0.0)
 
 
 def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:
-    """Friction of tyres on the reported surface; where vehicles report different ones, the more slippery."""
-    codes = [vehicle.surface_condition_code for vehicle in record.vehicles] if record else []
+    """Friction of tyres on the reported surface."""
+    return settings.friction * (relative_friction(record) if record else 1.0)
+
+
+def relative_friction(record: CrashRecord) -> float:
+    """Friction of the reported surface as a share of dry asphalt's; the most slippery where vehicles report several."""
+    codes = [vehicle.surface_condition_code for vehicle in record.vehicles]
     relative = [_RELATIVE_FRICTION.get(code, 1.0) for code in codes if code is not None]
-    return settings.friction * min(relative, default=1.0)
+    return min(relative, default=1.0)
 
 
 def participant(state: ParticipantState) -> Participant:

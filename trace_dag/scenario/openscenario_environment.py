@@ -1,0 +1,173 @@
+"""Time of day, light, weather and the state of the road as the report has them, as OpenSCENARIO's environment.
+
+The sun stands where it stood at the reported time and place; where the reported light says otherwise (time zones have
+odd borders, and clocks are wrong), as near to that as the light allows. What the report does not tell is left out.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.sim.run import relative_friction
+
+if TYPE_CHECKING:
+    from scenariogeneration import xosc
+
+# Elevations of the sun, degrees, by LGT_COND. Civil twilight ends 6 degrees below the horizon.
+_LIGHTS: Final = {1: (1.0, 90.0), 2: (-90.0, -6.0), 3: (-90.0, -6.0), 6: (-90.0, -6.0), 4: (-6.0, 6.0), 5: (-6.0, 6.0)}
+_HIGHEST_LUX: Final = 100_000.0  # of the sun at the zenith (CIE clear sky)
+
+
+@dataclass(frozen=True)
+class _Weather:
+    oktas: int
+    kind: Literal["dry", "rain", "snow"] = "dry"
+    rate_mm_per_h: float = 0.0
+    visual_range_m: int = 100_000
+
+
+# By WEATHER. Moderate rain is 2.6 to 7.6 mm an hour (AMS Glossary of Meteorology), moderate snow 1 to 2.5 mm of water;
+# fog is a range of less than 1,000 m (WMO No. 407). FARS codes no more than that there was some.
+_WEATHERS: Final = {
+    0: _Weather(0),
+    1: _Weather(0),
+    2: _Weather(8, "rain", 5.0, 5_000),
+    3: _Weather(8, "snow", 1.75, 2_000),
+    4: _Weather(8, "snow", 1.75, 1_000),
+    5: _Weather(8, visual_range_m=500),
+    6: _Weather(4),
+    7: _Weather(4, visual_range_m=500),
+    10: _Weather(8),
+    11: _Weather(8, "snow", 1.75, 500),
+    12: _Weather(8, "rain", 5.0, 5_000),
+}
+
+
+def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction | None:
+    """The environment of a crash; None where the report tells neither its time nor its light nor its weather.
+
+    ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
+    """
+    from scenariogeneration import xosc
+
+    when = _when(record)
+    sun = _sun(record, when)
+    weather = _WEATHERS.get(record.weather_code) if record.weather_code is not None else None
+    if when is None and sun is None and weather is None:
+        return None
+    friction = xosc.RoadCondition(round(relative_friction(record), 3))
+    time_of_day = None
+    if when is not None:
+        time_of_day = xosc.TimeOfDay(False, when.year, when.month, when.day, when.hour, when.minute, 0)
+    if carla:
+        if time_of_day is None or sun is None:
+            return None
+        described = _weather_for_carla(weather or _WEATHERS[1], *sun)
+    else:
+        described = _weather(weather, sun)
+    return xosc.EnvironmentAction(xosc.Environment("as reported", time_of_day, described, friction))
+
+
+def _weather(weather: _Weather | None, sun: tuple[float, float] | None) -> xosc.Weather | None:
+    from scenariogeneration import xosc
+
+    if weather is None and sun is None:
+        return None
+    shining = None
+    if sun is not None:
+        shining = xosc.Sun(round(_HIGHEST_LUX * max(math.sin(sun[1]), 0.0), 1), *(round(angle, 4) for angle in sun))
+    if weather is None:
+        return xosc.Weather(sun=shining)
+    cover = {0: xosc.FractionalCloudCover.zeroOktas, 4: xosc.FractionalCloudCover.fourOktas}
+    return xosc.Weather(
+        cover.get(weather.oktas, xosc.FractionalCloudCover.eightOktas),
+        sun=shining,
+        fog=xosc.Fog(weather.visual_range_m),
+        precipitation=xosc.Precipitation(getattr(xosc.PrecipitationType, weather.kind), weather.rate_mm_per_h),
+    )
+
+
+def _weather_for_carla(weather: _Weather, azimuth_rad: float, elevation_rad: float) -> xosc.Weather:
+    from scenariogeneration import xosc
+
+    rains = weather.kind == "rain"
+    clouds = {0: xosc.CloudState.free, 4: xosc.CloudState.cloudy}.get(weather.oktas, xosc.CloudState.overcast)
+    return xosc.Weather(
+        xosc.CloudState.rainy if rains else clouds,
+        sun=xosc.Sun(1.0 - weather.oktas / 8, round(azimuth_rad, 4), round(elevation_rad, 4)),
+        fog=xosc.Fog(weather.visual_range_m),
+        precipitation=xosc.Precipitation(
+            xosc.PrecipitationType.rain if rains else xosc.PrecipitationType.dry, 0.5 if rains else 0.0
+        ),
+    )
+
+
+def _when(record: CrashRecord) -> datetime.datetime | None:
+    """When it happened by the clocks of the place; None if the report does not tell the hour."""
+    if record.hour is None or record.month is None or record.day is None:
+        return None
+    return datetime.datetime(
+        record.year or record.case_year, record.month, record.day, record.hour % 24, record.minute or 0
+    )
+
+
+def _sun(record: CrashRecord, when: datetime.datetime | None) -> tuple[float, float] | None:
+    """Azimuth (radians clockwise from north) and elevation of the sun; None where neither time nor light is told."""
+    lowest, highest = _LIGHTS.get(record.light_code or 0, (-90.0, 90.0))
+    if when is not None:
+        azimuth_rad, elevation_rad = sun_position(when, record.latitude_deg, record.longitude_deg)
+    elif record.light_code in _LIGHTS:
+        azimuth_rad, elevation_rad = math.pi, math.radians(45.0 if record.light_code == 1 else (lowest + highest) / 2)
+    else:
+        return None
+    return azimuth_rad, math.radians(min(max(math.degrees(elevation_rad), lowest), highest))
+
+
+def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Azimuth (radians clockwise from north, 0 to 2 pi) and elevation of the sun, to about a degree.
+
+    ``local`` is by the clocks of the United States there: standard time of the nearest meridian of 15 degrees, and an
+    hour more from the second Sunday of March to the first of November. Source: NOAA, General Solar Position
+    Calculations (Spencer's series of 1971).
+    """
+    zone_h = round(longitude_deg / 15) + _daylight_saving_h(local)
+    hours = local.hour + local.minute / 60
+    year_rad = math.tau / 365 * (local.timetuple().tm_yday - 1 + (hours - 12) / 24)
+    sines, cosines = [math.sin(n * year_rad) for n in (1, 2, 3)], [math.cos(n * year_rad) for n in (1, 2, 3)]
+    equation_min = 229.18 * (
+        0.000075 + 0.001868 * cosines[0] - 0.032077 * sines[0] - 0.014615 * cosines[1] - 0.040849 * sines[1]
+    )
+    declination = (
+        0.006918
+        - 0.399912 * cosines[0]
+        + 0.070257 * sines[0]
+        - 0.006758 * cosines[1]
+        + 0.000907 * sines[1]
+        - 0.002697 * cosines[2]
+        + 0.00148 * sines[2]
+    )
+    solar_min = hours * 60 + equation_min + 4 * longitude_deg - 60 * zone_h
+    hour_angle = math.radians(solar_min / 4 - 180)
+    latitude = math.radians(latitude_deg)
+    south = math.cos(declination) * math.cos(hour_angle) * math.sin(latitude) - math.sin(declination) * math.cos(
+        latitude
+    )
+    west = math.cos(declination) * math.sin(hour_angle)
+    up = math.sin(latitude) * math.sin(declination) + math.cos(latitude) * math.cos(declination) * math.cos(hour_angle)
+    return (math.atan2(west, south) + math.pi) % math.tau, math.asin(max(-1.0, min(1.0, up)))
+
+
+def _daylight_saving_h(local: datetime.datetime) -> int:
+    """Energy Policy Act of 2005: from the second Sunday of March to the first Sunday of November, at two."""
+    begins = _sunday(local.year, 3, 2)
+    ends = _sunday(local.year, 11, 1)
+    return int(begins <= local < ends)
+
+
+def _sunday(year: int, month: int, number: int) -> datetime.datetime:
+    first = datetime.datetime(year, month, 1, 2)
+    return first + datetime.timedelta(days=(6 - first.weekday()) % 7 + 7 * (number - 1))
