@@ -37,7 +37,8 @@ _STEPS_S = (0.001, 0.01, 0.02, 0.1)
 _ON_TIME_S = 0.02
 _SCENARIOS = ("scenario.xosc", "scenario.carla.xosc")
 _LARGEST = {
-    "position": (0.01, "m"),
+    "position of vehicles": (0.01, "m"),
+    "position of people": (0.1, "m"),  # nearer to each other players leave vertices out
     "time": (0.001, "s"),
     "collision, when": (0.1, "s"),
     "collision, where": (0.5, "m"),
@@ -54,7 +55,8 @@ class Seen(NamedTuple):
 class Deviation(NamedTuple):
     """How far a scenario is from the log it was written from."""
 
-    position_m: float
+    vehicle_position_m: float
+    person_position_m: float
     time_s: float
     collision_time_s: float
     collision_place_m: float
@@ -81,18 +83,20 @@ def deviation(package: Path, scenario_name: str) -> Deviation:
     """A scenario's trajectories against the package's log, and its collision against the recorded contact."""
     log = json.loads((package / "trajectories.json").read_text())
     scenario = Scenario((package / scenario_name).read_bytes())
-    position_m = time_s = 0.0
+    position_m, time_s = {"V": 0.0, "P": 0.0}, 0.0
     for number, columns in log["vehicles"].items():
         times = np.array(columns["time_s"])
         x, y, _ = scenario.centres(entity_of(number), times).T
-        position_m = max(position_m, float(np.hypot(x - columns["x_m"], y - columns["y_m"]).max()))
+        kind, off_m = entity_of(number)[0], float(np.hypot(x - columns["x_m"], y - columns["y_m"]).max())
+        position_m[kind] = max(position_m[kind], off_m)
         vertices_s = scenario.vertices[entity_of(number)][:, 0]
         time_s = max(time_s, float(np.abs(vertices_s[[0, -1]] - times[[0, -1]]).max()))
     collision, contact = scenario.play(_PLAYER_STEP_S), log["contacts"][0]
     if collision is None:
-        return Deviation(position_m, time_s, math.inf, math.inf)
+        return Deviation(position_m["V"], position_m["P"], time_s, math.inf, math.inf)
     return Deviation(
-        position_m,
+        position_m["V"],
+        position_m["P"],
         time_s,
         abs(collision.time_s - contact["time_s"]),
         math.hypot(collision.x_m - contact["x_m"], collision.y_m - contact["y_m"]),
