@@ -129,12 +129,15 @@ def is_vehicle(party: int | None) -> bool:
 
 
 def party_label(party: int) -> str:
-    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person.
+    """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3
+    struck.
 
-    >>> party_label(2), party_label(1001)
-    ('V2', 'P1')
+    >>> party_label(2), party_label(1001), party_label(2003)
+    ('V2', 'P1', 'O3')
     """
-    return f"V{party}" if party < _PERSONS else f"P{party - _PERSONS}"
+    if party < _PERSONS:
+        return f"V{party}"
+    return f"P{party - _PERSONS}" if party < _THINGS else f"O{party - _THINGS}"
 
 
 def party_in_words(party: int) -> str:

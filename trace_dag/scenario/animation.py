@@ -25,7 +25,7 @@ from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.scenario.replay import replay_windows
 from trace_dag.scenario.video import encode_mp4
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, moment_of
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Verdict
 
@@ -95,12 +95,12 @@ def _encode_picture(frames: list[Image], image_format: Literal["gif", "webp"]) -
 
 def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]]:
     """Simulated times shown, a frame each ``frame_s`` as watched, each with the rate it is shown at."""
-    contact = log.first_contact
-    end_s = log.duration_s if contact is None else min(log.duration_s, contact.time_s + _AFTER_IMPACT_S)
-    time_s = 0.0 if contact is None else max(0.0, contact.time_s - _BEFORE_IMPACT_S)
+    moment = moment_of(log)
+    end_s = log.duration_s if moment is None else min(log.duration_s, moment.time_s + _AFTER_IMPACT_S)
+    time_s = 0.0 if moment is None else max(0.0, moment.time_s - _BEFORE_IMPACT_S)
     times = []
     while time_s < end_s:
-        slow = contact is not None and -_SLOW_BEFORE_S <= time_s - contact.time_s < _SLOW_AFTER_S
+        slow = moment is not None and -_SLOW_BEFORE_S <= time_s - moment.time_s < _SLOW_AFTER_S
         rate = _SLOW if slow else 1.0
         times.append((time_s, rate))
         time_s += frame_s * rate
@@ -152,9 +152,9 @@ def _frame(
             draw.polygon(view.px(outline(item)), fill=OBJECT_COLOUR, outline="white")
         for index in range(len(log.vehicles)):
             _draw_vehicle(draw, view, log, index, time_s)
-        contact = log.first_contact
-        if contact is not None and time_s >= contact.time_s:
-            ((x, y),) = view.px(np.array([contact.x_m, contact.y_m]))
+        moment = moment_of(log)
+        if moment is not None and time_s >= moment.time_s:
+            ((x, y),) = view.px(np.array([moment.x_m, moment.y_m]))
             r = 5 * _SMOOTHING
             draw.ellipse((x - r, y - r, x + r, y + r), outline=CONTACT_COLOUR, width=2 * _SMOOTHING)
         panels.append(panel.resize((view.size_px // _SMOOTHING,) * 2, Image.Resampling.BOX))
@@ -225,10 +225,10 @@ def _draw_header(
     font, small = ImageFont.load_default(size=15), ImageFont.load_default(size=13)
     outcome = "" if verdict is None else "verified" if verdict.accepted else f"not verified: {verdict.reason}"
     draw.text((8, 4), "   ".join(filter(None, (record.key, outcome))), fill="black", font=font)
-    contact = log.first_contact
+    moment = moment_of(log)
     clock = f"{time_s:5.2f} s"
-    if contact is not None:
-        clock = f"{time_s - contact.time_s:+.2f} s from impact"
+    if moment is not None:
+        clock = f"{time_s - moment.time_s:+.2f} s from impact"
     draw.text((8, 24), clock + ("   1/4 speed" if rate != 1.0 else ""), fill="black", font=small)
     x = 250
     for index, vehicle in enumerate(log.vehicles):

@@ -20,6 +20,7 @@ from trace_dag.crash.summary import in_one_sentence
 from trace_dag.osm.rights import Rights
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.object_shapes import in_words
 from trace_dag.scenario.page_templates import templates, words
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
@@ -70,6 +71,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         links=[] if page.rights.fictional else _elsewhere(page.crash),
         crash_types=_crash_types(page.record),
         picture_alt=_picture_alt(page),
+        objects=_objects(page),
         version=__version__,
     ).encode()
 
@@ -107,6 +109,14 @@ def _picture_alt(page: CrashPage) -> str:
     return f"{drawn}, and the paths and bodies at contact and at rest of {vehicles}."
 
 
+def _objects(page: CrashPage) -> list[str]:
+    """The fixed objects of the hypothesis that was judged, and who placed them."""
+    if page.estimate is None:
+        return []
+    chosen = page.verdict.hypothesis if page.verdict else 0
+    return [f"event {item.event_number}: {in_words(item)}" for item in page.estimate.hypotheses[chosen].objects]
+
+
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:
     """Where else one can look at the place: label and address. Nothing is asked of them until somebody follows one."""
     latitude_deg, longitude_deg = crash.get("latitude_deg"), crash.get("longitude_deg")
@@ -127,7 +137,8 @@ def _crash_types(record: CrashRecord | None) -> dict[int, str]:
 
 def _numbers(verdict: Verdict) -> list[tuple[str, str]]:
     """The four numbers of a verdict, as value and what it is; those that were measured."""
-    distance, closing = verdict.criterion("contact_distance"), verdict.criterion("closing_speed")
+    distance = verdict.criterion("contact_distance") or verdict.criterion("station_distance")
+    closing = verdict.criterion("closing_speed")
     clock_error_h = verdict.worst("clock_error")
     numbers = []
     if distance and distance.value is not None:

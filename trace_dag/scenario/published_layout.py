@@ -48,11 +48,17 @@ def write_published(hypothesis: Hypothesis, log: SimulationLog) -> bytes:
     """``simulation_<stateCase>.json`` of one simulated hypothesis.
 
     The vehicle with the lower number is ``vehicle1``. Raises :class:`UserError` for a simulation without a contact, and
-    for one in which a person was struck: the layout knows two vehicles.
+    for one in which a person or an object was struck: the layout knows two vehicles.
     """
     contact = log.first_contact
     if contact is None:
         raise UserError("a crash without a contact cannot be told in the published layout")
+    item = log.object_of(contact.number_2)
+    if item is not None:
+        raise UserError(
+            f"{party_label(contact.number_1)} struck a {item.name}; the published layout knows two vehicles and "
+            "nothing else: use the layout packages"
+        )
     if log.is_person(contact.number_2):
         raise UserError(
             f"{party_label(contact.number_1)} struck {party_label(contact.number_2)}, a person; the published layout "

@@ -25,7 +25,7 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
@@ -53,11 +53,8 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
     centre = (low + high) / 2
     contact = log.first_contact
-    over = next(((v, k) for v in log.vehicles if (k := overturned_at(v)) is not None), None)
-    if contact is not None:
-        impact = np.array([contact.x_m, contact.y_m])
-    else:
-        impact = centre if over is None else np.array([over[0].x_m[over[1]], over[0].y_m[over[1]]])
+    moment = moment_of(log)
+    impact = np.array([moment.x_m, moment.y_m]) if moment else centre
     person = contact is not None and log.is_person(contact.number_2)
     close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
     return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))

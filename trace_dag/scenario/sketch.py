@@ -16,7 +16,7 @@ from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import vehicle_colour
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import SimulationLog, moment_of
 
 MOST_CHARACTERS = 900
 _HALF_WINDOW_M = 35
@@ -27,8 +27,8 @@ _ESCAPES = str.maketrans({'"': "'"} | {sign: f"%{ord(sign):02X}" for sign in "%<
 
 def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most: int = MOST_CHARACTERS) -> str:
     """An SVG whose :func:`data_url` has at most ``most`` characters; the farthest roads go first where it must."""
-    contact = log.first_contact if log else None
-    centre = np.array([contact.x_m, contact.y_m]) if contact else np.zeros(2)
+    moment = moment_of(log) if log else None
+    centre = np.array([moment.x_m, moment.y_m]) if moment else np.zeros(2)
     strokes = road_strokes(network, centre)
     for tolerance_m in _TOLERANCES_M:
         svg = _svg(strokes, log, centre, tolerance_m)

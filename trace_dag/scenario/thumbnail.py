@@ -1,7 +1,7 @@
 """A crash as a small picture that moves: an SVG of a few kB that plays by itself, in a loop, wherever images are shown.
 
-It shows the seconds around the first contact from above: roads as strokes of their width, bodies as boxes and discs.
-Units: metres, y downward as in SVG.
+It shows the seconds around the first contact, or the overturn, from above: roads as strokes of their width, bodies as
+boxes and discs. Units: metres, y downward as in SVG.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import numpy as np
 
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.colours import OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.sketch import path_data, road_strokes
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Body, Moment, SimulationLog, VehicleLog, moment_of
 
 _HALF_WIDTH_M, _HALF_HEIGHT_M = 32, 20
 _BEFORE_S, _AFTER_S, _HELD_S = 2.5, 2.0, 1.0
@@ -25,12 +26,12 @@ _PERSON_RADIUS_M = 1.1  # drawn larger than life, to be seen
 
 
 def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
-    """The SVG of a crash. Raises ValueError where nobody touched anybody: there is no moment to show."""
-    contact = log.first_contact
-    if contact is None:
-        raise ValueError("a log without a contact has no moment to show")
-    time_s = np.arange(contact.time_s - _BEFORE_S, contact.time_s + _AFTER_S, _STEP_S)
-    centre = _centre(log, contact, float(time_s[-1]))
+    """The SVG of a crash. Raises ValueError where nobody touched anything or overturned: there is no moment to show."""
+    moment = moment_of(log)
+    if moment is None:
+        raise ValueError("a log without a contact or an overturn has no moment to show")
+    time_s = np.arange(moment.time_s - _BEFORE_S, moment.time_s + _AFTER_S, _STEP_S)
+    centre = _centre(log, moment, float(time_s[-1]))
     parts = [
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='-{_HALF_WIDTH_M},-{_HALF_HEIGHT_M},"
         f"{2 * _HALF_WIDTH_M},{2 * _HALF_HEIGHT_M}' width='320' height='200'><g fill='none' stroke='#999'>"
@@ -38,16 +39,18 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
     for width_m, line in road_strokes(network, centre):
         parts.append(f"<path d='{path_data([line], _SIMPLIFIED_BY_M, 1)}' stroke-width='{width_m:.1f}'/>")
     parts.append("</g>")
+    for item in log.objects:
+        parts.append(f"<path d='{path_data([outline(item) - centre], 0.0, 1)}z' fill='{OBJECT_COLOUR}'/>")
     for index, vehicle in enumerate(log.vehicles):
         parts.append(_moving(vehicle, log.bodies[vehicle.number], vehicle_colour(index), time_s, centre))
     return "".join([*parts, "</svg>"])
 
 
-def _centre(log: SimulationLog, contact: Contact, end_s: float) -> FloatArray:
-    """Halfway between the contact and where those who touched are in the end, shape (2,)."""
-    both = [each for each in log.vehicles if each.number in (contact.number_1, contact.number_2)]
+def _centre(log: SimulationLog, moment: Moment, end_s: float) -> FloatArray:
+    """Halfway between the place of the moment and where those it concerns are in the end, shape (2,)."""
+    both = [each for each in log.vehicles if each.number in moment.numbers]
     ends = [[np.interp(end_s, each.time_s, each.x_m), np.interp(end_s, each.time_s, each.y_m)] for each in both]
-    return np.asarray((np.array([contact.x_m, contact.y_m]) + np.mean(ends, axis=0)) / 2)
+    return np.asarray((np.array([moment.x_m, moment.y_m]) + np.mean(ends, axis=0)) / 2)
 
 
 def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, centre: FloatArray) -> str:

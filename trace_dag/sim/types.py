@@ -173,6 +173,16 @@ class Contact:
         return self.x_m * math.cos(course_rad) + self.y_m * math.sin(course_rad)
 
 
+@dataclass(frozen=True)
+class Moment:
+    """What a simulation is about: when (s) and where (m) it happened, and whom it concerns."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    numbers: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class SimulationLog:
     """What a back-end returns for one hypothesis. ``objects`` are the fixed ones that stood there."""
@@ -202,6 +212,18 @@ class SimulationLog:
     def first_contact(self) -> Contact | None:
         """The first contact between two participants."""
         return min(self.contacts, key=lambda contact: contact.time_s, default=None)
+
+
+def moment_of(log: SimulationLog) -> Moment | None:
+    """The first contact; where nobody touched anything, the first overturn; None if there is neither."""
+    contact = log.first_contact
+    if contact is not None:
+        return Moment(contact.time_s, contact.x_m, contact.y_m, (contact.number_1, contact.number_2))
+    over = [(vehicle, k) for vehicle in log.vehicles if (k := overturned_at(vehicle)) is not None]
+    moments = [
+        Moment(float(each.time_s[k]), float(each.x_m[k]), float(each.y_m[k]), (each.number,)) for each, k in over
+    ]
+    return min(moments, key=lambda moment: moment.time_s, default=None)
 
 
 def overturned_at(vehicle: VehicleLog) -> int | None:
