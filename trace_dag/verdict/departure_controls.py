@@ -79,12 +79,15 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 
 def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
-    """Whether two reports contradict each other in the side, the zone, the kind of the first object, or the area of
-    impact by more than the threshold: else no simulation of the one can be told from one of the other."""
+    """Whether two reports contradict each other in the side, in whether it was on the roadway, the kind of the first
+    object, or the area of impact by more than the threshold: else no simulation tells them apart."""
     mine, theirs = departure_of(one), departure_of(two)
     if mine is None or theirs is None:
         return False
-    if mine.side is not theirs.side or reported_zone(one) is not reported_zone(two):
+    if mine.side and theirs.side and mine.side is not theirs.side:
+        return True
+    zones = reported_zone(one), reported_zone(two)
+    if all(zones) and (zones[0] is RoadZone.ROADWAY) is not (zones[1] is RoadZone.ROADWAY):
         return True
     if overturns_first(one) or not mine.objects or not theirs.objects:
         return False
