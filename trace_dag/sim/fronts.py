@@ -66,7 +66,6 @@ class ShellBox:
     centre_m: tuple[float, float, float]
     half_m: tuple[float, float, float]
     pitch_rad: float = 0.0
-    wheel: bool = False
 
 
 def front_shape(body: Body) -> FrontShape:
@@ -119,7 +118,7 @@ def shell(body: Body) -> list[ShellBox]:
         for axle_at_m in (0.35 * body.length_m, -0.35 * body.length_m):
             for sign in (-1.0, 1.0):
                 centre = (axle_at_m, sign * (side_m - tyre_m / 2), low_m / 2 + 0.03)
-                boxes.append(ShellBox(centre, (_TYRE_M, tyre_m / 2, low_m / 2), wheel=True))
+                boxes.append(ShellBox(centre, (_TYRE_M, tyre_m / 2, low_m / 2)))
     return boxes
 
 

@@ -98,10 +98,7 @@ class Scene(RigidBodies):
         self._pushed: dict[_Tree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
         self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
         self._pressed: dict[tuple[tuple[int, int], _Tree], list[PersonTouch]] = {}  # down, by a vehicle
-        self._wheels = {
-            geom(f"v{i}_{k}"): i for i, m in enumerate(models) for k, box in enumerate(shell(m.body)) if box.wheel
-        }
-        self._rolled_ns: dict[tuple[int, _Tree], float] = {}  # how hard a wheel has pushed who lies before it
+        self._rolled_ns: dict[tuple[int, _Tree], float] = {}  # how hard a vehicle has pushed who lies before it
         self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
         self._shells = []
         for i, vehicle in enumerate(models):
@@ -212,7 +209,7 @@ class Scene(RigidBodies):
             touch = PersonTouch(-distance, point, normal, force)
             self.touches.setdefault(pair, []).append(touch)
             self._pressed.setdefault((pair, tree), []).append(touch)
-            if geoms[0] in self._wheels or geoms[1] in self._wheels:
+            if self._lies(tree):
                 rolls = (pair[0], tree)
                 self._rolled_ns[rolls] = self._rolled_ns.get(rolls, 0.0) + math.hypot(force[0], force[1]) * over_s
 
@@ -246,16 +243,16 @@ class Scene(RigidBodies):
                 kept[kept.index(touch)] = touch._replace(force=tuple((1.0 - share) * value for value in touch.force))
 
     def _roll_over(self) -> None:
-        """Let wheels over whom they have pushed as hard as they can while they climb: with their load, for as long as
-        they take for the height of a body that lies."""
+        """Let vehicles over whom they have pushed as hard as they can while they climb: with a wheel's load, as long
+        as they take for the height of a body that lies."""
         for (vehicle, tree), pushed_ns in list(self._rolled_ns.items()):
             speed = max(math.hypot(*self._rates[3 * vehicle : 3 * vehicle + 2].tolist()), _CREEPS_MPS)
             if pushed_ns > self._wheel_loads_n[vehicle] * _LYING_M / speed and self._lies(tree):
                 model = self._model
-                wheels = [geom for geom, of in self._wheels.items() if of == vehicle]
+                shapes = self._shells[vehicle][0]
                 one, two = model.pair_geom1, model.pair_geom2
-                over = np.isin(one, wheels) & np.isin(two, tree.geoms)
-                over |= np.isin(two, wheels) & np.isin(one, tree.geoms)
+                over = np.isin(one, shapes) & np.isin(two, tree.geoms)
+                over |= np.isin(two, shapes) & np.isin(one, tree.geoms)
                 model.pair_margin[over] = -math.inf  # they no longer meet
                 del self._rolled_ns[vehicle, tree]
 
