@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,15 +12,17 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from tests.sim.motions import straight
+from tests.sim.test_objects import TREE, item
 from tests.verdict.crashes import STREET, record, simulated, vehicle
-from trace_dag.roads.report import CrashPlacement, MapReport
+from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.map_surfaces import ASPHALT
 from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
 from trace_dag.sim.types import SimulationLog
-from trace_dag.states.types import Hypothesis
+from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 
 RECORD = record(vehicle(1, 12, 50, speed_mps=20.0), vehicle(2, 12, 51))
+RUN = EstimatorRun("by hand", "1")
 REPORT = MapReport("by hand", CrashPlacement(0.0, 0.0, 0.0, "1", 0.0, "by hand"), ())
 
 
@@ -60,3 +63,13 @@ def test_files_show_the_picture() -> None:
     small = Image.open(io.BytesIO(as_thumbnail(picture)))
     assert small.format == "WEBP"
     assert small.width == pytest.approx(picture.width / 2, abs=1)
+
+
+def test_the_legend_fits_below_the_picture_however_much_there_is_to_say(crash) -> None:
+    hypothesis, log = crash
+    struck = replace(hypothesis, objects=(item(TREE, 3.0, -6.0),))
+    driveway = replace(REPORT, inferred_roads=(InferredRoad("1", "driveway"),))
+    for report in (REPORT, driveway):
+        picture = np.asarray(draw_crash(RECORD, STREET, report, StateEstimate(RECORD.key, (struck,), RUN), log))
+        edge = picture[-30:, -4:].reshape(-1, 3)
+        assert (edge == edge[0]).all(), "no letter reaches the right edge"

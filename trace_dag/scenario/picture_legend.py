@@ -47,6 +47,7 @@ _VEHICLES: Final = _Column(2, 0.11, 0.15, 3.2)
 _MANY_VEHICLES: Final = _Column(3, 0.065, 0.115, 3.2)
 _CROWD: Final = _Column(3, 0.065, 0.115, 1.6)
 _SIGNS: Final = _Column(2, 0.11, 0.15, 2.3)
+_MANY_SIGNS: Final = _Column(3, 0.065, 0.115, 2.3)
 
 
 class Words(NamedTuple):
@@ -108,9 +109,10 @@ def draw_legend(
     set_as = next(
         each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(vehicles) <= 2 * each.rows or each is _CROWD
     )
+    meanings = _signs(report, hypothesis, log)
     entries = (
         (columns_in[0], set_as, vehicles),
-        (columns_in[1], _SIGNS, _signs(report, hypothesis, log)),
+        (columns_in[1], _SIGNS if len(meanings) <= 2 * _SIGNS.rows else _MANY_SIGNS, meanings),
     )
     for left_in, column, signs in entries:
         for number, (style, label) in enumerate(signs):

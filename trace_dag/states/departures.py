@@ -54,6 +54,7 @@ from trace_dag.states.leaving import (
     turned_by,
 )
 from trace_dag.states.manoeuvres import Option
+from trace_dag.states.object_extent import clear_of_roadways
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
 from trace_dag.states.paths import Path
 from trace_dag.states.scene import Scene
@@ -464,5 +465,8 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
         impact_time_s=lead_s,
         impact_point_xy_m=first_xy,
         planned=planned,
-        objects=plan.objects,
+        objects=tuple(
+            clear_of_roadways(item, xy_m, scene.network)
+            for item, (_, xy_m) in zip(plan.objects, plan.planned, strict=True)
+        ),
     )

@@ -1,0 +1,38 @@
+"""How far a placed object runs: kerbs, rails and walls end where a street opens."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from trace_dag.geometry import Pose
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
+
+_AT_THE_EDGE_M = 0.5  # so far into the roadway a line still counts as standing at its edge
+_LEAST_M = 1.0
+
+
+def clear_of_roadways(item: FixedObject, struck_at_xy_m: tuple[float, float], network: RoadNetwork) -> FixedObject:
+    """The part of a lengthwise object around the place where it is struck that does not lie across a roadway.
+
+    As it is, if it is struck on a roadway itself (an island's kerb), or stands nowhere on one.
+    """
+    if KINDS[item.code].form is not ObjectForm.LINE:
+        return item
+    ends = item.pose.to_world(np.array([[-item.length_m / 2, 0.0], [item.length_m / 2, 0.0]]))
+    axis = shapely.LineString(ends)
+    area = network.carriageway_near(item.pose.x_m, item.pose.y_m, item.length_m, z_m=item.pose.z_m)
+    clear = axis.difference(area.buffer(-_AT_THE_EDGE_M))
+    struck = axis.interpolate(axis.project(shapely.Point(struck_at_xy_m)))
+    parts = [part for part in shapely.get_parts(clear) if part.distance(struck) < _AT_THE_EDGE_M]
+    if not parts or clear.length == axis.length:
+        return item
+    part = max(parts, key=lambda each: each.length)
+    if part.length < _LEAST_M:
+        return item
+    middle = part.interpolate(0.5, normalized=True)
+    pose = Pose(round(middle.x, 6), round(middle.y, 6), item.pose.heading_rad, item.pose.z_m)
+    return replace(item, pose=pose, length_m=round(part.length, 6))
