@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from cases import SETTINGS
 
+from trace_dag.crash.completeness import check
+from trace_dag.crash.parse import read_report
+from trace_dag.errors import Rejection
 from trace_dag.studies.truth import SampleTruth, load_truth
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample"
@@ -23,3 +28,22 @@ def sample() -> Path:
 def truth() -> SampleTruth:
     """What really happened."""
     return load_truth(SAMPLE / "truth.json")
+
+
+@pytest.fixture(scope="session")
+def refused() -> Callable[[str, Mapping[str, str]], dict[str, str]]:
+    """Why crashes of a folder of the sample are refused as read, by key; given with the kind each is to be read as."""
+
+    def reasons(folder: str, kinds: Mapping[str, str]) -> dict[str, str]:
+        found = {}
+        for key, kind in kinds.items():
+            path = SAMPLE / folder / "reports" / f"crash_{key[-6:]}.xml"
+            record = read_report(path.read_bytes(), name=path.name, settings=SETTINGS.crash)
+            assert record.kind == kind
+            try:
+                check(record, SETTINGS.crash)
+            except Rejection as rejection:
+                found[key] = rejection.reason.value
+        return found
+
+    return reasons

@@ -33,7 +33,7 @@ from trace_dag.verdict.metrics import (
     speed_error_rel,
     struck_side,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
+from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
 from trace_dag.verdict.strikes import zone_error_m
 from trace_dag.verdict.types import Criterion
 
@@ -193,17 +193,7 @@ def _clocks(
     for side in sides:
         area = contact.vehicle(side.number).impact
         error = clock_error_h(side.bearing_clock_h if rules.by_bearing else side.clock_h, area)
-        found.append(
-            at_most(
-                "clock_error",
-                error,
-                limits.max_clock_error_h,
-                "h",
-                Reason.WRONG_IMPACT,
-                side.number,
-                contact.event_number,
-            )
-        )
+        found.append(clock_criterion(error, limits, side.number, contact.event_number))
     return found
 
 

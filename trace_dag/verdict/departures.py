@@ -35,7 +35,7 @@ from trace_dag.verdict.metrics import (
     observed_vehicle,
     sides_of,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
+from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
 from trace_dag.verdict.types import Criterion
 
 _ZONES: Final = {
@@ -194,15 +194,7 @@ def departure_criteria(
             None,
             event,
         ),
-        at_most(
-            "clock_error",
-            rules.clock_error(measures),
-            limits.max_clock_error_h,
-            "h",
-            Reason.WRONG_IMPACT,
-            number,
-            event,
-        ),
+        clock_criterion(rules.clock_error(measures), limits, number, event),
         _order(observed, departure),
         at_most(
             "initial_speed_error",

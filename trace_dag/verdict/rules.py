@@ -98,9 +98,7 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
         rejecting.append(Criterion("right_pair", 0.0, 1.0, "", False, Reason.WRONG_IMPACT, detail))
     for vehicle in measures.vehicles:
         error = rules.clock_error(vehicle)
-        rejecting.append(
-            at_most("clock_error", error, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, vehicle.number)
-        )
+        rejecting.append(clock_criterion(error, limits, vehicle.number))
     for vehicle in measures.vehicles:
         rejecting.append(
             at_most(
@@ -142,6 +140,11 @@ def at_most(
     if value is None:
         return Criterion(name, None, threshold, unit, None, reason, "not reported", number, event)
     return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number, event)
+
+
+def clock_criterion(error_h: float | None, limits: VerdictSettings, number: int, event: int | None = None) -> Criterion:
+    """The criterion on where a body was struck, against the reported clock position."""
+    return at_most("clock_error", error_h, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, number, event)
 
 
 def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterion]:

@@ -35,7 +35,7 @@ from trace_dag.verdict.metrics import (
     outside_m,
     sides_of,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, reported_of, shown
+from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
 from trace_dag.verdict.types import Criterion
 
 _COMPASS_DEG: Final = 45.0  # a coded direction is a quarter of the compass
@@ -293,15 +293,7 @@ def _of_strike(
             at_most("zone_error", zone_error, settings.max_zone_error_m, "m", Reason.WRONG_ZONE, person.party, event)
         )
     found += [
-        at_most(
-            "clock_error",
-            rules.clock_error(measures),
-            limits.max_clock_error_h,
-            "h",
-            Reason.WRONG_IMPACT,
-            number,
-            event,
-        ),
+        clock_criterion(rules.clock_error(measures), limits, number, event),
         at_most(
             "direction_error",
             measures.turn_error_deg,
