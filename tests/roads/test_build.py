@@ -13,9 +13,11 @@ from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, OsmRelation, OsmWay
-from trace_dag.roads.build import RoadMap, build_road_map
+from trace_dag.roads.build import RejectedRoadMap, RoadMap, build_road_map
+from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import Marks
+from trace_dag.roads.report import MapGate
 from trace_dag.settings import RoadSettings
 
 
@@ -66,6 +68,40 @@ def test_with_elevation_off_a_bridge_near_the_crash_rejects_it_as_published() ->
     near_only = RoadSettings(elevation=False, vertical_geometry_radius_m=50.0)
     beyond = built(town_with_a_bridge().extract(), report(street="MAIN ST"), near_only)
     assert isinstance(beyond, RoadMap) or beyond.reason != Reason.VERTICAL_GEOMETRY
+
+
+def test_a_map_that_its_crash_is_rejected_for_comes_with_the_streets_around() -> None:
+    town = Town()
+    town.street([(-200, 0), (200, 0)], name="Elm Street")
+    town.street([(-200, 60), (200, 60)], name="Oak Street")
+    rejected = built(town.extract(), report(at_m=(0, 20), street="OAK ST"))
+    assert isinstance(rejected, RejectedRoadMap)
+    assert rejected.reason == Reason.CRASH_OFF_ROAD
+    half_m = 3.35  # two lanes of a residential street
+    assert [(street.name, street.bears_reported_name) for street in rejected.report.streets] == [
+        ("Elm Street", False),
+        ("Oak Street", True),
+    ]
+    assert [street.distance_m for street in rejected.report.streets] == pytest.approx(
+        [20 - half_m, 40 - half_m], abs=0.1
+    )
+    elm, oak = (street.nearest_xy_m for street in rejected.report.streets)
+    assert elm == pytest.approx((0.0, -20 + half_m), abs=0.1)
+    assert oak == pytest.approx((0.0, 40 - half_m), abs=0.1)
+    assert len(read_opendrive(rejected.xodr, name="map").roads) == 2
+
+
+def test_a_gate_that_does_not_hold_leaves_the_map_and_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    def strict(*given: object, **limits: object) -> tuple[MapGate, ...]:
+        return tuple(
+            dataclasses.replace(gate, passed=gate.name != "way_deviation_mean") for gate in check_map(*given, **limits)
+        )
+
+    monkeypatch.setattr("trace_dag.roads.build.check_map", strict)
+    rejected = built(town_with_a_bridge().extract(), report(street="MAIN ST"))
+    assert isinstance(rejected, RejectedRoadMap)
+    assert rejected.reason == Reason.MAP_DISTORTED
+    assert [gate.name for gate in rejected.report.gates if not gate.passed] == ["way_deviation_mean"]
 
 
 def test_an_extract_without_roads_is_rejected() -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from trace_dag.benchmark.packaging import map_attribution, package_of, unverified_files
 from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
-from trace_dag.flow.artefacts import ESTIMATE, LOGS, MAP_REPORT, RECORD, ROAD_MAP, VERDICT
+from trace_dag.flow.artefacts import ESTIMATE, LOGS, MAP_REPORT, RECORD, REJECTED_REPORT, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
@@ -268,6 +268,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         crash.rights,
         record=files.load(RECORD) if files.has(RECORD) else None,
         map_report=files.load(MAP_REPORT) if files.has(MAP_REPORT) else None,
+        rejected_map=files.load(REJECTED_REPORT) if files.has(REJECTED_REPORT) else None,
         estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         picture=f"../pictures/{key}.png" if picture else None,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
     from trace_dag.osm.types import OsmExtract
     from trace_dag.roads.map.network import RoadNetwork
-    from trace_dag.roads.report import MapReport
+    from trace_dag.roads.report import MapReport, RejectedMapReport
     from trace_dag.sim.types import SimulationLog
     from trace_dag.states.types import StateEstimate
     from trace_dag.verdict.types import Verdict
@@ -49,6 +49,12 @@ ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
     Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
+)
+REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
+    Stage.ROAD_MAP, ("rejected.xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
+)
+REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
+    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
     Stage.STATE_ESTIMATE, ("json",), "trace_dag.states.json_io:estimate_from_json"

@@ -14,6 +14,7 @@ from trace_dag.plugins import PluginKind, load
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
+from trace_dag.roads.crash_site.near_streets import near_streets
 from trace_dag.roads.crash_site.placement import place_crash
 from trace_dag.roads.from_osm.converter import Converter
 from trace_dag.roads.gates.gates import check_map, require
@@ -25,7 +26,9 @@ from trace_dag.roads.report import (
     Comparison,
     CrashPlacement,
     InferredRoad,
+    MapGate,
     MapReport,
+    RejectedMapReport,
     Structure,
 )
 from trace_dag.settings import RoadSettings
@@ -40,29 +43,45 @@ class RoadMap:
     report: MapReport
 
 
+class RejectedRoadMap(Rejection):
+    """The map of a crash that is rejected for it, as converted and as OpenDRIVE, with what is recorded beside it."""
+
+    def __init__(self, why: Rejection, network: RoadNetwork, xodr: bytes, report: RejectedMapReport) -> None:
+        super().__init__(why.reason, why.detail, measured=why.measured, threshold=why.threshold)
+        self.network = network
+        self.xodr = xodr
+        self.report = report
+
+
 def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
     """The road map of one crash, in the local frame of its reported point.
 
     The extract is converted and the crash placed; where OSM is silent on the streets there and the report is not, the
     extract is converted again with what the report says. The map as it is written must pass every gate.
 
-    Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` with elevation off.
+    Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` with elevation off; as
+    :class:`RejectedRoadMap` where there is a map to look at.
     """
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
-    if not settings.elevation:
-        _reject_vertical_geometry(extract, frame, settings)
     converter = road_converter(settings)
     network = with_kinds(converter.convert(extract, frame, settings, {}), extract)
-    placement = place_crash(network, record, settings)
-    comparisons = compare(network, record, placement)
-    filling = fill_gaps(network, extract, record, placement)
-    if filling.attributes:
-        network = with_kinds(converter.convert(filling.extract, frame, settings, filling.hints), filling.extract)
+    gates: tuple[MapGate, ...] = ()
+    try:
+        if not settings.elevation:
+            _reject_vertical_geometry(extract, frame, settings)
         placement = place_crash(network, record, settings)
-        comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
-    stored = StoredMap(write_opendrive(network, marks=settings.marks), name=f"road map of {record.key}")
-    gates = check_map(network, filling.extract, stored, placement, limits=converter.limits)
-    require(gates)
+        comparisons = compare(network, record, placement)
+        filling = fill_gaps(network, extract, record, placement)
+        if filling.attributes:
+            network = with_kinds(converter.convert(filling.extract, frame, settings, filling.hints), filling.extract)
+            placement = place_crash(network, record, settings)
+            comparisons = tuple(_marked(comparison, filling.attributes) for comparison in comparisons)
+        stored = StoredMap(write_opendrive(network, marks=settings.marks), name=f"road map of {record.key}")
+        gates = check_map(network, filling.extract, stored, placement, limits=converter.limits)
+        require(gates)
+    except Rejection as why:
+        beside = RejectedMapReport(network.converter, settings.max_move_m, near_streets(network, record), gates)
+        raise RejectedRoadMap(why, network, write_opendrive(network, marks=settings.marks), beside) from why
     report = MapReport(
         converter=network.converter,
         placement=placement,

@@ -6,7 +6,7 @@ from functools import cache
 
 from pydantic import TypeAdapter
 
-from trace_dag.roads.report import MapReport
+from trace_dag.roads.report import MapReport, RejectedMapReport
 
 
 @cache
@@ -22,3 +22,18 @@ def map_report_to_json(report: MapReport) -> bytes:
 def map_report_from_json(data: bytes) -> MapReport:
     """A stored report."""
     return _reports().validate_json(data)
+
+
+@cache
+def _rejected() -> TypeAdapter[RejectedMapReport]:
+    return TypeAdapter(RejectedMapReport)
+
+
+def rejected_report_to_json(report: RejectedMapReport) -> bytes:
+    """The report on a map that its crash is rejected for, as stored."""
+    return _rejected().dump_json(report, indent=1)
+
+
+def rejected_report_from_json(data: bytes) -> RejectedMapReport:
+    """A stored report on a map that its crash is rejected for."""
+    return _rejected().validate_json(data)

@@ -1,6 +1,7 @@
 """What is known of a road map beyond its geometry: the crash's place on it, its gates, its agreement with the report.
 
-Stored beside the map as ``road_map/<key>.json``. Types only.
+Stored beside the map as ``road_map/<key>.json``; of a map that its crash is rejected for, as
+``road_map/<key>.rejected.json``. Types only.
 """
 
 from __future__ import annotations
@@ -87,3 +88,31 @@ class MapReport:
     junctions: int = 0
     attribution: str = ""
     inferred_roads: tuple[InferredRoad, ...] = ()
+
+
+@dataclass(frozen=True)
+class NearStreet:
+    """A street around the reported point: ``distance_m`` to its surface, which it has nearest at ``nearest_xy_m``.
+
+    ``bears_reported_name``: whether it is one of the streets the report names; None where names cannot be compared.
+    """
+
+    name: str
+    highway: str
+    distance_m: float
+    nearest_xy_m: tuple[float, float]
+    bears_reported_name: bool | None
+
+
+@dataclass(frozen=True)
+class RejectedMapReport:
+    """What is recorded beside a map that its crash is rejected for.
+
+    ``streets`` around the reported point, nearest first; the point may be moved by at most ``max_move_m`` to its road.
+    ``gates``: measured only where the crash was placed on the map.
+    """
+
+    converter: str
+    max_move_m: float
+    streets: tuple[NearStreet, ...]
+    gates: tuple[MapGate, ...] = ()

@@ -18,7 +18,7 @@ from trace_dag.crash.parties import party_in_words
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
 from trace_dag.osm.rights import Rights
-from trace_dag.roads.report import MapReport
+from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.colours import vehicle_colour
 from trace_dag.scenario.object_shapes import in_words
 from trace_dag.scenario.page_templates import templates, words
@@ -48,6 +48,7 @@ class CrashPage:
     rights: Rights
     record: CrashRecord | None = None
     map_report: MapReport | None = None
+    rejected_map: RejectedMapReport | None = None
     estimate: StateEstimate | None = None
     verdict: Verdict | None = None
     picture: str | None = None
@@ -70,6 +71,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         facts=_facts(page.crash),
         links=[] if page.rights.fictional else _elsewhere(page.crash),
         crash_types=_crash_types(page.record),
+        streets=_streets(page),
         picture_alt=_picture_alt(page),
         objects=_objects(page),
         version=__version__,
@@ -101,6 +103,8 @@ def _facts(crash: Row) -> list[tuple[str, str]]:
 
 def _picture_alt(page: CrashPage) -> str:
     drawn = "The road with its lanes seen from above, with the reported point"
+    if page.rejected_map:
+        return f"{drawn} and how far from it the streets around are."
     if page.estimate is None:
         return f"{drawn}."
     vehicles = ", ".join(
@@ -133,6 +137,18 @@ def _crash_types(record: CrashRecord | None) -> dict[int, str]:
     """What the crash type of each vehicle means, by the number of the vehicle."""
     vehicles = record.vehicles if record else ()
     return {vehicle.number: ACC_TYPE.meaning(vehicle.crash_type_code) for vehicle in vehicles}
+
+
+_BEARS = {True: "the reported name", False: "another name", None: "no name to compare"}
+
+
+def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
+    """The streets around a point that the map is rejected for: name, class, distance, and what the report says."""
+    rows = []
+    for street in page.rejected_map.streets if page.rejected_map else ():
+        said = _BEARS[street.bears_reported_name]
+        rows.append((street.name or "no name", words(street.highway), f"{street.distance_m:.1f}", said))
+    return rows
 
 
 def _numbers(verdict: Verdict) -> list[tuple[str, str]]:

@@ -34,7 +34,7 @@ _STROKE_IN, _TEXT_IN = 0.2, 0.28
 _PATH_COLOUR: Final = "#555555"
 
 
-class _Column(NamedTuple):
+class Column(NamedTuple):
     """How entries of the legend are set: how many rows, from where down and how far apart, and how wide (inches)."""
 
     rows: int
@@ -43,20 +43,27 @@ class _Column(NamedTuple):
     width_in: float
 
 
-_VEHICLES: Final = _Column(2, 0.11, 0.15, 3.2)
-_MANY_VEHICLES: Final = _Column(3, 0.065, 0.115, 3.2)
-_CROWD: Final = _Column(3, 0.065, 0.115, 1.6)
-_SIGNS: Final = _Column(2, 0.11, 0.15, 2.3)
-_MANY_SIGNS: Final = _Column(3, 0.065, 0.115, 2.3)
+Signs = Sequence[tuple[dict[str, Any], str]]
+"""How signs look, as options of a line of matplotlib's, and what they mean."""
+_VEHICLES: Final = Column(2, 0.11, 0.15, 3.2)
+_MANY_VEHICLES: Final = Column(3, 0.065, 0.115, 3.2)
+_CROWD: Final = Column(3, 0.065, 0.115, 1.6)
+_SIGNS: Final = Column(2, 0.11, 0.15, 2.3)
+_MANY_SIGNS: Final = Column(3, 0.065, 0.115, 2.3)
 
 
 class Words(NamedTuple):
-    """A line of text: its left end and the middle of its height in inches from the picture's top left."""
+    """A line of text: its left end and the middle of its height in inches from the picture's top left.
+
+    ``anchor`` is Pillow's: "rm" for its right end. ``backed``: on white, to be read on whatever is below.
+    """
 
     x_in: float
     y_in: float
     text: str
     size_pt: float = _SIZE_PT
+    anchor: str = "lm"
+    backed: bool = False
 
 
 def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
@@ -66,7 +73,11 @@ def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
     draw = ImageDraw.Draw(picture)
     for each in words:
         place = each.x_in * dpi, each.y_in * dpi
-        draw.text(place, each.text, fill=INK, font=_font(each.size_pt * dpi / 72), anchor="lm")
+        font = _font(each.size_pt * dpi / 72)
+        if each.backed:
+            left, top, right, bottom = draw.textbbox(place, each.text, font=font, anchor=each.anchor)
+            draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill="white")
+        draw.text(place, each.text, fill=INK, font=font, anchor=each.anchor)
 
 
 @lru_cache(maxsize=8)
@@ -78,42 +89,34 @@ def _font(size_px: float) -> FreeTypeFont:
     return ImageFont.truetype(findfont("DejaVu Sans"), size_px)
 
 
-def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
-    """Which crash it is, of what kind and where, and what it was judged to be."""
+def place_line(record: CrashRecord) -> Words:
+    """The first line of a headline: which crash it is, of what kind and where."""
     roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
     place = ", ".join(filter(None, (roads, record.state_name)))
     classes = ", ".join(
         value.replace("_", " ") for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
     )
-    lines = [f"{record.key}   {place}   ({classes})"]
+    return headline_words(0, f"{record.key}   {place}   ({classes})")
+
+
+def headline_words(line: int, text: str) -> Words:
+    """A line of the headline, from 0."""
+    return Words(0.08, _HEADLINE_IN[line], text, _HEADLINE_PT)
+
+
+def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
+    """Which crash it is, of what kind and where, and what it was judged to be."""
+    lines = [place_line(record)]
     if verdict:
         outcome = "verified" if verdict.accepted else f"not verified: {verdict.reason}"
-        lines.append(f"{outcome}   {verdict.detail}")
-    return [Words(0.08, y_in, line, _HEADLINE_PT) for y_in, line in zip(_HEADLINE_IN, lines, strict=False)]
+        lines.append(headline_words(1, f"{outcome}   {verdict.detail}"))
+    return lines
 
 
-def draw_legend(
-    figure: Figure,
-    top_in: float,
-    columns_in: tuple[float, float],
-    record: CrashRecord,
-    report: MapReport,
-    hypothesis: Hypothesis | None,
-    log: SimulationLog | None,
-) -> list[Words]:
-    """Draw the signs below the panels and give what is written beside them: vehicles in the first column, what the
-    signs mean in the second."""
+def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Column, Signs]]) -> list[Words]:
+    """Draw signs below the panels, in columns that begin so far from the left; what is written beside them."""
     words = []
     width_in, height_in = figure.get_size_inches()
-    vehicles = _vehicles(record, hypothesis)
-    set_as = next(
-        each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(vehicles) <= 2 * each.rows or each is _CROWD
-    )
-    meanings = _signs(report, hypothesis, log)
-    entries = (
-        (columns_in[0], set_as, vehicles),
-        (columns_in[1], _SIGNS if len(meanings) <= 2 * _SIGNS.rows else _MANY_SIGNS, meanings),
-    )
     for left_in, column, signs in entries:
         for number, (style, label) in enumerate(signs):
             x_in = left_in + 0.06 + number // column.rows * column.width_in
@@ -121,6 +124,16 @@ def draw_legend(
             figure.add_artist(_sign(x_in / width_in, 1 - y_in / height_in, _STROKE_IN / width_in, style))
             words.append(Words(x_in + _TEXT_IN, y_in, label))
     return words
+
+
+def vehicle_column(entries: Signs) -> Column:
+    """How so many vehicles are set."""
+    return next(each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(entries) <= 2 * each.rows or each is _CROWD)
+
+
+def sign_column(entries: Signs) -> Column:
+    """How so many signs are set."""
+    return _SIGNS if len(entries) <= 2 * _SIGNS.rows else _MANY_SIGNS
 
 
 def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
@@ -131,7 +144,7 @@ def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
     return Line2D(xs, [y] * len(xs), **style)
 
 
-def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
+def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
     """How each vehicle is drawn, and what it is, does and how fast."""
     reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in record.vehicles}
     parked = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
@@ -152,7 +165,7 @@ def _vehicles(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[
     return entries
 
 
-def _signs(
+def sign_entries(
     report: MapReport, hypothesis: Hypothesis | None, log: SimulationLog | None
 ) -> list[tuple[dict[str, Any], str]]:
     """How the signs in this picture look, and what they mean."""

@@ -183,12 +183,19 @@ def _last_pose(vehicle: VehicleLog) -> Pose:
     return Pose(float(vehicle.x_m[-1]), float(vehicle.y_m[-1]), float(vehicle.heading_rad[-1]))
 
 
+def draw_cross(panel: Panel) -> None:
+    """The reported point, the origin of the frame."""
+    from matplotlib.lines import Line2D
+
+    panel.add(Line2D([0.0], [0.0], marker="+", ms=15, mew=2.4, color=REPORTED_COLOUR, zorder=41))
+
+
 def draw_reported_point(panel: Panel, report: MapReport) -> None:
     """Where the report says it happened, and where that was placed on the road if elsewhere."""
     from matplotlib.lines import Line2D
 
     x, y = report.placement.x_m, report.placement.y_m
-    panel.add(Line2D([0.0], [0.0], marker="+", ms=15, mew=2.4, color=REPORTED_COLOUR, zorder=41))
+    draw_cross(panel)
     if math.hypot(x, y) > 0.5:
         panel.add(Line2D([0.0, x], [0.0, y], color=REPORTED_COLOUR, lw=0.9, ls=":", zorder=39))
         panel.add(Line2D([x], [y], marker="x", ms=8, mew=1.6, color=REPORTED_COLOUR, zorder=41))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.roads.build import build_road_map
-from trace_dag.roads.json_io import map_report_to_json
+from trace_dag.roads.build import RejectedRoadMap, build_road_map
+from trace_dag.roads.json_io import map_report_to_json, rejected_report_to_json
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
@@ -15,8 +15,16 @@ if TYPE_CHECKING:
 
 
 def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:
-    """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report."""
-    built = build_road_map(extract, record, settings)
+    """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report.
+
+    A map that its crash is rejected for is kept under other names: to look at, not to be built upon.
+    """
+    try:
+        built = build_road_map(extract, record, settings)
+    except RejectedRoadMap as rejected:
+        kept = {"rejected.xodr": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
+        read_back = {"rejected.xodr": rejected.network, "rejected.json": rejected.report}
+        return StageProduct(kept, {"converter": rejected.report.converter}, rejected, parsed=read_back)
     report = built.report
     figures: dict[str, Figure] = {
         "roads": report.roads,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from trace_dag.crash.classes import RoadTopology
@@ -24,6 +24,7 @@ from trace_dag.osm.drivable import SERVICE_HIGHWAYS
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.crossings import Crossing, find_crossings
+from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
 from trace_dag.roads.crash_site.reported_road import (
     Trafficway,
     lanes_as_reported,
@@ -60,7 +61,6 @@ _SERVICE_WEIGHTS: Final = {True: -1.0, False: -2.5}  # of a service road, at a d
 _CROSSING_NAME_WEIGHTS: Final = (4.0, -1.0)  # as for roads, for each of the two names: judgement
 _CROSSING_KIND_WEIGHT: Final = 1.0  # judgement: TYP_INT and the map's number of arms agree
 _INSIDE_LANE_M: Final = 1.0  # a moved point comes to lie this far inside the lane's border: judgement
-_TURNING_LANE_M: Final = 1.5  # a turn's surface belongs to its street a little less than a straight one: judgement
 _NOT_ITS_STREET: Final = -10.0  # a driveway that was drawn for the crash on the street: more than all else together
 _SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
 
@@ -116,14 +116,6 @@ class _Candidate:
     name_similarity: float | None
 
 
-@dataclass
-class _Nearness:
-    """The lanes by which a road (or its ways through junctions) comes nearest to the point."""
-
-    distance_m: float = math.inf
-    matches: list[LaneMatch] = field(default_factory=list)
-
-
 class _Placer:
     def __init__(self, network: RoadNetwork, record: CrashRecord, settings: RoadSettings) -> None:
         self._network = network
@@ -132,7 +124,7 @@ class _Placer:
         x_m, y_m = network.frame.to_local(record.latitude_deg, record.longitude_deg).tolist()
         self._x_m, self._y_m = float(x_m), float(y_m)
         self._crossings = find_crossings(network)
-        self._near = self._streets_near()
+        self._near = roads_near(network, self._x_m, self._y_m, _LOOK_AROUND_M)
 
     def place(self) -> CrashPlacement:
         candidates = [self._judge(road_id, near.distance_m) for road_id, near in self._near.items()]
@@ -151,22 +143,6 @@ class _Placer:
         return self._placement(best, matches, junction_id, cross)
 
     # --- streets ---------------------------------------------------------------------------------------------
-    def _streets_near(self) -> dict[str, _Nearness]:
-        """Roads around the point. A way through a junction counts for the roads it comes from and leads to."""
-        near: dict[str, _Nearness] = {}
-        for match in self._network.nearest_lanes(self._x_m, self._y_m, _LOOK_AROUND_M):
-            road = self._network.road_by_id[match.lane.road_id]
-            if road.junction_id is None:
-                owners, extra_m = [road.id], 0.0
-            else:
-                owners = [end.id for end in self._joined_by(road)]
-                extra_m = 0.0 if road.turn in (None, "straight") else _TURNING_LANE_M
-            for owner in owners:
-                entry = near.setdefault(owner, _Nearness())
-                entry.distance_m = min(entry.distance_m, match.outside_m + extra_m)
-                entry.matches.append(match)
-        return near
-
     def _judge(self, road_id: str, distance_m: float) -> _Candidate:
         road, record = self._network.road_by_id[road_id], self._record
         weights: dict[str, float] = {"distance": -math.log1p((distance_m / _DISTANCE_SCALE_M) ** 2)}
@@ -297,16 +273,8 @@ class _Placer:
         road = self._network.road_by_id[lane.road_id]
         if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
             return True
-        ends = (road,) if road.junction_id is None else self._joined_by(road)
+        ends = (road,) if road.junction_id is None else joined_by(self._network, road)
         return all(not set(names).isdisjoint(end.names) for end in ends)
-
-    def _joined_by(self, connecting: Road) -> tuple[Road, ...]:
-        links = (connecting.predecessor, connecting.successor)
-        return tuple(
-            self._network.road_by_id[link.element_id]
-            for link in links
-            if link is not None and link.element_type == "road"
-        )
 
     def _junction_distance(self, junction_id: str) -> float:
         inside = [
