@@ -30,6 +30,7 @@ from trace_dag.cli.sql import sql
 from trace_dag.cli.status import status
 from trace_dag.cli.tables import tables
 from trace_dag.cli.ui import ui
+from trace_dag.cli.validate import validate
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
 from trace_dag.errors import Failure, UserError, UserErrors
@@ -64,7 +65,7 @@ def cli(context: click.Context, root: str | None) -> None:
 
 cli.add_under("Start", demo, ingest, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
-cli.add_under("Judge the results", controls, peer, compare, score_truth, verify)
+cli.add_under("Judge the results", controls, peer, compare, score_truth, validate, verify)
 cli.add_under("Use them", export, release, evaluate, vary)
 cli.add_under("Set up", settings, plugins)
 

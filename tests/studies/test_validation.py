@@ -1,0 +1,189 @@
+"""The simulator beside measured crashes: how cases are read, what is compared, and what is said of the rest."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from trace_dag.cli.main import cli
+from trace_dag.errors import UserError
+from trace_dag.settings import SimSettings
+from trace_dag.studies.validation.closed_forms import closed_forms
+from trace_dag.studies.validation.crashes import compare_crash
+from trace_dag.studies.validation.plastic import plastic_delta_v
+from trace_dag.studies.validation.recorded import read_recorded_crashes
+from trace_dag.studies.validation.staged import staged_results
+from trace_dag.studies.validation.summary import errors_by_group
+
+# NHTSA CIREN 417 (3-C1-2019, public): masses, dimensions, headings, speeds, delta-v and damage of both vehicles.
+CASE: dict[str, Any] = {
+    "ciren": "417",
+    "ev": [[1, 1, "F", None, 2, "Vehicle 2", "L"]],
+    "V": {
+        "1": {
+            "curb": 1155.0, "body": 4, "angthis": 300.0, "oal": 445.0, "wid": 172.0, "wb_cm": 258.0, "foh": 88.0,
+            "cdc": [{"ev": 1, "cdc": "01FREE03", "pdof": 30.0, "dvt": 14.0, "cmax": 6.0, "dl": 160.0, "dd": 39.0}],
+            "edr": [{"no": 1, "cdcev": 1, "dvl": -36.0, "dvla": -19.0}],
+            "sp": {"1": [[-0.5, 70.0], [0.0, 65.0]]},
+        },
+        "2": {
+            "curb": 1508.0, "body": 14, "angthis": 190.0, "oal": 465.0, "wid": 184.0, "wb_cm": 273.0, "foh": 95.0,
+            "cdc": [{"ev": 1, "cdc": "11LFEE03", "pdof": 330.0, "dvt": 11.0, "cmax": 26.0, "dl": 36.0, "dd": 185.0}],
+            "edr": [{"no": 1, "cdcev": 1, "dvl": -22.54, "dvla": 22.54}],
+            "sp": {"1": [[-1.0, 999.0], [-0.5, 25.76]]},
+        },
+    },
+}  # fmt: skip
+
+
+def write(folder: Path, *cases: object) -> Path:
+    path = folder / "cases.json"
+    path.write_text(json.dumps(list(cases)))
+    return path
+
+
+def changed(**of_vehicle_2: object) -> dict[str, Any]:
+    case = copy.deepcopy(CASE)
+    case["V"]["2"].update(of_vehicle_2)
+    return case
+
+
+def rows_of(folder: Path, case: object) -> list[dict[str, Any]]:
+    (crash,) = read_recorded_crashes(write(folder, case))
+    return [row.published() for row in compare_crash(crash, SimSettings())]
+
+
+def test_plastic_momentum_gives_both_one_velocity() -> None:
+    (x1, y1), (x2, y2) = plastic_delta_v((1500.0, 1000.0), (10.0, 0.0), (0.0, 20.0))
+    assert (10.0 + x1, y1) == pytest.approx((6.0, 8.0))  # 15,000 and 20,000 kg m/s over 2,500 kg
+    assert (x2, 20.0 + y2) == pytest.approx((6.0, 8.0))
+
+
+def test_a_crash_of_two_recorders_is_compared_in_both_vehicles(tmp_path: Path) -> None:
+    one, two = rows_of(tmp_path, CASE)
+    assert list(one) == [
+        "case", "vehicle", "measured_delta_v_kmh", "simulated_delta_v_kmh", "plastic_delta_v_kmh", "reason",
+    ]  # fmt: skip
+    assert (one["case"], one["vehicle"], two["vehicle"]) == ("417", 1, 2)
+    assert one["measured_delta_v_kmh"] == pytest.approx(math.hypot(36.0, 19.0), abs=0.01)
+    assert two["measured_delta_v_kmh"] == pytest.approx(22.54 * math.sqrt(2), abs=0.01)
+    # By hand: 110 degrees between the headings, masses of 1255 and 1608 kg.
+    closing_kmh = math.sqrt(65.0**2 + 25.76**2 - 2 * 65.0 * 25.76 * math.cos(math.radians(110)))
+    assert one["plastic_delta_v_kmh"] == pytest.approx(closing_kmh * 1608 / 2863, abs=0.01)
+    assert two["plastic_delta_v_kmh"] == pytest.approx(closing_kmh * 1255 / 2863, abs=0.01)
+    # Newton's third law, whatever the contact.
+    assert one["simulated_delta_v_kmh"] * 1255 == pytest.approx(two["simulated_delta_v_kmh"] * 1608, rel=0.01)
+    assert one["reason"] is None
+
+
+def test_where_the_lateral_part_was_not_recorded_the_part_along_the_vehicle_is_compared(tmp_path: Path) -> None:
+    _, two = rows_of(tmp_path, changed(edr=[{"no": 1, "cdcev": 1, "dvl": -22.54, "dvla": 997.0}]))
+    assert two["measured_delta_v_kmh"] == pytest.approx(22.54)
+    whole = rows_of(tmp_path, CASE)[1]
+    assert two["simulated_delta_v_kmh"] < whole["simulated_delta_v_kmh"]
+    assert two["plastic_delta_v_kmh"] < whole["plastic_delta_v_kmh"]
+
+
+def test_the_speed_of_who_had_no_recorder_is_fitted_to_the_reconstructed_delta_v(tmp_path: Path) -> None:
+    case = changed(edr=[], sp={})
+    case["V"]["1"]["cdc"][0]["dvt"] = 45.0
+    one, two = rows_of(tmp_path, case)
+    assert one["simulated_delta_v_kmh"] == pytest.approx(45.0, rel=0.02)
+    assert one["plastic_delta_v_kmh"] == pytest.approx(45.0, rel=0.02)
+    assert two["measured_delta_v_kmh"] is None
+    assert "no recorded delta-v" in two["reason"]
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        (changed(curb=9999.0), "vehicle 2: its mass is not known"),
+        (changed(curb=None), "vehicle 2: its mass is not known"),
+        (changed(angthis=998.0), "vehicle 2: its heading at the impact is not known"),
+        (changed(edr=[{"no": 1, "cdcev": 1, "dvl": -4.0, "dvla": 2.0}]), "contradict each other"),
+        (changed(edr=None, sp="none", cdc=[{"cdc": None}], curb="heavy"), "mass is not known"),
+        ({**CASE, "ev": [[1, 1, "F", None, 63, "Curb", "0"]]}, "no recorder has a delta-v of an event of two"),
+        ({**CASE, "ev": None}, "no recorder has a delta-v of an event of two"),
+    ],
+)
+def test_a_case_that_cannot_be_set_up_says_why(tmp_path: Path, case: dict[str, Any], said: str) -> None:
+    rows = rows_of(tmp_path, case)
+    assert [row["vehicle"] for row in rows] == [1, 2]
+    assert all(said in row["reason"] for row in rows)
+    assert {row[name] for row in rows for name in row if name.endswith("_kmh")} == {None}
+
+
+def test_a_case_without_vehicles_is_listed_too(tmp_path: Path) -> None:
+    (row,) = rows_of(tmp_path, {"ciren": 7, "V": {}})
+    assert (row["case"], row["vehicle"]) == ("7", None)
+    assert row["reason"]
+
+
+def test_a_car_into_a_tree_loses_its_speed(tmp_path: Path) -> None:
+    """CIREN 160 (public): a car of 1278 kg at 64.4 km/h into a tree, left of its middle; recorded -66.0 and 6.4."""
+    vehicle = {
+        "curb": 1278.0, "body": 2, "oal": 451.0, "wid": 175.0, "wb_cm": 262.0, "foh": 93.0,
+        "cdc": [{"ev": 1, "cdc": "12FYEW03", "pdof": 0.0, "cmax": 54.0, "dl": 166.0, "dd": -31.0}],
+        "edr": [{"no": 1, "cdcev": 1, "dvl": -66.01, "dvla": 6.44}],
+        "sp": {"1": [[0.0, 64.4]]},
+    }  # fmt: skip
+    case = {"ciren": "160", "ev": [[1, 1, "F", None, 42, "Tree (> 10 cm in diameter)", "0"]], "V": {"1": vehicle}}
+    (row,) = rows_of(tmp_path, case)
+    assert row["plastic_delta_v_kmh"] == pytest.approx(64.4)
+    assert 64.4 * 0.9 < row["simulated_delta_v_kmh"] < 64.4 * 1.3  # a little rebounds
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("no json", "cannot be read as JSON"),
+        ("{}", "found an object"),
+        ("[]", "found an empty list"),
+        ('[{"lat": 1}]', "case 0 has the keys lat"),
+        ("[3]", "case 0 has a number"),
+    ],
+)
+def test_a_file_of_something_else_is_named_with_what_it_ought_to_be(tmp_path: Path, content: str, said: str) -> None:
+    path = tmp_path / "other.json"
+    path.write_text(content)
+    with pytest.raises(UserError, match="expected a JSON list of CIREN cases") as raised:
+        read_recorded_crashes(path)
+    assert said in str(raised.value)
+    assert str(path) in str(raised.value)
+
+
+def test_the_command_prints_every_vehicle_as_json_and_the_tables_without_it(tmp_path: Path) -> None:
+    path = write(tmp_path, CASE, changed(curb=None))
+    root = ["--root", str(tmp_path / "root"), "validate"]
+    done = CliRunner().invoke(cli, [*root, "--ciren", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert [row["vehicle"] for row in json.loads(done.output)] == [1, 2, 1, 2]
+    words = CliRunner().invoke(cli, [*root, "--ciren", str(path)])
+    assert words.exit_code == 0, words.output
+    for said in ("both recorded, first vehicle", "vehicle 2: its mass is not known", "NHTSA 4363", "Searle"):
+        assert said in words.output
+
+
+def test_errors_by_group_are_shares_of_what_was_measured(tmp_path: Path) -> None:
+    (crash,) = read_recorded_crashes(write(tmp_path, CASE))
+    first, second, fitted, objects = errors_by_group(compare_crash(crash, SimSettings()))
+    assert (first.vehicles, second.vehicles, fitted.vehicles, objects.vehicles) == (1, 1, 0, 0)
+    assert first.plastic_median_error == pytest.approx(0.071, abs=0.001)  # 43.6 for 40.7
+    assert fitted.median_error is None
+
+
+def test_closed_forms_hold() -> None:
+    for form in closed_forms(SimSettings()):
+        assert 0.98 * form.least <= form.simulated <= 1.02 * form.most, form.what
+
+
+def test_staged_tests_are_met_in_delta_v_within_eight_percent() -> None:
+    """SAE 2006-01-0908, NHTSA 4363 and 4364."""
+    for result in staged_results(SimSettings()):
+        assert result.simulated_delta_v_kmh == pytest.approx(result.measured_delta_v_kmh, rel=0.08), result.vehicle
