@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dagster import AssetCheckKey, AssetKey
+from dagster import AssetCheckKey, AssetKey, DagsterRunStatus
 
+from trace_dag.errors import Reason
 from trace_dag.flow.selection import select_again
 from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02}" for number in range(1, 5)]
 GATES = AssetCheckKey(AssetKey("road_map"), "gates")
 CRITERIA = AssetCheckKey(AssetKey("verdict"), "criteria")
+VERIFIED = AssetCheckKey(AssetKey("verdict"), "verified")
 
 
 def stands(campaign, check: AssetCheckKey) -> Mapping[str, tuple[str, bool]]:
@@ -32,6 +34,26 @@ def test_every_crash_has_its_own_evaluation_where_it_got_that_far(campaign):
     passed, failed, skipped = ("SUCCEEDED", True), ("FAILED", True), ("PLANNED", False)
     assert stands(made, GATES) == dict(zip(KEYS, [passed, failed, passed, skipped], strict=True))
     assert stands(made, CRITERIA) == dict(zip(KEYS, [passed, skipped, failed, skipped], strict=True))
+    assert stands(made, VERIFIED) == dict(zip(KEYS, [passed, failed, failed, failed], strict=True))
+
+
+def test_the_reason_of_every_rejected_crash_stands_with_its_outcome(campaign):
+    made = campaign(dict(zip(KEYS[:2], ["reject:road_map", "reject:osm_extract"], strict=True)))
+    made.run()
+    history = made.instance.event_log_storage.get_asset_check_execution_history(VERIFIED, limit=10)
+    assert {record.partition: record.evaluation.metadata["reason"].value for record in history} == {
+        KEYS[0]: Reason.CRASH_OFF_ROAD.value,
+        KEYS[1]: Reason.NO_MAP_COVERAGE.value,
+    }
+
+
+def test_a_run_does_not_miss_the_checks_it_has_evaluated(campaign):
+    made = campaign({KEYS[0]: "", KEYS[1]: "reject:osm_extract"})
+    made.run()
+    (run,) = made.instance.get_runs()
+    assert run.status is DagsterRunStatus.SUCCESS
+    said = [entry.message for entry in made.instance.all_logs(run.run_id)]
+    assert not [line for line in said if "did not yield" in line]
 
 
 def test_what_does_not_hold_warns_with_reason_and_sentence(campaign):

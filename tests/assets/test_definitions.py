@@ -52,6 +52,7 @@ def test_jobs_and_checks_resolve():
         "criteria_are_evaluated",
         "gates",
         "criteria",
+        "verified",
     }
     assert [schedule.name for schedule in repository.schedule_defs] == ["newly_released_cases"]
 

@@ -87,9 +87,10 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             summary.note(event)
             if workspace.listener is not None:
                 workspace.listener(event)
-        checks.finish()
+        finished_checks = list(checks.finish())
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error
+    yield from finished_checks
     context.log.info(summary.in_words())
     context.instance.add_run_tags(context.run.run_id, {SUMMARY_TAG: summary.in_words()})
     if failed:
@@ -98,7 +99,6 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             metadata={"failed": MetadataValue.md(_table(failed)), **summary.figures(), **_tracebacks(failed)},
             allow_retries=False,
         )
-    yield from ()
 
 
 def _check_configuration(settings: Mapping[str, Any]) -> None:
