@@ -27,7 +27,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag import __version__
+from trace_dag.version import __version__
 
 _OWN = "trace_dag"
 # What comes out of a module is the same however bytes are stored, fetched and waited for, and whichever other stages
@@ -35,6 +35,7 @@ _OWN = "trace_dag"
 _DECIDES_NOTHING = frozenset(
     {
         "trace_dag",
+        "trace_dag.version",
         "trace_dag.garbage",
         "trace_dag.http",
         "trace_dag.flow.stages",

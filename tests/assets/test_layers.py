@@ -16,7 +16,7 @@ PACKAGE = Path(trace_dag.__file__).parent
 
 LAYERS = (
     # the contracts
-    {"units", "stage", "markdown"},
+    {"units", "stage", "markdown", "version"},
     {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
     {"plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
@@ -38,6 +38,7 @@ LAYERS = (
     {"studies"},
     {"warehouse"},
     {"benchmark"},
+    {"reading"},
     # Dagster and the command line
     {"assets"},
     {"definitions"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import nbformat
@@ -31,6 +32,20 @@ def test_runs_from_the_first_cell_to_the_last(path, tmp_path, monkeypatch):
     shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert any("image/png" in output.get("data", {}) for output in shown), "a picture or a plot"
     assert not any(output.get("name") == "stderr" for output in shown)
+
+
+def test_one_crash_shows_a_person_who_was_struck(tmp_path, monkeypatch):
+    root, key = Path(shutil.copytree(sample_runs.finished(), tmp_path / "root")), "2023-319081"
+    reports = tmp_path / "reports"
+    reports.mkdir()
+    shutil.copy(sample_runs.SAMPLE / "people" / "reports" / "crash_319081.xml", reports)
+    assert sample_runs.ingest(root, reports).returncode == 0
+    assert sample_runs.trace_dag(root, "run").returncode == 0
+    monkeypatch.setenv("TRACE_DAG_ROOT", str(root))
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    notebook = nbformat.read(next(path for path in NOTEBOOKS if name_of(path) == "one_crash"), as_version=4)
+    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    assert f"<Crash {key}>" in str(notebook.cells), "the crash with a pedestrian comes before those of vehicles"
 
 
 def test_there_are_notebooks():

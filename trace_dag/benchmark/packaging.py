@@ -58,7 +58,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
 def unverified_files(files: CrashFiles) -> dict[str, bytes]:
     """What there is to hand out of a crash that was not verified, by the names that a package has for it: the map, the
     verdict and a replay, as far as it got."""
-    from trace_dag.scenario.replay import write_html_player
+    from trace_dag.studies.replays import replay
 
     made = {}
     if files.has(ROAD_MAP):
@@ -66,9 +66,7 @@ def unverified_files(files: CrashFiles) -> dict[str, bytes]:
     if files.has(VERDICT):
         made["verdict.json"] = files.load(VERDICT_JSON)
     if files.has(LOGS):
-        verdict = files.load(VERDICT) if files.has(VERDICT) else None
-        log = files.load(LOGS)[verdict.hypothesis if verdict else 0]
-        made["replay.html"] = write_html_player(files.load(RECORD), files.load(ROAD_MAP), log, verdict)
+        made["replay.html"] = replay(files, "html")
     return made
 
 

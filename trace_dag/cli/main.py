@@ -7,7 +7,6 @@ import sys
 
 import click
 
-from trace_dag import __version__
 from trace_dag.cli.cohort import cohort
 from trace_dag.cli.compare import compare
 from trace_dag.cli.controls import controls
@@ -35,6 +34,7 @@ from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
 from trace_dag.errors import Failure, UserError, UserErrors
 from trace_dag.logs import complain, configure_logging, writes_json
+from trace_dag.version import __version__
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2

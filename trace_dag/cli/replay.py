@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from trace_dag.cli.options import agent_arguments, examples
+
+if TYPE_CHECKING:
+    from trace_dag.studies.replays import ReplayFormat
 
 
 @click.command(
@@ -40,7 +43,7 @@ from trace_dag.cli.options import agent_arguments, examples
 def replay(
     root: str,
     key: str,
-    replay_format: Literal["html", "gif", "webp", "mp4"],
+    replay_format: ReplayFormat,
     agent: str | None,
     arguments: tuple[str, ...],
     ego: str,
@@ -52,10 +55,11 @@ def replay(
     from trace_dag.studies.cases import AgentRole
     from trace_dag.studies.replays import replay as made_of
     from trace_dag.studies.replays import replay_with
+    from trace_dag.studies.stored_crashes import stored_crash
 
     workspace = Workspace.open(root)
     if agent is None:
-        content = made_of(workspace, key, replay_format)
+        content = made_of(stored_crash(workspace, key), replay_format)
     else:
         sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
         content = replay_with(workspace, key, with_arguments(agent, arguments), AgentRole(ego), replay_format)

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import parse_qsl, quote
 
-from trace_dag import plugins
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
 from trace_dag.evaluation.loop import described
 from trace_dag.plugins import PluginKind
+from trace_dag.plugins import offered as offered_plugins
 
 BASELINES = ("replay", "brake", "idm", "cautious")
 
@@ -26,7 +26,7 @@ _REFERENCE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 def offered() -> dict[str, str]:
     """The agents that installed packages offer: ``module:Class`` by name."""
-    return {name: plugin.reference for name, plugin in plugins.offered(PluginKind.AGENT).items()}
+    return {name: plugin.reference for name, plugin in offered_plugins(PluginKind.AGENT).items()}
 
 
 def with_arguments(agent: str, arguments: Sequence[str]) -> str:

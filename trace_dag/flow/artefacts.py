@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
 from trace_dag.stage import Stage
 
@@ -35,6 +35,23 @@ class Artefact(Generic[T]):
     extensions: tuple[str, ...]
     reader: str = ""
     named: bool = False
+
+
+class CrashArtefacts(Protocol):
+    """A crash as it is stored, in a root or in a package: what there is of it, and how to read it."""
+
+    @property
+    def key(self) -> str:
+        """The crash's key."""
+
+    def has(self, artefact: Artefact[Any]) -> bool:
+        """Whether there is such an artefact."""
+
+    def load(self, artefact: Artefact[T]) -> T:
+        """An artefact as its reader reads it, read once."""
+
+    def shown_log(self) -> SimulationLog | None:
+        """The log that the verdict is about, the first one without a verdict; None where nothing was simulated."""
 
 
 REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
@@ -29,12 +29,15 @@ from trace_dag.code_versions import CodeVersion, referred, signature_of
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import DamagedFile, Rejection
-from trace_dag.flow.artefacts import ARTEFACTS, Artefact
+from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.provenance import OutcomeRecord, artefact_name, code_of
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
+
+if TYPE_CHECKING:
+    from trace_dag.sim.types import SimulationLog
 
 T = TypeVar("T")
 _SECTIONS = {info.annotation.__name__: name for name, info in Settings.model_fields.items() if info.annotation}
@@ -145,6 +148,15 @@ class CrashFiles:
             self._parsed[name] = referred(artefact.reader)(*contents, **named)
         value: T = self._parsed[name]
         return value
+
+    def shown_log(self) -> SimulationLog | None:
+        """The log that the verdict is about, the first one without a verdict; None where nothing was simulated.
+
+        Raises :class:`DamagedArtefactError`.
+        """
+        if not self.has(LOGS):
+            return None
+        return self.load(LOGS)[self.load(VERDICT).hypothesis if self.has(VERDICT) else 0]
 
     def read(self, stage: Stage, extension: str) -> bytes:
         """Content of one of the files of a stage. Raises :class:`DamagedArtefactError`."""

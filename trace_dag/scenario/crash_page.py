@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trace_dag import __version__
 from trace_dag.crash.codes.vehicle import ACC_TYPE
 from trace_dag.crash.parties import party_in_words
 from trace_dag.crash.record import CrashRecord
@@ -25,6 +24,7 @@ from trace_dag.scenario.page_templates import templates, words
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
+from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 

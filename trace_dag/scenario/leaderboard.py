@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from trace_dag import __version__
+from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 

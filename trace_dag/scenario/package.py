@@ -13,13 +13,13 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from trace_dag import __version__
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.rights import Rights
+from trace_dag.roads.json_io import map_report_to_json
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
@@ -30,19 +30,19 @@ from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.strikes import strikes
-from trace_dag.sim.log_io import SIMULATION_STEPS
-from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.scenario.trajectories import log_to_json
+from trace_dag.sim.types import SimulationLog
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.json_io import verdict_to_json
 from trace_dag.verdict.types import Verdict
+from trace_dag.version import __version__
 
 MANIFEST = "manifest.json"
 
 _CC0, _PUBLIC = "CC0-1.0", "US public domain"
 # Zip entries carry a date; a fixed one (the format's first) keeps archives reproducible.
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
-_DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,13 @@ def _results(crash: PackageInput) -> list[_File]:
     replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict)
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
-        _File("trajectories.json", _CC0, "the simulated motion and contacts", _trajectories(crash)),
+        _File(
+            "trajectories.json",
+            _CC0,
+            "the simulated motion and contacts",
+            log_to_json(crash.record.key, crash.log),
+        ),
+        _File("map_report.json", _CC0, "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
         _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
         _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
         _File("picture.png", crash.rights.licence, "the crash from above", as_png(picture)),
@@ -215,41 +221,5 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
     )
 
 
-def _trajectories(crash: PackageInput) -> bytes:
-    """The log in one document: what its columns mean, states per vehicle, contacts; numbers to the micrometre."""
-    columns = {column.name: column for column in SIMULATION_STEPS.columns}
-    names = [field.name for field in fields(VehicleLog) if field.name != "number"]
-    return _json(
-        {
-            "key": crash.record.key,
-            "frame": "x east, y north of the reported point, headings counter-clockwise from east, time from the start",
-            "columns": {name: {"meaning": columns[name].meaning, "unit": columns[name].unit or None} for name in names},
-            "vehicles": {
-                str(vehicle.number): {
-                    "body": _plain(crash.log.bodies[vehicle.number]),
-                    **{name: _plain(getattr(vehicle, name).tolist()) for name in names},
-                }
-                for vehicle in crash.log.vehicles
-            },
-            "contacts": [_plain(contact) for contact in crash.log.contacts],
-            **({"objects": [_plain(item) for item in crash.log.objects]} if crash.log.objects else {}),
-        },
-        indent=None,
-    )
-
-
-def _plain(value: object) -> object:
-    """A dataclass of ours or numbers as JSON can hold them, shortened."""
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, (tuple, list)):
-        return [_plain(each) for each in value]
-    return _short(value) if isinstance(value, float) else value
-
-
-def _short(value: float) -> float:
-    return round(value, _DECIMALS) + 0.0
-
-
-def _json(value: object, *, indent: int | None = 1) -> bytes:
-    return (json.dumps(value, indent=indent, sort_keys=True, ensure_ascii=False) + "\n").encode()
+def _json(value: object) -> bytes:
+    return (json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()

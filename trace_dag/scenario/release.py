@@ -20,12 +20,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
-from trace_dag import __version__
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.errors import Reason
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.documents import render_document
 from trace_dag.schemas import Column, ColumnType, TableSchema
+from trace_dag.version import __version__
 
 NAME = "trace-dag-benchmark"
 CHECKSUMS = "SHA256SUMS"

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trace_dag import __version__
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.page_templates import read, templates
+from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
 

@@ -9,7 +9,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -18,6 +18,9 @@ from trace_dag.errors import Failure
 from trace_dag.schemas import Column, ColumnType, TableSchema
 from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, VehicleLog
 from trace_dag.states.objects import FixedObject
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SIMULATION_STEPS = TableSchema(
     "simulation_steps",
@@ -83,25 +86,9 @@ def _summaries() -> TypeAdapter[tuple[_RunSummary, ...]]:
 
 def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
     """Parquet with the columns :data:`SIMULATION_STEPS`, and JSON with contacts, bodies and terminations."""
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    parts: list[tuple[int, VehicleLog]] = [(i, vehicle) for i, log in enumerate(logs) for vehicle in log.vehicles]
-    counts = [len(vehicle.time_s) for _, vehicle in parts]
-    columns: dict[str, Any] = {
-        "hypothesis": np.repeat(np.array([i for i, _ in parts], np.int32), counts),
-        "vehicle_number": np.repeat(np.array([vehicle.number for _, vehicle in parts], np.int32), counts),
-    }
-    for name in _SCALAR_NAMES:
-        columns[name] = np.concatenate([getattr(vehicle, name) for _, vehicle in parts]) if parts else np.zeros(0)
-    points = [vehicle.landmarks_m for _, vehicle in parts]
-    widths = np.repeat([rows.shape[1] for rows in points], counts)
-    starts = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
-    values = np.concatenate([rows.ravel() for rows in points]) if points else np.zeros(0)
-    columns["landmarks_m"] = pa.ListArray.from_arrays(
-        starts, values, type=SIMULATION_STEPS.arrow().field("landmarks_m").type
-    )
-    table = pa.table(columns, schema=SIMULATION_STEPS.arrow())
+    table = steps_table(logs)
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd", use_dictionary=["hypothesis", "vehicle_number"])
     summaries = tuple(
@@ -121,6 +108,28 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
         for i, log in enumerate(logs)
     )
     return buffer.getvalue(), _summaries().dump_json(summaries, indent=1)
+
+
+def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
+    """The states of all parties of some logs, columns as :data:`SIMULATION_STEPS`; the hypothesis is a log's place."""
+    import pyarrow as pa
+
+    parts: list[tuple[int, VehicleLog]] = [(i, vehicle) for i, log in enumerate(logs) for vehicle in log.vehicles]
+    counts = [len(vehicle.time_s) for _, vehicle in parts]
+    columns: dict[str, Any] = {
+        "hypothesis": np.repeat(np.array([i for i, _ in parts], np.int32), counts),
+        "vehicle_number": np.repeat(np.array([vehicle.number for _, vehicle in parts], np.int32), counts),
+    }
+    for name in _SCALAR_NAMES:
+        columns[name] = np.concatenate([getattr(vehicle, name) for _, vehicle in parts]) if parts else np.zeros(0)
+    points = [vehicle.landmarks_m for _, vehicle in parts]
+    widths = np.repeat([rows.shape[1] for rows in points], counts)
+    starts = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
+    values = np.concatenate([rows.ravel() for rows in points]) if points else np.zeros(0)
+    columns["landmarks_m"] = pa.ListArray.from_arrays(
+        starts, values, type=SIMULATION_STEPS.arrow().field("landmarks_m").type
+    )
+    return pa.table(columns, schema=SIMULATION_STEPS.arrow())
 
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:

@@ -8,36 +8,33 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.registry import make_agent, resolve
-from trace_dag.flow.artefacts import LOGS, RECORD, ROAD_MAP, VERDICT
+from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts
 from trace_dag.flow.workspace import Workspace
 from trace_dag.sim.backends import backend
 from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
-from trace_dag.studies.stored_crashes import stored_crash
+
+ReplayFormat = Literal["html", "webp", "gif", "mp4"]
 
 
-def replay(workspace: Workspace, key: str, replay_format: Literal["html", "gif", "webp", "mp4"]) -> bytes:
+def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     """The replay of one crash as stored: a page or a moving picture.
 
-    Raises :class:`UserError` for a crash that is not registered or was not simulated, or an MP4 without its extra.
+    Raises :class:`UserError` for a crash that was not simulated, or an MP4 without its extra.
     """
     from trace_dag.scenario.animation import write_animation
     from trace_dag.scenario.replay import write_html_player
 
-    files = stored_crash(workspace, key)
-    if not files.has(LOGS):
-        raise UserError(f"crash {key} was not simulated; trace-dag status tells where it stands")
-    verdict = files.load(VERDICT) if files.has(VERDICT) else None
-    logs = files.load(LOGS)
-    log = logs[verdict.hypothesis if verdict else 0]
-    record, network = files.load(RECORD), files.load(ROAD_MAP)
+    log = crash.shown_log()
+    if log is None:
+        raise UserError(f"crash {crash.key} was not simulated; trace-dag status tells where it stands")
+    record, network = crash.load(RECORD), crash.load(ROAD_MAP)
+    verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
     if replay_format == "html":
         return write_html_player(record, network, log, verdict)
     return write_animation(record, network, log, verdict, image_format=replay_format)
 
 
-def replay_with(
-    workspace: Workspace, key: str, agent: str, role: AgentRole, replay_format: Literal["html", "gif", "webp", "mp4"]
-) -> bytes:
+def replay_with(workspace: Workspace, key: str, agent: str, role: AgentRole, replay_format: ReplayFormat) -> bytes:
     """The replay of a verified crash with an agent in somebody's place, under the usual conditions.
 
     Raises :class:`UserError` for a crash that is not verified and an agent that is not there or is faulty.

@@ -15,7 +15,6 @@ from dataclasses import replace
 from itertools import count
 from typing import Final
 
-import trace_dag
 from trace_dag.errors import Reason, Rejection
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
@@ -44,8 +43,9 @@ from trace_dag.roads.map.curves import PlanView, cut_plan, plan_pose, reverse_pl
 from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import RoadSettings
+from trace_dag.version import __version__
 
-CONVERTER: Final = f"trace-dag native {trace_dag.__version__}"
+CONVERTER: Final = f"trace-dag native {__version__}"
 _EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's outer border
 _LANE_STEP_RATIO: Final = 5.2  # bends this much wider than the outermost lane's offset: all lanes near equal length
 

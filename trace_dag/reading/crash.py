@@ -1,0 +1,225 @@
+"""One crash, wherever it is stored: each part of it read when it is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from trace_dag.errors import UserError
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    MAP_REPORT,
+    RECORD,
+    REPORT_XML,
+    ROAD_MAP,
+    VERDICT,
+    Artefact,
+    CrashArtefacts,
+)
+
+if TYPE_CHECKING:
+    import networkx as nx
+    import pandas as pd
+    import pyarrow as pa
+    from PIL.Image import Image
+
+    from trace_dag.crash.record import CrashRecord
+    from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapReport
+    from trace_dag.sim.types import SimulationLog
+    from trace_dag.states.types import StateEstimate
+    from trace_dag.studies.replays import ReplayFormat
+    from trace_dag.verdict.types import Verdict
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A crash to watch. A notebook shows it; ``save`` writes it to a file."""
+
+    content: bytes
+    format: ReplayFormat
+    title: str
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file; the path."""
+        target = Path(path)
+        target.write_bytes(self.content)
+        return target
+
+    def _repr_html_(self) -> str:
+        if self.format == "html":
+            page = escape(self.content.decode())
+            return f'<div><iframe srcdoc="{page}" width="900" height="640" title="{escape(self.title)}"></iframe></div>'
+        from base64 import b64encode
+
+        data = b64encode(self.content).decode()
+        if self.format == "mp4":
+            return f'<video controls src="data:video/mp4;base64,{data}" title="{escape(self.title)}"></video>'
+        return f'<img src="data:image/{self.format};base64,{data}" alt="{escape(self.title)}">'
+
+
+class Crash:
+    """One crash of a root, a package or a release.
+
+    Every part is read when first asked for, checked against what was written, and kept. What the crash did not get as
+    far as (an estimate of one that was rejected at its map) raises :class:`trace_dag.errors.UserError`; what is damaged
+    raises :class:`trace_dag.errors.Failure`. Frame: local transverse Mercator at the reported point, x east, y north,
+    metres, radians counter-clockwise from east, m/s.
+    """
+
+    def __init__(self, stored: CrashArtefacts) -> None:
+        self._stored = stored
+
+    @property
+    def key(self) -> str:
+        """The crash's key, ``<caseYear>-<stateCase>``."""
+        return self._stored.key
+
+    @property
+    def stored(self) -> CrashArtefacts:
+        """The artefacts it is read from, for code of this package."""
+        return self._stored
+
+    def has(self, part: str) -> bool:
+        """Whether it got as far as ``report``, ``record``, ``road_map``, ``estimate``, ``log`` or ``verdict``."""
+        if part == "log":
+            return self._stored.shown_log() is not None
+        if part not in _PARTS:
+            raise UserError(f"a crash has no part {part!r}; expected {', '.join(_PARTS)} or log")
+        return self._stored.has(_PARTS[part])
+
+    @property
+    def report(self) -> bytes:
+        """The report: XML as NHTSA's CrashAPI serves it."""
+        return self._load(REPORT_XML, "report")
+
+    @property
+    def record(self) -> CrashRecord:
+        """What the report says, read and checked."""
+        return self._load(RECORD, "record")
+
+    @property
+    def road_map(self) -> RoadNetwork:
+        """The road as read from OpenDRIVE."""
+        return self._load(ROAD_MAP, "road_map")
+
+    @property
+    def map_report(self) -> MapReport:
+        """Where the crash lies on the map, and what was measured of the map."""
+        return self._load(MAP_REPORT, "road_map")
+
+    @property
+    def estimate(self) -> StateEstimate:
+        """Hypotheses about where everybody came from, best first."""
+        return self._load(ESTIMATE, "estimate")
+
+    @property
+    def log(self) -> SimulationLog:
+        """The simulated motion and contacts, of the hypothesis that the verdict is about."""
+        found = self._stored.shown_log()
+        if found is None:
+            raise self._missing("log")
+        return found
+
+    @property
+    def verdict(self) -> Verdict:
+        """Every criterion with its value, and what came of them."""
+        return self._load(VERDICT, "verdict")
+
+    # --- tables ----------------------------------------------------------------------------------------------------
+    @property
+    def steps(self) -> pd.DataFrame:
+        """The log as a table: a row per party and logged step, columns as
+        :data:`trace_dag.sim.log_io.SIMULATION_STEPS`."""
+        frame: pd.DataFrame = self.steps_arrow.to_pandas()
+        return frame
+
+    @cached_property
+    def steps_arrow(self) -> pa.Table:
+        """:attr:`steps` as an Arrow table, with the unit and meaning of each column in its schema."""
+        from trace_dag.sim.log_io import steps_table
+
+        return steps_table([self.log]).drop_columns(["hypothesis"])
+
+    @property
+    def contacts(self) -> pd.DataFrame:
+        """A row per contact: when, where, who, closing speed, impulse, delta-v."""
+        from dataclasses import fields
+
+        import pandas as pd
+
+        from trace_dag.sim.types import Contact
+
+        names = [field.name for field in fields(Contact)]
+        return pd.DataFrame([[getattr(each, name) for name in names] for each in self.log.contacts], columns=names)
+
+    @property
+    def criteria(self) -> pd.DataFrame:
+        """A row per criterion of the verdict: value, threshold, unit, whether it holds."""
+        from dataclasses import asdict
+
+        import pandas as pd
+
+        return pd.DataFrame([asdict(each) for each in self.verdict.criteria])
+
+    # --- roads -----------------------------------------------------------------------------------------------------
+    @property
+    def lanes(self) -> pd.DataFrame:
+        """A row per lane with its centre (shapely ``LineString``), surface (``Polygon``), and the lanes around it.
+
+        See :func:`trace_dag.reading.lanes.lane_table`. ``geopandas.GeoDataFrame(crash.lanes, geometry="surface",
+        crs=crash.road_map.frame.proj)`` takes it as it is.
+        """
+        from trace_dag.reading.lanes import lane_table
+
+        return lane_table(self.road_map)
+
+    def lane_graph(self) -> nx.DiGraph[Any]:
+        """The drivable lanes as a networkx graph; see :func:`trace_dag.reading.lanes.lane_graph`. The extra
+        ``graph``."""
+        from trace_dag.reading.lanes import lane_graph
+
+        return lane_graph(self.road_map)
+
+    # --- to look at ------------------------------------------------------------------------------------------------
+    def figure(self) -> Image:
+        """What is known of it from above, as a picture (Pillow) of 1170 by 648 pixels."""
+        from trace_dag.flow.crash_picture import drawn
+
+        picture = drawn(self._stored)
+        if picture is None:
+            raise self._missing("road_map")
+        return picture
+
+    def replay(self, replay_format: ReplayFormat = "html") -> Replay:
+        """The simulated crash to watch: a page with a time slider, or a moving picture."""
+        from trace_dag.studies.replays import replay
+
+        if self._stored.shown_log() is None:
+            raise self._missing("log")
+        return Replay(replay(self._stored, replay_format), replay_format, f"Replay of crash {self.key}")
+
+    def __repr__(self) -> str:
+        return f"<Crash {self.key}>"
+
+    def _load(self, artefact: Artefact[T], part: str) -> T:
+        if not self._stored.has(artefact):
+            raise self._missing(part)
+        return self._stored.load(artefact)
+
+    def _missing(self, part: str) -> UserError:
+        return UserError(f"crash {self.key} has no {part.replace('_', ' ')}: it got no further; home.crashes says why")
+
+
+_PARTS: dict[str, Artefact[Any]] = {
+    "report": REPORT_XML,
+    "record": RECORD,
+    "road_map": ROAD_MAP,
+    "estimate": ESTIMATE,
+    "verdict": VERDICT,
+}

@@ -1,0 +1,120 @@
+"""Crashes by key, as ``trace_dag.open`` gives them: of a root, of a release, or of one package."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from trace_dag.errors import UserError
+from trace_dag.reading.crash import Crash
+
+if TYPE_CHECKING:
+    import duckdb
+    import pandas as pd
+
+    from trace_dag.flow.artefacts import CrashArtefacts
+    from trace_dag.flow.workspace import Workspace
+
+
+class Crashes(Mapping[str, Crash], ABC):
+    """A mapping from keys to crashes, in their order, and tables over all of them. Nothing is read before it is asked
+    for; a crash is read once."""
+
+    def __init__(self, place: str) -> None:
+        self.place = place
+        self._read: dict[str, Crash] = {}
+
+    @property
+    @abstractmethod
+    def _keys(self) -> list[str]: ...
+
+    @abstractmethod
+    def _stored(self, key: str) -> CrashArtefacts: ...
+
+    @property
+    @abstractmethod
+    def crashes(self) -> pd.DataFrame:
+        """A row per crash, indexed by key."""
+
+    @abstractmethod
+    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
+        """A question in SQL (DuckDB), read-only: ``.df()`` is its answer for pandas, ``.to_arrow_table()`` for Arrow.
+
+        A root has the tables that ``trace-dag tables`` lists; packages and releases have ``crashes``.
+        """
+
+    @property
+    def only(self) -> Crash:
+        """The crash, where there is one. Raises :class:`UserError` where there are several."""
+        if len(self) != 1:
+            raise UserError(f"{self.place} holds {len(self)} crashes; take one by its key")
+        return next(iter(self.values()))
+
+    def __getitem__(self, key: str) -> Crash:
+        if key not in self._read:
+            if key not in self._known:
+                raise KeyError(f"no crash {key} in {self.place}")
+            self._read[key] = Crash(self._stored(key))
+        return self._read[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    @cached_property
+    def _known(self) -> frozenset[str]:
+        return frozenset(self._keys)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.place}: {len(self)} crashes>"
+
+
+class Home(Crashes):
+    """The crashes of a storage root, verified or not."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace.root)
+        self.workspace = workspace
+
+    @cached_property
+    def _keys(self) -> list[str]:
+        return self.workspace.registry.keys()
+
+    def _stored(self, key: str) -> CrashArtefacts:
+        from trace_dag.studies.stored_crashes import stored_crash
+
+        return stored_crash(self.workspace, key)
+
+    @property
+    def crashes(self) -> pd.DataFrame:
+        """The warehouse's table ``crashes``, indexed by key: where each stands and why, place, time, kind, classes."""
+        frame: pd.DataFrame = self.sql("FROM crashes").df()
+        return frame.set_index("key")
+
+    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
+        """See :meth:`Crashes.sql`. Raises :class:`UserError` for what DuckDB refuses, and where there is no warehouse
+        yet."""
+        return asked(self._warehouse, query)
+
+    @cached_property
+    def _warehouse(self) -> duckdb.DuckDBPyConnection:
+        from trace_dag.warehouse.query import open_warehouse
+
+        return open_warehouse(self.workspace.warehouse)
+
+
+def asked(connection: duckdb.DuckDBPyConnection, query: str) -> duckdb.DuckDBPyRelation:
+    """The answer to a query; :class:`UserError` for what DuckDB refuses."""
+    import duckdb
+
+    try:
+        found = connection.sql(query)
+    except duckdb.Error as error:
+        raise UserError(f"sql: {str(error).strip()}") from error
+    if found is None:  # a statement without an answer, which DuckDB's stubs do not know
+        raise UserError("sql: there is no query in it")
+    return found

@@ -1,0 +1,308 @@
+"""Crashes out of packages and releases, without the root they were made in."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tarfile
+import zipfile
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    EXTRACT,
+    MAP_REPORT,
+    OSM_XML,
+    RECORD,
+    REPORT_XML,
+    ROAD_MAP,
+    VERDICT,
+    VERDICT_JSON,
+    XODR,
+    Artefact,
+    CrashArtefacts,
+)
+from trace_dag.reading.crashes import Crashes, asked
+from trace_dag.scenario.package import MANIFEST
+
+if TYPE_CHECKING:
+    import duckdb
+    import pandas as pd
+
+    from trace_dag.sim.types import SimulationLog
+
+T = TypeVar("T")
+
+INDEX = "index.parquet"
+_ZIP = b"PK\x03\x04"
+_GET_AGAIN = "get it again from where it came from"
+_FILES = {
+    REPORT_XML: "report.xml",
+    RECORD: "report.xml",
+    OSM_XML: "map.osm",
+    EXTRACT: "map.osm",
+    XODR: "map.xodr",
+    ROAD_MAP: "map.xodr",
+    MAP_REPORT: "map_report.json",
+    ESTIMATE: "states.json",
+    VERDICT: "verdict.json",
+    VERDICT_JSON: "verdict.json",
+}
+"""Which file of a package holds an artefact."""
+_OF_THE_RECORD = (
+    "case_year",
+    "state_case",
+    "latitude_deg",
+    "longitude_deg",
+    "state_name",
+    "month",
+    "hour",
+    "kind",
+    "collision_type",
+    "road_topology",
+    "vehicle_trajectory",
+    "fatalities",
+    "trafficway_1",
+    "trafficway_2",
+)
+
+
+class Files(Protocol):
+    """Files below a folder or in an archive, by their names below its one top folder."""
+
+    place: str
+
+    def read(self, name: str) -> bytes:
+        """The whole file. Raises ``FileNotFoundError``."""
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a file."""
+
+
+class FolderFiles:
+    """The files below a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.place = str(folder)
+        self._folder = folder
+
+    def read(self, name: str) -> bytes:
+        """See :class:`Files`."""
+        return (self._folder / name).read_bytes()
+
+    def has(self, name: str) -> bool:
+        """See :class:`Files`."""
+        return (self._folder / name).is_file()
+
+
+class ArchiveFiles:
+    """The files of a zip or tar archive, read one at a time into memory; nothing is unpacked."""
+
+    def __init__(self, place: str, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
+        self.place = place
+        self._archive = archive
+        names = archive.namelist() if isinstance(archive, zipfile.ZipFile) else archive.getnames()
+        self._names = {name.partition("/")[2]: name for name in names}
+
+    @classmethod
+    def of(cls, data: Path | bytes, place: str) -> ArchiveFiles:
+        """An archive on disk or in memory. Raises :class:`UserError` for what is none."""
+        source = io.BytesIO(data) if isinstance(data, bytes) else data.open("rb")
+        try:
+            begins = source.read(len(_ZIP))
+            source.seek(0)
+            if begins == _ZIP:  # zipfile.is_zipfile takes a tar that ends with a package for that package
+                return cls(place, zipfile.ZipFile(source))
+            return cls(place, tarfile.open(fileobj=source))
+        except (tarfile.TarError, zipfile.BadZipFile, EOFError) as error:
+            raise UserError(
+                f"{place}: neither a zip nor a tar archive ({error}); expected a package or a release"
+            ) from error
+
+    def read(self, name: str) -> bytes:
+        """See :class:`Files`. Raises :class:`DamagedFile` for an archive that cannot be read on."""
+        if name not in self._names:
+            raise FileNotFoundError(f"{self.place}: no {name}")
+        try:
+            if isinstance(self._archive, zipfile.ZipFile):
+                return self._archive.read(self._names[name])
+            found = self._archive.extractfile(self._names[name])
+        except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
+            raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", _GET_AGAIN) from error
+        if found is None:
+            raise FileNotFoundError(f"{self.place}: {name} is no file")
+        return found.read()
+
+    def has(self, name: str) -> bool:
+        """See :class:`Files`."""
+        return name in self._names
+
+
+class PackedCrash:
+    """A crash as its package has it. Each file is checked against the package's manifest when it is read."""
+
+    def __init__(self, files: Files) -> None:
+        self._files = files
+        self._parsed: dict[str, Any] = {}
+
+    @cached_property
+    def _manifest(self) -> dict[str, Any]:
+        name = f"{self._files.place}: {MANIFEST}"
+        try:
+            manifest: dict[str, Any] = json.loads(self._files.read(MANIFEST))
+            if not (isinstance(manifest["key"], str) and isinstance(manifest["files"], dict)):
+                raise ValueError("expected the crash's key and its files")
+        except (ValueError, KeyError, TypeError) as error:
+            raise DamagedFile(name, f"not a manifest of a package ({error})", _GET_AGAIN) from error
+        return manifest
+
+    @property
+    def key(self) -> str:
+        """The crash's key."""
+        return str(self._manifest["key"])
+
+    def has(self, artefact: Artefact[Any]) -> bool:
+        """See :class:`trace_dag.flow.artefacts.CrashArtefacts`."""
+        return _FILES.get(artefact) in self._manifest["files"]
+
+    def load(self, artefact: Artefact[T]) -> T:
+        """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
+        from trace_dag.code_versions import referred
+
+        name = _FILES[artefact]
+        if not artefact.reader:
+            return self._read(name)  # type: ignore[return-value] # an artefact without a reader is one of bytes
+        found: T = self._once(artefact.reader, lambda: self._parse(artefact, referred(artefact.reader)))
+        return found
+
+    def _parse(self, artefact: Artefact[T], reader: Any) -> T:
+        name = _FILES[artefact]
+        if artefact is RECORD:  # a package has the report it was read from
+            from trace_dag.crash.parse import read_report
+            from trace_dag.settings import CrashSettings
+
+            return read_report(self._read(name), name=self._place(name), settings=CrashSettings())  # type: ignore[return-value]
+        named = {"name": self._place(name)} if artefact.named else {}
+        parsed: T = reader(self._read(name), **named)
+        return parsed
+
+    def shown_log(self) -> SimulationLog:
+        """See :class:`trace_dag.flow.artefacts.CrashArtefacts`; a package has one. Raises :class:`DamagedFile`."""
+        from trace_dag.scenario.trajectories import log_from_json
+
+        name = "trajectories.json"
+        found: SimulationLog = self._once(name, lambda: log_from_json(self._read(name), name=self._place(name)))
+        return found
+
+    def _once(self, name: str, make: Any) -> Any:
+        if name not in self._parsed:
+            self._parsed[name] = make()
+        return self._parsed[name]
+
+    def _place(self, name: str) -> str:
+        return f"{self._files.place}: {name}"
+
+    def _read(self, name: str) -> bytes:
+        said = self._manifest["files"].get(name)
+        try:
+            data = self._files.read(name)
+        except FileNotFoundError as error:
+            raise DamagedFile(self._place(name), "it is not there", _GET_AGAIN) from error
+        if said is None or hashlib.sha256(data).hexdigest() != said["sha256"]:
+            raise DamagedFile(self._place(name), "its content is not what the manifest says", _GET_AGAIN)
+        return data
+
+
+class Package(Crashes):
+    """The one crash of a scenario package."""
+
+    def __init__(self, files: Files) -> None:
+        super().__init__(files.place)
+        self._crash = PackedCrash(files)
+
+    @property
+    def _keys(self) -> list[str]:
+        return [self._crash.key]
+
+    def _stored(self, key: str) -> CrashArtefacts:
+        return self._crash
+
+    @cached_property
+    def crashes(self) -> pd.DataFrame:
+        """A row with what the report says first: place, time, kind, classes."""
+        import pandas as pd
+
+        record = self.only.record
+        row = {name: getattr(record, name) for name in _OF_THE_RECORD}
+        return pd.DataFrame([row], index=pd.Index([record.key], name="key"))
+
+    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
+        """See :meth:`Crashes.sql`."""
+        return asked(_connection(self.crashes), query)
+
+
+class Release(Crashes):
+    """The crashes of a release, all verified. Each package is checked against the release's index when it is read."""
+
+    def __init__(self, files: Files) -> None:
+        super().__init__(files.place)
+        self._files = files
+
+    @cached_property
+    def crashes(self) -> pd.DataFrame:
+        """The index of the release: :data:`trace_dag.scenario.release.RELEASE_INDEX`, indexed by key."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            frame: pd.DataFrame = pq.read_table(io.BytesIO(self._files.read(INDEX))).to_pandas()
+            return frame.set_index("key")
+        except (pa.ArrowInvalid, KeyError, OSError) as error:
+            raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", _GET_AGAIN) from error
+
+    @cached_property
+    def _keys(self) -> list[str]:
+        return list(self.crashes.index)
+
+    def _stored(self, key: str) -> CrashArtefacts:
+        row = self.crashes.loc[key]
+        name = str(row["package"])
+        try:
+            data = self._files.read(name)
+        except FileNotFoundError as error:
+            raise DamagedFile(f"{self.place}: {name}", "it is not there", _GET_AGAIN) from error
+        if hashlib.sha256(data).hexdigest() != row["package_sha256"]:
+            raise DamagedFile(f"{self.place}: {name}", "its content is not what the index says", _GET_AGAIN)
+        return PackedCrash(ArchiveFiles.of(data, f"{self.place}: {name}"))
+
+    def sql(self, query: str) -> duckdb.DuckDBPyRelation:
+        """See :meth:`Crashes.sql`."""
+        return asked(self._connection, query)
+
+    @cached_property
+    def _connection(self) -> duckdb.DuckDBPyConnection:
+        return _connection(self.crashes)
+
+
+def packed_in(files: Files) -> Crashes | None:
+    """The package or release that some files are; None if they are neither."""
+    if files.has(MANIFEST):
+        return Package(files)
+    return Release(files) if files.has(INDEX) else None
+
+
+def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
+    """A database of one table, ``crashes``, that reaches nothing else."""
+    import duckdb
+
+    connection = duckdb.connect(":memory:")
+    connection.register("given", crashes.reset_index())
+    connection.execute("CREATE TABLE crashes AS FROM given")
+    connection.unregister("given")
+    connection.execute("SET enable_external_access = false")
+    connection.execute("SET lock_configuration = true")
+    return connection

@@ -1,0 +1,76 @@
+"""Every lane of a map as polylines, with the lanes before, after and beside it: the form that most tools take lanes in.
+
+OpenDRIVE says lanes by offsets from a reference line; CommonRoad, MetaDrive, SUMO and graphs of lanes want points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.model import LaneRef, LaneType
+from trace_dag.roads.map.network import RoadNetwork
+
+STEP_M = 2.0
+"""Points of a lane are at most so far apart along the reference line."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaneShape:
+    """A lane in its direction of travel: centre and borders, each of shape (n, 3), x, y, z (m, local frame), one n.
+
+    ``left`` and ``right`` are the drivable lanes directly beside it, whichever way their traffic goes;
+    ``left_same_way`` and ``right_same_way`` say whether it goes the same way. ``successors`` and ``predecessors`` are
+    in the direction of travel, several at a junction; a lane without traffic has neither these nor neighbours.
+    ``speed_mps`` is the limit, None where the map has none.
+    """
+
+    ref: LaneRef
+    type: LaneType
+    centre_m: FloatArray
+    left_m: FloatArray
+    right_m: FloatArray
+    predecessors: tuple[LaneRef, ...]
+    successors: tuple[LaneRef, ...]
+    left: LaneRef | None
+    right: LaneRef | None
+    left_same_way: bool
+    right_same_way: bool
+    speed_mps: float | None
+    junction_id: str | None
+
+    @property
+    def length_m(self) -> float:
+        """Length of the centre, seen from above."""
+        return float(np.hypot(*np.diff(self.centre_m[:, :2], axis=0).T).sum())
+
+
+def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False, step_m: float = STEP_M) -> tuple[LaneShape, ...]:
+    """The lanes of a map, in its order; with ``drivable_only`` those that traffic drives in."""
+    refs = network.drivable_lanes() if drivable_only else network.lanes()
+    return tuple(_shape(network, ref, step_m) for ref in refs)
+
+
+def _shape(network: RoadNetwork, ref: LaneRef, step_m: float) -> LaneShape:
+    lane, road, geometry = network.lane(ref), network.road_by_id[ref.road_id], network.geometry(ref)
+    centre = network.centreline(ref, step_m)[:, :3]
+    left, right = (np.column_stack([border, centre[:, 2]]) for border in geometry.borders(step_m))
+    beside = network.neighbours(ref) if lane.type.drivable else (None, None)
+    same_way = [each is not None and (each.lane_id > 0) == (ref.lane_id > 0) for each in beside]
+    return LaneShape(
+        ref=ref,
+        type=lane.type,
+        centre_m=centre,
+        left_m=left,
+        right_m=right,
+        predecessors=network.predecessors(ref),
+        successors=network.successors(ref),
+        left=beside[0],
+        right=beside[1],
+        left_same_way=same_way[0],
+        right_same_way=same_way[1],
+        speed_mps=lane.speed_mps or road.speed_mps,
+        junction_id=road.junction_id,
+    )
