@@ -66,6 +66,9 @@ class OsmSettings(_Section):
 
     radius_m: float = Field(300.0, gt=0, description="Half the side of the box around the crash.")
     service_roads: bool = Field(True, description="Keep service roads and driveways.")
+    surroundings_radius_m: float = Field(
+        150.0, gt=0, description="Half the side of the box in which trees, poles, buildings, water and woods are kept."
+    )
 
 
 class RoadSettings(_Section):

@@ -23,8 +23,13 @@ def node(number: int, x_m: float, y_m: float, **tags: str) -> str:
 
 def way(number: int, nodes: list[int], **tags: str) -> str:
     """A way, residential unless told otherwise; ``__`` in a key stands for a colon."""
+    return thing(number, nodes, **{"highway": "residential", **tags})
+
+
+def thing(number: int, nodes: list[int], **tags: str) -> str:
+    """A way that is no road."""
     refs = "".join(f'<nd ref="{ref}"/>' for ref in nodes)
-    return f'<way id="{number}" version="1">{refs}{_tags({"highway": "residential", **tags})}</way>'
+    return f'<way id="{number}" version="1">{refs}{_tags(tags)}</way>'
 
 
 def restriction(number: int, from_way: int, via: int, to_way: int, kind: str = "no_left_turn") -> str:

@@ -47,3 +47,9 @@ def test_nodes_of_many_ways_come_in_one_row() -> None:
     assert ids.tolist() == [12, -3, 4, 12]
     assert_array_equal(x_deg, [-77.5, -77.0, np.nan, -77.5])
     assert_array_equal(y_deg, [37.25, 37.0, np.nan, 37.25])
+
+
+def test_places_of_nodes_and_of_first_nodes() -> None:
+    x_deg, y_deg = opl.read_places([b" x-77.5 y37.25\n", b"n12x-77y37", b"", b" x y\n"])
+    assert_array_equal(x_deg, [-77.5, -77.0, np.nan, np.nan])
+    assert_array_equal(y_deg, [37.25, 37.0, np.nan, np.nan])

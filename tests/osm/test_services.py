@@ -24,6 +24,8 @@ TOWN = document(
     way(10, [1, 2, 3], name="Main Street"),
     way(11, [2, 4]),
     way(12, [2, 5], highway="footway"),
+    node(6, 30, 10, natural="tree"),
+    node(7, 30, 190, natural="tree"),
     restriction(20, 10, 2, 11),
 ).replace(b'<osm version="0.6">', b'<osm version="0.6"><meta osm_base="2026-01-02T03:04:05Z"/>')
 OUT_OF_MEMORY = (
@@ -63,6 +65,7 @@ def test_overpass_answers_are_cut_and_pruned_like_files(tmp_path: Path) -> None:
     assert ends[-1] == pytest.approx(place(200, 0)[1], abs=2e-6)
     assert len(asked) == 1
     assert b"residential" in asked[0].body
+    assert b"building" in asked[0].body
 
 
 def test_an_error_inside_a_good_status_moves_on_to_the_next_endpoint_and_is_not_cached(tmp_path: Path) -> None:
@@ -125,6 +128,8 @@ def test_both_services_give_the_same_map(tmp_path: Path) -> None:
     assert isinstance(from_overpass, OsmExtract)
     assert isinstance(from_api, OsmExtract)
     assert (from_overpass.nodes, from_overpass.ways) == (from_api.nodes, from_api.ways)
+    assert [each.id for each in from_overpass.surroundings] == ["node/6"]
+    assert from_overpass.surroundings == from_api.surroundings
 
 
 def test_a_site_off_the_earth_is_not_asked_for() -> None:

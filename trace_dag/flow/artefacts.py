@@ -14,7 +14,7 @@ from trace_dag.stage import Stage
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
-    from trace_dag.osm.types import OsmExtract
+    from trace_dag.osm.types import OsmExtract, OsmFeature
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport, RejectedMapReport
     from trace_dag.sim.types import SimulationLog
@@ -60,6 +60,9 @@ RECORD: Final[Artefact[CrashRecord]] = Artefact(
 )
 OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm",))
 EXTRACT: Final[Artefact[OsmExtract]] = Artefact(Stage.OSM_EXTRACT, ("osm",), "trace_dag.osm.xml:read_osm", named=True)
+SURROUNDINGS: Final[Artefact[tuple[OsmFeature, ...]]] = Artefact(
+    Stage.OSM_EXTRACT, ("geojson",), "trace_dag.osm.surroundings:surroundings_from_geojson"
+)
 XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr",))
 ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
@@ -86,6 +89,7 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "report_xml": REPORT_XML,
     "record": RECORD,
     "extract": EXTRACT,
+    "surroundings": SURROUNDINGS,
     "xodr": XODR,
     "road_map": ROAD_MAP,
     "map_report": MAP_REPORT,

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 from trace_dag.errors import Failure, Reason, Rejection, UserError
 from trace_dag.garbage import no_garbage_collection
+from trace_dag.osm.collecting import FilePass
 from trace_dag.osm.cutting import cut_roads
-from trace_dag.osm.extraction import FileHeader, FilePass, extract_raw, read_header
+from trace_dag.osm.extraction import FileHeader, extract_raw, read_header
 from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.settings import OsmSettings
@@ -105,8 +106,11 @@ class MapCatalog:
             bounds = file.header.box
             if wanted or bounds is None:
                 around = [boxes[site.key] for site in wanted]
+                nearer = [box_around(site, settings.surroundings_radius_m) for site in wanted]
                 try:
-                    found = extract_raw(file.path, file.header, around, service_roads=settings.service_roads)
+                    found = extract_raw(
+                        file.path, file.header, around, service_roads=settings.service_roads, nearer=nearer
+                    )
                 except UnreadableMapError as error:
                     for site in wanted:
                         missing[site.key].append(_with_remedy(error, file.path))
@@ -122,7 +126,7 @@ class MapCatalog:
                     if extract.ways:
                         rival = best.get(site.key)
                         if rival is None or _rank(file, extract) > _rank(*rival):
-                            best[site.key] = file, extract
+                            best[site.key] = file, replace(extract, surroundings=found.surroundings(index))
             if bounds is not None:
                 for site in sites:
                     distance_m = _distance_m(site, bounds)

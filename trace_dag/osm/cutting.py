@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.extraction import RawWay
+from trace_dag.osm.collecting import RawWay
 from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay
 from trace_dag.osm.walkways import is_walkway
 

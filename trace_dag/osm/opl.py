@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -69,20 +69,37 @@ def read_members(line: bytes) -> tuple[OsmMember, ...]:
 
 def read_way_nodes(way_lines: Sequence[bytes]) -> WayNodes:
     """The nodes of ways."""
+    fields = [line[line.rindex(b" ") + 2 :] for line in way_lines]
+    counts = np.array([field.count(b"n") for field in fields], dtype=np.int64)
+    return WayNodes(counts, *_read_nodes(b"".join(fields)).values())
+
+
+def read_places(fields: Sequence[bytes]) -> tuple[FloatArray, FloatArray]:
+    """Longitudes and latitudes of nodes, (n,) WGS84 degrees, NaN where unknown.
+
+    Each is the end of a node's line from its ``x`` on, or a node out of a way's line, empty if the way has none.
+
+    >>> read_places([b" x-77.4 y37.5\\n", b"n7x-77.5y37.25", b""])[0].tolist()
+    [-77.4, -77.5, nan]
+    """
+    nodes = _read_nodes(b"\n".join(field.strip() or b"xy" for field in fields).replace(b" ", b""))
+    return nodes["longitude_deg"], nodes["latitude_deg"]
+
+
+def _read_nodes(fields: bytes) -> dict[str, npt.NDArray[Any]]:
+    """The columns of nodes, one after the other as in the field of a way's nodes."""
     import pyarrow as pa
     from pyarrow import csv
 
-    fields = [line[line.rindex(b" ") + 2 :] for line in way_lines]
-    counts = np.array([field.count(b"n") for field in fields], dtype=np.int64)
-    rows = b"".join(fields).translate(_TO_ROWS, b"n")
+    rows = fields.translate(_TO_ROWS, b"n")
     if not rows.strip():  # Arrow takes it for an error
-        return WayNodes(counts, np.empty(0, np.int64), np.empty(0), np.empty(0))
+        return {name: np.empty(0, kind) for name, kind in _NODE_COLUMNS.items()}
     table = csv.read_csv(
         pa.py_buffer(rows),
         read_options=csv.ReadOptions(column_names=list(_NODE_COLUMNS)),
         convert_options=csv.ConvertOptions(column_types=_NODE_COLUMNS),
     )
-    return WayNodes(counts, *(table.column(name).to_numpy() for name in _NODE_COLUMNS))
+    return {name: table.column(name).to_numpy() for name in _NODE_COLUMNS}
 
 
 def _field(line: bytes, number: int) -> str:

@@ -9,7 +9,7 @@ states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -18,10 +18,11 @@ import numpy as np
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
 from trace_dag.http import HttpClient
 from trace_dag.osm.catalog import box_around, is_on_earth
+from trace_dag.osm.collecting import RawWay
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
-from trace_dag.osm.extraction import RawWay
-from trace_dag.osm.types import BoundingBox, OsmExtract, Site
+from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, feature_of_way, is_thing
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, Site
 from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 from trace_dag.osm.xml import read_osm
 from trace_dag.settings import OsmSettings, ServiceSettings
@@ -34,6 +35,7 @@ OVERPASS_ENDPOINTS: Final = (
 OSM_API: Final = "https://api.openstreetmap.org/api/0.6"
 
 _OVERPASS_TIMEOUT_S: Final = 90
+_PLACE: Final = ("longitude_deg", "latitude_deg")
 _REMARK: Final = re.compile(rb"<remark>\s*([^<]*error[^<]*)</remark>", re.IGNORECASE)
 _OSM_ROOT: Final = re.compile(rb"<osm[\s>]")
 _HEAD_BYTES: Final = 2048
@@ -61,8 +63,8 @@ class OverpassSource:
         """
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
-    def _download(self, box: BoundingBox) -> bytes:
-        query = {"data": overpass_query(box)}
+    def _download(self, box: BoundingBox, nearer: BoundingBox) -> bytes:
+        query = {"data": overpass_query(box, nearer)}
         failures: list[Failure] = []
         for endpoint in self.endpoints:
             try:
@@ -85,7 +87,7 @@ class OsmApiSource:
         """One request per site. Raises :class:`TransientFailure` or :class:`Failure` as the service does."""
         return {site.key: _extract(site, settings, self._download, "the OSM API") for site in sites}
 
-    def _download(self, box: BoundingBox) -> bytes:
+    def _download(self, box: BoundingBox, nearer: BoundingBox) -> bytes:
         corners = (box.west_deg, box.south_deg, box.east_deg, box.north_deg)
         bbox = ",".join(f"{corner:.7f}" for corner in corners)
         return self.http.get(f"{self.url}/map", {"bbox": bbox}, check=whats_wrong)
@@ -110,19 +112,26 @@ def osm_api_source(settings: ServiceSettings, http: HttpClient) -> OsmApiSource:
 
 
 class _Download(Protocol):
-    def __call__(self, box: BoundingBox) -> bytes: ...
+    def __call__(self, box: BoundingBox, nearer: BoundingBox) -> bytes: ...
 
 
-def overpass_query(box: BoundingBox) -> str:
-    """Overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are in."""
-    corners = (box.south_deg, box.west_deg, box.north_deg, box.east_deg)
-    bbox = ",".join(f"{corner:.7f}" for corner in corners)
+def overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
+    """Overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are in; and for
+    the things beside roads in a ``nearer`` box."""
+    bbox, nearer_bbox = _corners(box), _corners(nearer)
     classes = "|".join(sorted(DRIVABLE_HIGHWAYS))
     walkways = "".join(f'way["{key}"="{value}"]({bbox});' for key, value in WALKWAY_TAGS)
+    things = f'way[~"^({"|".join(WAY_KEYS)})$"~"."]({nearer_bbox});'
+    points = f'node[~"^({"|".join(NODE_KEYS)})$"~"."]({nearer_bbox});'
     return (
         f'[out:xml][timeout:{_OVERPASS_TIMEOUT_S}];(way["highway"~"^({classes})$"]({bbox});{walkways})->.roads;'
-        '(node(w.roads);.roads;rel(bw.roads)["type"="restriction"];);out body;'
+        f'({things})->.things;(node(w.roads);.roads;rel(bw.roads)["type"="restriction"];'
+        f"node(w.things);.things;{points});out body;"
     )
+
+
+def _corners(box: BoundingBox) -> str:
+    return ",".join(f"{corner:.7f}" for corner in (box.south_deg, box.west_deg, box.north_deg, box.east_deg))
 
 
 def whats_wrong(answer: bytes) -> str | None:
@@ -138,9 +147,9 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
     place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
     if not is_on_earth(site):
         return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is no place on Earth.")
-    box = box_around(site, settings.radius_m)
+    box, nearer = box_around(site, settings.radius_m), box_around(site, settings.surroundings_radius_m)
     try:
-        data = read_osm(download(box), name=name)
+        data = read_osm(download(box, nearer), name=name)
     except UserError as error:
         raise Failure(str(error)) from error  # the service's fault, not the caller's
     roads = cut_roads(
@@ -158,6 +167,7 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
         ways=roads.ways,
         relations=roads.relations,
         walkways=roads.walkways,
+        surroundings=tuple(_surroundings(data, nearer)),
         source=name,
         data_timestamp=data.data_timestamp,
         attribution=data.attribution,
@@ -173,3 +183,15 @@ def _raw_ways(data: OsmExtract, *, service_roads: bool) -> list[RawWay]:
         y_deg = np.array([data.nodes[node_id].latitude_deg for node_id in way.node_ids])
         ways.append(RawWay(way.id, np.array(way.node_ids), x_deg, y_deg, way.tags))
     return ways
+
+
+def _surroundings(data: OsmExtract, nearer: BoundingBox) -> Iterator[OsmFeature]:
+    for node in data.nodes.values():
+        if is_thing(node.tags, way=False) and nearer.contains(node.latitude_deg, node.longitude_deg):
+            yield feature_of_node(node.id, node.longitude_deg, node.latitude_deg, node.tags)
+    for way in data.ways:
+        if "highway" not in way.tags and is_thing(way.tags, way=True):
+            nodes = [data.nodes[node_id] for node_id in way.node_ids]
+            x_deg, y_deg = (np.array([getattr(node, name) for node in nodes]) for name in _PLACE)
+            if feature := feature_of_way(way.id, x_deg, y_deg, way.tags, nearer):
+                yield feature

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from shapely.geometry.base import BaseGeometry
+
 from trace_dag.osm.rights import OSM_ATTRIBUTION
 
 NO_TAGS: Final[Mapping[str, str]] = {}
@@ -74,15 +76,31 @@ class BoundingBox:
         return self.south_deg <= latitude_deg <= self.north_deg and self.west_deg <= longitude_deg <= self.east_deg
 
 
+class OsmFeature(NamedTuple):
+    """A thing beside the roads: a tree, a building, a wood.
+
+    ``id`` is that of OpenStreetMap with its type ("node/12", "way/7"); the geometry has longitude and latitude, WGS84
+    degrees: a point, or a line or area cut at the box of the extract.
+    """
+
+    id: str
+    geometry: BaseGeometry
+    tags: Mapping[str, str] = NO_TAGS
+
+
 @dataclass(frozen=True)
 class OsmExtract:
-    """The pruned OSM data around one crash: what ``osm_extract/<key>.osm`` holds."""
+    """The pruned OSM data around one crash.
+
+    ``osm_extract/<key>.osm`` holds all but the ``surroundings``, which are in ``osm_extract/<key>.geojson``.
+    """
 
     box: BoundingBox
     nodes: dict[int, OsmNode]
     ways: tuple[OsmWay, ...]
     relations: tuple[OsmRelation, ...] = ()
     walkways: tuple[OsmWay, ...] = ()  # sidewalks and crossings that are ways of their own, for people only
+    surroundings: tuple[OsmFeature, ...] = ()  # what stands and lies near the crash beside the roads
     source: str = ""
     data_timestamp: str = ""
     attribution: str = OSM_ATTRIBUTION

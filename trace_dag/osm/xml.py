@@ -12,7 +12,10 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping
+from functools import lru_cache
+from operator import attrgetter
 from typing import Final
+from xml.sax.saxutils import escape
 
 from lxml import etree
 
@@ -22,6 +25,8 @@ from trace_dag.osm.types import BoundingBox, OsmExtract, OsmMember, OsmNode, Osm
 from trace_dag.osm.walkways import is_walkway
 
 _GENERATOR: Final = "trace-dag"
+_ID: Final = attrgetter("id")
+_IN_ATTRIBUTES: Final = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 _MEMBER_TYPES: Final = ("node", "way", "relation")
 # Everything XML 1.0 cannot hold: control characters, surrogates, the two non-characters.
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -29,40 +34,31 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 def write_osm(extract: OsmExtract) -> bytes:
     """The extract as OSM XML, UTF-8, the same bytes for the same extract."""
-    root = etree.Element("osm", version="0.6", generator=_GENERATOR)
-    if extract.attribution:
-        root.set("attribution", _text(extract.attribution))
-    if extract.source:
-        root.set("source", _text(extract.source))
+    lines = [f"<?xml version='1.0' encoding='UTF-8'?>\n<osm version=\"0.6\" generator=\"{_GENERATOR}\""]
+    for name, said in (("attribution", extract.attribution), ("source", extract.source)):
+        lines[0] += f' {name}="{_text(said)}"' if said else ""
+    lines[0] += ">"
     if extract.data_timestamp:
-        etree.SubElement(root, "meta", osm_base=_text(extract.data_timestamp))
+        lines.append(f'  <meta osm_base="{_text(extract.data_timestamp)}"/>')
     box = extract.box
-    etree.SubElement(
-        root,
-        "bounds",
-        minlat=_degrees(box.south_deg),
-        minlon=_degrees(box.west_deg),
-        maxlat=_degrees(box.north_deg),
-        maxlon=_degrees(box.east_deg),
+    lines.append(
+        f'  <bounds minlat="{box.south_deg:.7f}" minlon="{box.west_deg:.7f}" '
+        f'maxlat="{box.north_deg:.7f}" maxlon="{box.east_deg:.7f}"/>'
     )
-    for node in sorted(extract.nodes.values(), key=lambda node: node.id):
-        lat, lon = _degrees(node.latitude_deg), _degrees(node.longitude_deg)
-        element = etree.SubElement(root, "node", id=str(node.id), version="1", lat=lat, lon=lon)
-        if node.clipped:
-            element.set("clipped", "true")
-        _write_tags(element, node.tags)
-    for way in sorted((*extract.ways, *extract.walkways), key=lambda way: way.id):
-        element = etree.SubElement(root, "way", id=str(way.id), version="1")
-        for node_id in way.node_ids:
-            etree.SubElement(element, "nd", ref=str(node_id))
-        _write_tags(element, way.tags)
-    for relation in sorted(extract.relations, key=lambda relation: relation.id):
-        element = etree.SubElement(root, "relation", id=str(relation.id), version="1")
-        for member in relation.members:
-            etree.SubElement(element, "member", type=member.type, ref=str(member.id), role=_text(member.role))
-        _write_tags(element, relation.tags)
-    etree.indent(root)
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+    for node in sorted(extract.nodes.values(), key=_ID):
+        clipped = ' clipped="true"' if node.clipped else ""
+        start = f'node id="{node.id}" version="1" lat="{node.latitude_deg:.7f}" lon="{node.longitude_deg:.7f}"{clipped}'
+        _write(lines, start, _tags(node.tags))
+    for way in sorted((*extract.ways, *extract.walkways), key=_ID):
+        refs = [f'    <nd ref="{node_id}"/>' for node_id in way.node_ids]
+        _write(lines, f'way id="{way.id}" version="1"', refs + _tags(way.tags))
+    for relation in sorted(extract.relations, key=_ID):
+        members = [
+            f'    <member type="{member.type}" ref="{member.id}" role="{_text(member.role)}"/>'
+            for member in relation.members
+        ]
+        _write(lines, f'relation id="{relation.id}" version="1"', members + _tags(relation.tags))
+    return ("\n".join(lines) + "\n</osm>\n").encode()
 
 
 def read_osm(data: bytes, *, name: str) -> OsmExtract:
@@ -150,9 +146,16 @@ def _box_of(nodes: dict[int, OsmNode]) -> BoundingBox:
     return BoundingBox(min(latitudes), min(longitudes), max(latitudes), max(longitudes))
 
 
-def _write_tags(element: etree._Element, tags: Mapping[str, str]) -> None:
-    for key in sorted(tags):
-        etree.SubElement(element, "tag", k=_text(key), v=_text(tags[key]))
+def _write(lines: list[str], start: str, children: list[str]) -> None:
+    """Write an element that begins with ``start``."""
+    if children:
+        lines += [f"  <{start}>", *children, f"  </{start.partition(' ')[0]}>"]
+    else:
+        lines.append(f"  <{start}/>")
+
+
+def _tags(tags: Mapping[str, str]) -> list[str]:
+    return [f'    <tag k="{_text(key)}" v="{_text(value)}"/>' for key, value in sorted(tags.items())]
 
 
 def _read_tags(element: etree._Element) -> dict[str, str]:
@@ -190,9 +193,7 @@ def _complaint(element: etree._Element, key: str, name: str, expected: str) -> s
     )
 
 
-def _degrees(value: float) -> str:
-    return f"{value:.7f}"
-
-
+@lru_cache(maxsize=2**14)  # most tags of a place are among a few hundred
 def _text(value: str) -> str:
-    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", value)
+    """A value as it stands in an attribute, in double quotes."""
+    return escape(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", value), _IN_ATTRIBUTES)

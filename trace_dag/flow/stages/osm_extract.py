@@ -11,6 +11,7 @@ from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.services import MapSource
+from trace_dag.osm.surroundings import surroundings_to_geojson
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import write_osm
 
@@ -49,11 +50,16 @@ def _product(extract: OsmExtract) -> StageProduct:
         "ways": len(extract.ways),
         "nodes": len(extract.nodes),
         "turn_restrictions": len(extract.relations),
+        "things_beside_roads": len(extract.surroundings),
         "source": extract.source,
         "data_timestamp": extract.data_timestamp,
         "attribution": extract.attribution,
     }
-    return StageProduct({"osm": write_osm(extract)}, figures)
+    files = {
+        "osm": write_osm(extract),
+        "geojson": surroundings_to_geojson(extract.surroundings, extract.attribution),
+    }
+    return StageProduct(files, figures)
 
 
 def _ask(

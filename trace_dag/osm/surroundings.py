@@ -1,0 +1,139 @@
+"""What OpenStreetMap has beside the roads: what a vehicle can strike there, and what a picture shows behind a crash.
+
+Belongs here: which tags are kept, the features around one crash, and the file that holds them, GeoJSON (RFC 7946) with
+the tags of each object as its properties. Reading them out of a map file is :mod:`trace_dag.osm.extraction`'s task.
+
+Areas are kept where one way draws them. Those of relations (multipolygons) are not: their ways carry no tags of their
+own.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from trace_dag.errors import UserError
+from trace_dag.geometry import FloatArray
+from trace_dag.osm.types import BoundingBox, OsmFeature
+
+_ANY: Final[frozenset[str]] = frozenset()
+_BARRIERS: Final = frozenset(
+    {
+        *("block", "bollard", "cable_barrier", "city_wall", "fence", "guard_rail", "handrail", "hedge"),
+        *("jersey_barrier", "kerb", "log", "median_strip", "retaining_wall", "traffic_island", "wall", "wire_fence"),
+    }
+)
+_OF_WAYS: Final[Mapping[str, frozenset[str]]] = {
+    "building": _ANY,
+    "natural": frozenset(["grassland", "scrub", "tree_row", "water", "wetland", "wood"]),
+    "landuse": frozenset(["basin", "farmland", "forest", "grass", "meadow", "orchard", "reservoir", "vineyard"]),
+    "waterway": frozenset(["canal", "ditch", "drain", "river", "riverbank", "stream"]),
+    "barrier": _BARRIERS,
+    "railway": frozenset(["light_rail", "narrow_gauge", "rail", "subway", "tram"]),
+    "amenity": frozenset({"parking"}),
+    "man_made": frozenset(["bridge", "embankment"]),
+    "bridge:support": _ANY,
+}
+_OF_NODES: Final[Mapping[str, frozenset[str]]] = {
+    "natural": frozenset(["rock", "shrub", "stone", "tree"]),
+    "power": frozenset(["catenary_mast", "pole", "portal", "tower"]),
+    "highway": frozenset({"street_lamp"}),
+    "traffic_sign": _ANY,
+    "barrier": _BARRIERS,
+    "man_made": frozenset(["flagpole", "mast", "street_cabinet", "utility_pole"]),
+    "emergency": frozenset({"fire_hydrant"}),
+    "advertising": _ANY,
+    "amenity": frozenset(["letter_box", "post_box"]),
+    "bridge:support": _ANY,
+}
+"""Keys and their values; :data:`_ANY` for all values but "no"."""
+
+WAY_KEYS: Final = tuple(_OF_WAYS)
+NODE_KEYS: Final = tuple(_OF_NODES)
+_AREA_KEYS: Final = ("building", "landuse", "amenity")
+_AREA_VALUES: Final = frozenset(["grassland", "riverbank", "scrub", "water", "wetland", "wood", "bridge"])
+_DIGITS: Final = 7  # OSM stores coordinates as multiples of 1e-7 degrees
+
+
+def is_thing(tags: Mapping[str, str], *, way: bool) -> bool:
+    """Whether a way, or a node, with ``tags`` is one of the things beside roads that are kept.
+
+    >>> is_thing({"natural": "tree"}, way=False), is_thing({"natural": "peak"}, way=False)
+    (True, False)
+    """
+    kept = _OF_WAYS if way else _OF_NODES
+    return any((tags[key] in values if values else tags[key] != "no") for key, values in kept.items() if key in tags)
+
+
+def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tags: Mapping[str, str]) -> OsmFeature:
+    """A thing that is a node."""
+    return OsmFeature(f"node/{node_id}", shapely.Point(longitude_deg, latitude_deg), tags)
+
+
+def feature_of_way(
+    way_id: int, longitudes_deg: FloatArray, latitudes_deg: FloatArray, tags: Mapping[str, str], box: BoundingBox
+) -> OsmFeature | None:
+    """A thing that is a way, cut at ``box``: an area or a line; None if nothing of it lies in the box.
+
+    ``longitudes_deg`` and ``latitudes_deg`` are (n,), NaN where the source lacks a node, which is passed over.
+    """
+    places = np.column_stack([longitudes_deg, latitudes_deg])
+    closed = len(places) > 3 and bool(np.all(places[0] == places[-1]))
+    places = places[~np.isnan(places[:, 0])]
+    if len(places) < 2:
+        return None
+    if closed and len(places) > 3 and _is_area(tags):
+        whole: BaseGeometry = shapely.make_valid(shapely.Polygon(places))
+    else:
+        whole = shapely.LineString(places)
+    cut = shapely.clip_by_rect(whole, box.west_deg, box.south_deg, box.east_deg, box.north_deg)
+    if cut.is_empty:
+        return None
+    return OsmFeature(f"way/{way_id}", shapely.transform(cut, _rounded), tags)
+
+
+def _is_area(tags: Mapping[str, str]) -> bool:
+    if tags.get("area") in ("yes", "no"):
+        return tags["area"] == "yes"
+    return any(key in tags for key in _AREA_KEYS) or not _AREA_VALUES.isdisjoint(
+        tags.get(key, "") for key in ("natural", "waterway", "man_made")
+    )
+
+
+def surroundings_to_geojson(features: Iterable[OsmFeature], attribution: str) -> bytes:
+    """The features as a GeoJSON collection, by their ids, the same bytes for the same features.
+
+    ``attribution`` is who has to be named with them, a foreign member of the collection (RFC 7946, section 6.1).
+    """
+    ordered = sorted(features, key=lambda each: each.id)
+    shapes = shapely.to_geojson([each.geometry for each in ordered])
+    members = (
+        f'{{"type":"Feature","id":"{each.id}","geometry":{of_it},"properties":{_json(dict(sorted(each.tags.items())))}}}'
+        for each, of_it in zip(ordered, shapes, strict=True)
+    )
+    start = f'{{"type":"FeatureCollection","attribution":{_json(attribution)},"features":['
+    return (start + ",\n".join(members) + "]}\n").encode()
+
+
+def surroundings_from_geojson(data: bytes) -> tuple[OsmFeature, ...]:
+    """What :func:`surroundings_to_geojson` wrote. Raises :class:`UserError` for anything else."""
+    try:
+        return tuple(
+            OsmFeature(each["id"], shape(each["geometry"]), each["properties"]) for each in json.loads(data)["features"]
+        )
+    except (ValueError, KeyError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
+        raise UserError(f"not the GeoJSON of what stands around a crash: {error}") from error
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _rounded(places: FloatArray) -> FloatArray:
+    return np.round(places, _DIGITS)
