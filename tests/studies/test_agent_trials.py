@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from trace_dag.errors import UserError
-from trace_dag.studies.evaluations import Limits, try_agents
+from trace_dag.evaluation.agent_main import AgentLimits
+from trace_dag.studies.evaluations import try_agents
 
 AGENTS = """
 import os, time
@@ -33,7 +34,7 @@ def agents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
-    try_agents(["my_agents:Driver"], Limits())
+    try_agents(["my_agents:Driver"], AgentLimits())
 
 
 @pytest.mark.parametrize(
@@ -46,5 +47,5 @@ def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
 )
 def test_an_agent_that_cannot_be_made_is_named_with_what_came_of_it(name, said):
     with pytest.raises(UserError, match=f"--agent my_agents:{name}: ") as caught:
-        try_agents(["my_agents:Driver", f"my_agents:{name}"], Limits(time_s=0.5))
+        try_agents(["my_agents:Driver", f"my_agents:{name}"], AgentLimits(time_s=0.5))
     assert said in str(caught.value)

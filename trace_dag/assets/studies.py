@@ -17,6 +17,7 @@ from trace_dag.assets.specs import OWNERS
 from trace_dag.benchmark.release import build_release
 from trace_dag.errors import Failure as BrokenPart
 from trace_dag.errors import UserError
+from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.evaluation.registry import BASELINES
@@ -27,7 +28,7 @@ from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.estimators import estimators_compared, usual_estimators
-from trace_dag.studies.evaluations import Limits, evaluate_agents, try_agents
+from trace_dag.studies.evaluations import evaluate_agents, try_agents
 from trace_dag.studies.peer import published_comparison
 from trace_dag.studies.perturbed import MOST, Request, perturbed_controls
 from trace_dag.studies.stored_crashes import cohorts_of, of_each
@@ -240,7 +241,7 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
         cases = _cases(workspace, config.cohort, left_out)
         if config.variations:
             cases = stored_variations(workspace, cases, complain=lambda failure: left_out.append(str(failure)))
-        limits = Limits()
+        limits = AgentLimits()
         try_agents(config.agents, limits)
         rows = evaluate_agents(
             workspace,

@@ -70,6 +70,19 @@ _FAULTS_SHOWN = 5
     help="Seconds one evaluation may take; an agent that takes longer is faulty there.",
 )
 @click.option(
+    "--memory-limit",
+    "memory_limit_mb",
+    type=click.IntRange(min=64, max=1_048_576),
+    default=2048,
+    show_default=True,
+    help="MB of address space each process of an agent may take.",
+)
+@click.option(
+    "--isolate",
+    is_flag=True,
+    help="For agents of strangers: no network, no other process, files only to read (namespaces of Linux).",
+)
+@click.option(
     "--by", type=click.Choice(_DIMENSIONS), default="collision_type", show_default=True, help="Classes of the table."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default one per core.")
@@ -90,6 +103,8 @@ def evaluate(
     occlusion: bool,
     seed: int,
     time_limit_s: float,
+    memory_limit_mb: int,
+    isolate: bool,
     by: str,
     workers: int | None,
     remove: str | None,
@@ -102,12 +117,14 @@ def evaluate(
     """
     from trace_dag.benchmark.build import publish_leaderboard
     from trace_dag.cli.complaints import Complaints
+    from trace_dag.evaluation.agent_main import AgentLimits
     from trace_dag.evaluation.evaluate import Conditions
+    from trace_dag.evaluation.isolation import isolation
     from trace_dag.evaluation.observation import Sensing
     from trace_dag.evaluation.registry import BASELINES, with_arguments
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
-    from trace_dag.studies.evaluations import Limits, evaluate_agents, remove_agent, try_agents
+    from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
 
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
@@ -124,8 +141,9 @@ def evaluate(
 
         cases = stored_variations(workspace, cases, complain=complaints.hear)
     names = tuple(with_arguments(agent, arguments) for agent in agents or BASELINES)
-    limits = Limits(time_s=time_limit_s)
-    try_agents(names, limits)  # before anything begins
+    limits = AgentLimits(time_s=time_limit_s, memory_mb=memory_limit_mb)
+    around = isolation(str(Path(root).absolute())) if isolate else None
+    try_agents(names, limits, around)  # before anything begins
     roles = (AgentRole.FIRST, AgentRole.SECOND) if ego == "both" else (AgentRole(ego),)
     with progress_of("evaluations", len(cases) * len(names) * len(roles)) as tell:
         rows = evaluate_agents(
@@ -135,6 +153,7 @@ def evaluate(
             roles,
             Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed),
             limits,
+            isolation=around,
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),
             complain=complaints.hear,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,6 +60,7 @@ class Case:
         """When an evaluation ends."""
         return self.impact_time_s + BEYOND_IMPACT_S
 
+    @cached_property
     def going_on(self) -> tuple[Participant, ...]:
         """All participants with plans that reach the end of an evaluation."""
         return tuple(
@@ -66,15 +68,23 @@ class Case:
             for each in self.participants
         )
 
+    @cached_property
+    def _ways(self) -> dict[int, tuple[Path, Path]]:
+        """The route and the recorded path of each participant that was asked for: the same for every agent."""
+        return {}
+
     def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
         """What the agent in a participant's place is told."""
         own = next(each for each in self.participants if each.number == ego)
-        recorded = path_of(own.trajectory, own.initial_pose)
         lane_map = LaneMap(self.network)
+        if ego not in self._ways:
+            recorded = path_of(own.trajectory, own.initial_pose)
+            self._ways[ego] = lane_map.route_along(recorded, own.initial_pose), recorded
+        route, recorded = self._ways[ego]
         return Scenario(
             vehicle=vehicle_model(own.body),
             lane_map=lane_map,
-            route=lane_map.route_along(recorded, own.initial_pose),
+            route=route,
             recorded_path=recorded,
             period_s=period_s,
             friction=self.friction,

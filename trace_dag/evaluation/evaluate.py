@@ -89,5 +89,5 @@ def run(
     bodies = {each.number: each.body for each in case.participants}
     driver = AgentDriver(agent, scenario, Sensor(ego, bodies, conditions.sensing, seed))
     return simulation.run(
-        case.going_on(), time_limit_s=case.end_s, drivers={ego: driver}, after_contact_s=after_contact_s
+        case.going_on, time_limit_s=case.end_s, drivers={ego: driver}, after_contact_s=after_contact_s
     )

@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, quote
 
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Agent, AgentFault
-from trace_dag.evaluation.loop import described
+from trace_dag.evaluation.wire import described
 from trace_dag.plugins import PluginKind
 from trace_dag.plugins import offered as offered_plugins
 
@@ -72,7 +72,7 @@ def make_agent(reference: str) -> Agent:
         agent = factory(**dict(parse_qsl(arguments, keep_blank_values=True)))
     except AgentFault:
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # KeyboardInterrupt, too: in the process of an agent nobody else raises it
         raise AgentFault(f"{reference} cannot be made: {described(error)}") from error
     missing = [method for method in ("reset", "act") if not callable(getattr(agent, method, None))]
     if missing:

@@ -45,6 +45,7 @@ EVALUATIONS = TableSchema(
         Column("noise_m", _REAL, "Noise of the positions it saw, standard deviation", unit="m", required=True),
         Column("occlusion", _BOOL, "Whether bodies hid others from it", required=True),
         Column("seed", _INT, "Seed of the noise", required=True),
+        Column("agent_code", _TEXT, "Digest of the agent's own code"),
         Column("code_version", _TEXT, "Code that evaluated it", required=True),
         Column("verdict_fingerprint", _TEXT, "Of the crash as it was evaluated", required=True),
     ),
@@ -54,7 +55,13 @@ Row = dict[str, Any]
 
 
 def row(
-    agent: str, evaluation: Evaluation, conditions: Conditions, *, code_version: str, verdict_fingerprint: str
+    agent: str,
+    evaluation: Evaluation,
+    conditions: Conditions,
+    *,
+    agent_code: str,
+    code_version: str,
+    verdict_fingerprint: str,
 ) -> Row:
     """One evaluation as a row of :data:`EVALUATIONS`."""
     sensing = conditions.sensing
@@ -71,6 +78,7 @@ def row(
         "noise_m": sensing.noise_m,
         "occlusion": sensing.occlusion,
         "seed": conditions.seed,
+        "agent_code": agent_code,
         "code_version": code_version,
         "verdict_fingerprint": verdict_fingerprint,
     }

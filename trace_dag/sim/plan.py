@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -84,6 +85,7 @@ def _check_plan(participant: Participant) -> None:
         raise Failure(f"{who}: its trajectory begins at {t.time_s[0]} s; it must cover time 0")
 
 
+@lru_cache(maxsize=16)  # agents drive in the same crash one after the other
 def resample(
     trajectory: Trajectory, step_s: float, time_limit_s: float, cg_ahead_m: float, skids_from_s: float = math.inf
 ) -> SampledTrajectory:

@@ -9,17 +9,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import SimSettings
 from trace_dag.sim.driving import Driver
 from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Trajectory
+
+if TYPE_CHECKING:
+    from trace_dag.settings import SimSettings
 
 PULSE_S = 0.25
 """Time after first touching over which a contact's delta-v is taken: that of event data recorders, 49 CFR 563.7."""

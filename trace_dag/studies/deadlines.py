@@ -22,6 +22,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Generic, Protocol, TypeVar
 
 from trace_dag.errors import Failure
+from trace_dag.processes import end_all, how_it_ended
 
 C = TypeVar("C")  # what the steps of a task share
 S = TypeVar("S")  # one step
@@ -140,7 +141,7 @@ class DeadlinePool(Generic[C, S, R]):
             message = worker.connection.recv()
         except (EOFError, OSError):
             worker.process.join(timeout=5.0)
-            yield self._lost(worker, workers, waiting, f"ended its process ({_how(worker.process.exitcode)})")
+            yield self._lost(worker, workers, waiting, f"ended its process ({how_it_ended(worker.process.exitcode)})")
             return
         worker.deadline_s = time.monotonic() + self._step_limit_s
         if isinstance(message, _Ready):
@@ -173,14 +174,9 @@ class DeadlinePool(Generic[C, S, R]):
 
 def _end(worker: _Worker[S]) -> None:
     worker.connection.close()
-    worker.process.kill()
+    if worker.process.pid is not None:
+        end_all(worker.process.pid)
     worker.process.join()
-
-
-def _how(exit_code: int | None) -> str:
-    if exit_code is not None and exit_code < 0:
-        return f"signal {signal.Signals(-exit_code).name}"
-    return f"exit code {exit_code}"
 
 
 def _serve(connection: Connection, work: StepWork[C, S, R], memory_mb: int) -> None:

@@ -12,11 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trace_dag.errors import DamagedFile, Failure, UserError
-from trace_dag.evaluation.agents import Agent, AgentFault
+from trace_dag.evaluation.agent_code import agent_code
+from trace_dag.evaluation.agent_main import AgentLimits
+from trace_dag.evaluation.agent_process import AgentProcess
+from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
+from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.metrics import DriveOutcome
-from trace_dag.evaluation.registry import label, make_agent, resolve
+from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.executors import available_cores
 from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
@@ -32,13 +36,8 @@ from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
 
 FOLDER = "evaluations"
 
-
-@dataclass(frozen=True)
-class Limits:
-    """What one evaluation may take: wall-clock time, and memory beyond what the worker needs itself."""
-
-    time_s: float = 20.0
-    memory_mb: int = 2048
+_OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
+_OUR_MEMORY_MB = 4096
 
 
 @dataclass(frozen=True)
@@ -60,12 +59,14 @@ class LoadedCase:
 
 @dataclass
 class EvaluationWork:
-    """What the workers do; agents are made once per worker."""
+    """What the workers do: they simulate and measure. Each agent is in a process beside each worker, made once."""
 
     settings: SimSettings
     cases: Mapping[str, StoredCase]
     conditions: Conditions
-    _agents: dict[str, Agent] = field(default_factory=dict)
+    limits: AgentLimits
+    isolation: Isolation | None
+    _agents: dict[str, AgentProcess] = field(default_factory=dict)
 
     def prepare(self, name: str) -> LoadedCase:
         """The case, and its map made ready. Raises :class:`Failure`."""
@@ -79,17 +80,10 @@ class EvaluationWork:
 
     def do(self, shared: LoadedCase, step: Step) -> Evaluation:
         """One evaluation; whatever the agent does wrong is its result."""
-        case = shared.case
-        ego = number_of(case, step.role)
-        try:
-            if step.reference not in self._agents:
-                self._agents[step.reference] = make_agent(step.reference)
-            found = evaluate(case, ego, self._agents[step.reference], self.conditions, shared.simulation)
-        except AgentFault as fault:
-            return Evaluation(case.case_id, case.key, ego, DriveOutcome.FAULTY, fault=str(fault))
-        if found.outcome is DriveOutcome.FAULTY:
-            del self._agents[step.reference]  # in no state to go on with
-        return found
+        if step.reference not in self._agents:
+            self._agents[step.reference] = AgentProcess(step.reference, self.limits, self.isolation)
+        ego = number_of(shared.case, step.role)
+        return evaluate(shared.case, ego, self._agents[step.reference], self.conditions, shared.simulation)
 
 
 def evaluate_agents(
@@ -98,8 +92,9 @@ def evaluate_agents(
     agents: Sequence[str],
     roles: Sequence[AgentRole],
     conditions: Conditions,
-    limits: Limits,
+    limits: AgentLimits,
     *,
+    isolation: Isolation | None = None,
     tell: Callable[[Row], None] = lambda _: None,
     complain: Complaint = raised,
 ) -> list[Row]:
@@ -110,15 +105,16 @@ def evaluate_agents(
     """
     references = {name: resolve(name) for name in agents}
     by_id = {case.case_id: case for case in cases}
-    work = EvaluationWork(workspace.settings.sim, by_id, conditions)
+    work = EvaluationWork(workspace.settings.sim, by_id, conditions, limits, isolation)
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
     one_at_a_time = backend_factory(workspace.settings.sim).one_at_a_time
     workers = 1 if one_at_a_time else workspace.settings.execution.workers or available_cores()
     pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
-        work, workers=workers, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
+        work, workers=workers, step_limit_s=2 * limits.time_s + _OURS_S, memory_mb=_OUR_MEMORY_MB
     )
     baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
     code = code_of((evaluate.__module__, *sorted(baselines)), workspace.settings.sim).digest
+    digests = {name: agent_code(reference) for name, reference in references.items()}
     results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
     try:
         for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
@@ -134,6 +130,7 @@ def evaluate_agents(
                 results.labels[answer.step.name],
                 found,
                 conditions,
+                agent_code=digests[answer.step.name],
                 code_version=code,
                 verdict_fingerprint=stored.fingerprint,
             )
@@ -180,7 +177,10 @@ class _Results:
                 "reference": references[name],
                 "evaluated_at": now(),
                 "evaluations": len(rows),
-                **{key: first[key] for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "code_version")},
+                **{
+                    key: first[key]
+                    for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "agent_code", "code_version")
+                },
             }
             made = self._storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
             write_ledger(self._storage, subject, [table, made])
@@ -232,31 +232,17 @@ def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
     return found
 
 
-class _Making:
-    """What the worker does: make an agent, given as ``module:Class``, and tell what came in the way."""
-
-    def prepare(self, name: str) -> None:
-        """The making of one agent shares nothing with that of another."""
-
-    def do(self, shared: None, step: str) -> str | None:
-        try:
-            make_agent(step)
-        except AgentFault as fault:
-            return str(fault)
-        return None
-
-
-def try_agents(agents: Sequence[str], limits: Limits) -> None:
-    """Make each agent once, in a worker: nothing of an agent ever runs in this process.
+def try_agents(agents: Sequence[str], limits: AgentLimits, isolation: Isolation | None = None) -> None:
+    """Make each agent once, in a process of its own.
 
     Raises :class:`UserError` for the first that cannot be made: no such module or class, a class without the methods
     of an agent, one that raises, hangs, or ends its process.
     """
-    tasks = [Task(agent, (resolve(agent),)) for agent in agents]
-    pool: DeadlinePool[None, str, str | None] = DeadlinePool(
-        _Making(), workers=1, step_limit_s=limits.time_s, memory_mb=limits.memory_mb
-    )
-    for answer in pool.run(tasks):
-        fault = f"{answer.step} {answer.result.detail}" if isinstance(answer.result, StepLost) else answer.result
-        if fault is not None:
-            raise UserError(f"--agent {answer.task}: {fault}")
+    for agent in agents:
+        process = AgentProcess(resolve(agent), limits, isolation)
+        try:
+            process.make()
+        except AgentFault as fault:
+            raise UserError(f"--agent {agent}: {fault}") from fault
+        finally:
+            process.close()

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 from trace_dag.errors import UserError
+from trace_dag.evaluation.agent_main import AgentLimits
+from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.evaluate import Conditions, run
-from trace_dag.evaluation.registry import make_agent, resolve
+from trace_dag.evaluation.registry import resolve
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts
 from trace_dag.flow.workspace import Workspace
 from trace_dag.sim.backends import backend
@@ -45,10 +47,13 @@ def replay_with(workspace: Workspace, key: str, agent: str, role: AgentRole, rep
     (stored,) = verified_cases(workspace, None, [key])
     case = load_case(stored)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
+    driver = AgentProcess(resolve(agent), AgentLimits())
     try:
-        log = run(case, number_of(case, role), make_agent(resolve(agent)), Conditions(), simulation)
+        log = run(case, number_of(case, role), driver, Conditions(), simulation)
     except AgentFault as fault:
         raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
+    finally:
+        driver.close()
     record = stored.files.load(RECORD)
     if replay_format == "html":
         return write_html_player(record, case.network, log)

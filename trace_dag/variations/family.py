@@ -111,7 +111,7 @@ def _tried(
     varied = replace(case, participants=participants, friction=friction, impact_time_s=impact_s)
     if any(_farthest_outside_m(varied, each, allowed_m[each.number]) > allowed_m[each.number] for each in participants):
         return None
-    going_on = varied.going_on()
+    going_on = varied.going_on
     log = backend.load(case.network, case.xodr, friction=friction).run(going_on, time_limit_s=varied.end_s)
     found = _judged(case, going_on, log, criteria)
     return None if found is None else Variation("", 0, perturbation, *found, replace(varied, recorded=log))

@@ -38,5 +38,6 @@ COMMENT ON COLUMN evaluations.range_m IS 'How far it saw, m';
 COMMENT ON COLUMN evaluations.noise_m IS 'Noise of the positions it saw, standard deviation, m';
 COMMENT ON COLUMN evaluations.occlusion IS 'Whether bodies hid others from it';
 COMMENT ON COLUMN evaluations.seed IS 'Seed of the noise';
+COMMENT ON COLUMN evaluations.agent_code IS 'Digest of the agent''s own code';
 COMMENT ON COLUMN evaluations.code_version IS 'Code that evaluated it';
 COMMENT ON COLUMN evaluations.verdict_fingerprint IS 'Of the crash as it was evaluated';
