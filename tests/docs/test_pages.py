@@ -84,8 +84,8 @@ def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(path: Pa
 def run(block: Block, folder: Path) -> subprocess.CompletedProcess[str]:
     program = [sys.executable, "-"] if block.language == "python" else ["bash", "-e", "-o", "pipefail"]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # A page is read on a wide terminal; two workers are enough for a few crashes.
-    environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "2"}
+    # A page is read on a wide terminal; a few crashes are done before workers of their own would have started.
+    environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "1"}
     return subprocess.run(
         program, input=block.commands, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
