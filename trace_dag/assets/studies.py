@@ -21,6 +21,7 @@ from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.evaluation.registry import BASELINES
+from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.share_chart import share_chart
 from trace_dag.scenario.sketch import data_url
@@ -98,6 +99,7 @@ class EvaluationsConfig(CohortConfig):
     noise_m: float = Field(default=0.0, description="Standard deviation of the positions they see.")
     occlusion: bool = Field(default=False, description="They do not see whom another body hides.")
     seed: int = Field(default=1, description="Of the noise.")
+    traffic: str = Field(default="recorded", description="How the others move: recorded or reactive.")
 
 
 class VariationsConfig(CohortConfig):
@@ -248,7 +250,12 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
             cases,
             config.agents,
             [AgentRole(role) for role in config.ego],
-            Conditions(config.rate_hz, Sensing(config.range_m, config.noise_m, config.occlusion), config.seed),
+            Conditions(
+                config.rate_hz,
+                Sensing(config.range_m, config.noise_m, config.occlusion),
+                config.seed,
+                Traffic(config.traffic),
+            ),
             limits,
             complain=lambda failure: left_out.append(str(failure)),
         )

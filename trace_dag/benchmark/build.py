@@ -311,15 +311,16 @@ def _write_index(
     """The pages that are of all crashes. ``files``: those of the single crashes that have been made."""
     from trace_dag.scenario.site import IndexRows, static_files, write_index
 
-    names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class")
+    names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class", "evaluations")
     rows = {name: query.rows(warehouse, name) for name in names}
     moving = [row for row in table if thumbnail_name(row["key"]) in files]
     shown = IndexRows(
         table, moving, rows["funnel"], rows["coverage"], rows["failure_reasons"], bool(rows["leaderboard"])
     )
+    runs = [row for row in rows["evaluations"] if row["case_id"] == row["key"]]
     of_all = Rights.of(attribution for each in rights.values() for attribution in each.attributions)
     return [
         storage.write(INDEX, write_index(shown, of_all)),
-        storage.write(LEADERBOARD, write_leaderboard(rows["leaderboard"], rows["leaderboard_by_class"])),
+        storage.write(LEADERBOARD, write_leaderboard(rows["leaderboard"], rows["leaderboard_by_class"], runs)),
         *(storage.write(f"{FOLDER}/{name}", data) for name, data in static_files().items()),
     ]

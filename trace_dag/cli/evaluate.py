@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, agent_arguments, examples
+from trace_dag.cli.options import ManyValuesCommand, agent_arguments, examples, traffic_option
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
@@ -60,6 +60,7 @@ _FAULTS_SHOWN = 5
     help="Standard deviation of the positions it sees, m; of velocities the same number in m/s.",
 )
 @click.option("--occlusion", is_flag=True, help="It does not see whom another body hides.")
+@traffic_option
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the noise.")
 @click.option(
     "--time-limit",
@@ -101,6 +102,7 @@ def evaluate(
     range_m: float,
     noise_m: float,
     occlusion: bool,
+    traffic: str,
     seed: int,
     time_limit_s: float,
     memory_limit_mb: int,
@@ -112,7 +114,8 @@ def evaluate(
 ) -> None:
     """Put agents into the verified crashes and see whether they avoid them.
 
-    An agent drives one vehicle; the others move as recorded until somebody touches them. Every evaluation enters the
+    An agent drives one vehicle; the others move as recorded until somebody touches them, or keep their distance
+    (--traffic reactive). Every evaluation enters the
     warehouse, as tables evaluations and leaderboard.
     """
     from trace_dag.benchmark.build import publish_leaderboard
@@ -122,6 +125,7 @@ def evaluate(
     from trace_dag.evaluation.isolation import isolation
     from trace_dag.evaluation.observation import Sensing
     from trace_dag.evaluation.registry import BASELINES, with_arguments
+    from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
     from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
@@ -151,7 +155,7 @@ def evaluate(
             cases,
             names,
             roles,
-            Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed),
+            Conditions(rate_hz, Sensing(range_m, noise_m, occlusion), seed, Traffic(traffic)),
             limits,
             isolation=around,
             tell=lambda row: tell(f"{row['agent']} in {row['case_id']}"),

@@ -106,6 +106,14 @@ def execution_overrides(executor: str | None, workers: int | None) -> dict[str, 
     return {name: value for name, value in (("executor", executor), ("workers", workers)) if value is not None}
 
 
+traffic_option = click.option(
+    "--traffic",
+    type=click.Choice(["recorded", "reactive"]),
+    default="recorded",
+    show_default=True,
+    help="The others do as recorded, or keep their distance once the agent does something else.",
+)
+
 agent_arguments = click.option(
     "--agent-arg",
     "arguments",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import agent_arguments, examples
+from trace_dag.cli.options import agent_arguments, examples, traffic_option
 
 if TYPE_CHECKING:
     from trace_dag.studies.replays import ReplayFormat
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Whose place the agent takes.",
 )
+@traffic_option
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="Where to; else ./replay-KEY.FORMAT.")
 @click.pass_obj
 def replay(
@@ -47,10 +48,12 @@ def replay(
     agent: str | None,
     arguments: tuple[str, ...],
     ego: str,
+    traffic: str,
     output: Path | None,
 ) -> None:
     """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
     from trace_dag.evaluation.registry import with_arguments
+    from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole
     from trace_dag.studies.replays import replay as made_of
@@ -62,7 +65,9 @@ def replay(
         content = made_of(stored_crash(workspace, key), replay_format)
     else:
         sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
-        content = replay_with(workspace, key, with_arguments(agent, arguments), AgentRole(ego), replay_format)
+        content = replay_with(
+            workspace, key, with_arguments(agent, arguments), AgentRole(ego), Traffic(traffic), replay_format
+        )
     target = output or Path(f"replay-{key}.{replay_format}")
     target.write_bytes(content)
     click.echo(f"{target}  {len(content) // 1024} kB")

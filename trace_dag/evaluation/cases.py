@@ -56,6 +56,17 @@ class Case:
         return low, high
 
     @property
+    def striking(self) -> int:
+        """Number of the one that closed in faster at the recorded contact; of a near miss the first one's."""
+        contact = self.contact
+        if contact is None:
+            return self.pair[0]
+        nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
+        toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
+        toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
+        return contact.number_2 if toward_1 > toward_2 else contact.number_1
+
+    @property
     def end_s(self) -> float:
         """When an evaluation ends."""
         return self.impact_time_s + BEYOND_IMPACT_S

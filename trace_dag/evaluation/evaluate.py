@@ -11,6 +11,8 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.loop import AgentDriver
 from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
 from trace_dag.evaluation.observation import Sensing, Sensor
+from trace_dag.evaluation.traffic import Traffic, reactive_drivers
+from trace_dag.sim.driving import Driver
 from trace_dag.sim.types import Simulation, SimulationLog
 
 LEAST_RATE_HZ, MOST_RATE_HZ = 20.0, 100.0
@@ -19,7 +21,8 @@ _AFTER_CONTACT_S = 0.5  # delta-v is known a quarter of a second after the conta
 
 @dataclass(frozen=True)
 class Conditions:
-    """How agents are evaluated: how often they act (20 to 100 Hz), how well they see, and the seed of the noise.
+    """How agents are evaluated: how often they act (20 to 100 Hz), how well they see, the seed of the noise, and how
+    everybody else moves.
 
     Raises :class:`UserError` for a rate out of bounds.
     """
@@ -27,6 +30,7 @@ class Conditions:
     rate_hz: float = 20.0
     sensing: Sensing = field(default_factory=Sensing)
     seed: int = 1
+    traffic: Traffic = Traffic.RECORDED
 
     def __post_init__(self) -> None:
         if not LEAST_RATE_HZ <= self.rate_hz <= MOST_RATE_HZ:
@@ -48,16 +52,20 @@ class Conditions:
             parts.append("occlusion")
         if self.seed != usual.seed:
             parts.append(f"seed{self.seed}")
+        if self.traffic is not usual.traffic:
+            parts.append(str(self.traffic))
         return "".join(f"-{part}" for part in parts)
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty."""
+    """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
+    ``is_striking``: of the two that collided first it is the one that closed in faster."""
 
     case_id: str
     key: str
     ego: int
+    is_striking: bool
     outcome: DriveOutcome
     metrics: Metrics | None = None
     fault: str = ""
@@ -68,9 +76,9 @@ def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulat
     try:
         log = run(case, ego, agent, conditions, simulation, after_contact_s=_AFTER_CONTACT_S)
     except AgentFault as fault:
-        return Evaluation(case.case_id, case.key, ego, DriveOutcome.FAULTY, fault=str(fault))
+        return Evaluation(case.case_id, case.key, ego, case.striking == ego, DriveOutcome.FAULTY, fault=str(fault))
     metrics = measure(case, ego, log)
-    return Evaluation(case.case_id, case.key, ego, outcome_of(metrics), metrics)
+    return Evaluation(case.case_id, case.key, ego, case.striking == ego, outcome_of(metrics), metrics)
 
 
 def run(
@@ -87,7 +95,7 @@ def run(
     seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
     scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)
     bodies = {each.number: each.body for each in case.participants}
-    driver = AgentDriver(agent, scenario, Sensor(ego, bodies, conditions.sensing, seed))
-    return simulation.run(
-        case.going_on, time_limit_s=case.end_s, drivers={ego: driver}, after_contact_s=after_contact_s
-    )
+    drivers: dict[int, Driver] = {ego: AgentDriver(agent, scenario, Sensor(ego, bodies, conditions.sensing, seed))}
+    if conditions.traffic is Traffic.REACTIVE:
+        drivers |= reactive_drivers(case, ego, period_s=scenario.period_s, seed=seed)
+    return simulation.run(case.going_on, time_limit_s=case.end_s, drivers=drivers, after_contact_s=after_contact_s)

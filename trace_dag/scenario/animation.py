@@ -18,6 +18,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
@@ -52,10 +53,12 @@ def write_animation(
     log: SimulationLog,
     verdict: Verdict | None = None,
     *,
+    drive: Drive | None = None,
     image_format: MovingFormat = "webp",
     panel_px: int = 420,
 ) -> bytes:
-    """The moving picture, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is about.
+    """The moving picture, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is about, or
+    of an agent's ``drive``.
 
     An MP4 needs the extra of that name: :class:`trace_dag.errors.UserError` without it.
     """
@@ -63,7 +66,7 @@ def write_animation(
     times = _frame_times(log, frame_s)
     windows = replay_windows(log, from_s=times[0][0])
     views = [_View(network, window, panel_px) for window in (windows.overview, windows.impact)]
-    frames = (_frame(record, log, verdict, views, time_s, rate) for time_s, rate in times)
+    frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
     if image_format == "mp4":
         return encode_mp4(_staying(frames, round(_LAST_FRAME_S / frame_s)), round(1 / frame_s))
     return _encode_picture(list(frames), image_format)
@@ -138,6 +141,7 @@ def _frame(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
+    drive: Drive | None,
     views: list[_View],
     time_s: float,
     rate: float,
@@ -150,6 +154,10 @@ def _frame(
         draw = ImageDraw.Draw(panel)
         for item in log.objects:
             draw.polygon(view.px(outline(item)), fill=OBJECT_COLOUR, outline="white")
+        if drive is not None:
+            pose = drive.ghost_pose(time_s)
+            corners = view.px(rectangle_corners(pose, drive.body.length_m, drive.body.width_m))
+            draw.polygon(corners, outline="black", width=_SMOOTHING)
         for index in range(len(log.vehicles)):
             _draw_vehicle(draw, view, log, index, time_s)
         moment = moment_of(log)
@@ -162,7 +170,7 @@ def _frame(
     picture = Image.new("RGB", (width, panels[0].height + _HEADER_PX), "white")
     picture.paste(panels[0], (0, _HEADER_PX))
     picture.paste(panels[1], (panels[0].width + 4, _HEADER_PX))
-    _draw_header(ImageDraw.Draw(picture), record, log, verdict, time_s, rate)
+    _draw_header(ImageDraw.Draw(picture), record, log, verdict, drive, time_s, rate)
     return picture
 
 
@@ -217,6 +225,7 @@ def _draw_header(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
+    drive: Drive | None,
     time_s: float,
     rate: float,
 ) -> None:
@@ -224,6 +233,8 @@ def _draw_header(
 
     font, small = ImageFont.load_default(size=15), ImageFont.load_default(size=13)
     outcome = "" if verdict is None else "verified" if verdict.accepted else f"not verified: {verdict.reason}"
+    if drive is not None:
+        outcome = drive.title
     draw.text((8, 4), "   ".join(filter(None, (record.key, outcome))), fill="black", font=font)
     moment = moment_of(log)
     clock = f"{time_s:5.2f} s"

@@ -20,6 +20,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
@@ -66,11 +67,16 @@ def _square(centre: FloatArray, half_m: float) -> Window:
 
 
 def write_html_player(
-    record: CrashRecord, network: RoadNetwork, log: SimulationLog, verdict: Verdict | None = None
+    record: CrashRecord,
+    network: RoadNetwork,
+    log: SimulationLog,
+    verdict: Verdict | None = None,
+    drive: Drive | None = None,
 ) -> bytes:
     """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
-    ``log`` is of the hypothesis that ``verdict`` is about. The same input gives the same bytes.
+    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives
+    the same bytes.
     """
     windows = replay_windows(log)
     west, south, east, north = windows.overview
@@ -84,9 +90,15 @@ def write_html_player(
             value.replace("_", " ")
             for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
         ),
-        outcome=_outcome(verdict),
+        outcome=drive.title if drive else _outcome(verdict),
         map_svg=f"data:image/svg+xml;base64,{svg}",
-        data=_script_safe({**_data(record, network, log, windows), "map": [round(value, 2) for value in map_window]}),
+        data=_script_safe(
+            {
+                **_data(record, network, log, windows),
+                **_ghost(drive, log),
+                "map": [round(value, 2) for value in map_window],
+            }
+        ),
     )
     return page.encode("utf-8")
 
@@ -177,6 +189,24 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         "termination": log.termination.replace("_", " "),
         "overview": [round(value, 2) for value in windows.overview],
         "impact": [round(value, 2) for value in windows.impact],
+    }
+
+
+def _ghost(drive: Drive | None, log: SimulationLog) -> dict[str, Any]:
+    """The recorded vehicle, in the place of which an agent drove."""
+    if drive is None:
+        return {"ghost": None}
+    poses = drive.ghost(log.vehicles[0].time_s)
+    index = next(k for k, each in enumerate(log.vehicles) if each.number == drive.number)
+    return {
+        "ghost": {
+            "agent": drive.agent,
+            "number": drive.number,
+            "colour": vehicle_colour(index),
+            "length": round(drive.body.length_m, 2),
+            "width": round(drive.body.width_m, 2),
+            **{name: np.round(poses[:, k], 3).tolist() for k, name in enumerate("xyh")},
+        }
     }
 
 

@@ -94,16 +94,9 @@ def number_of(case: Case, role: AgentRole) -> int:
         return first
     if role is AgentRole.SECOND:
         return second
-    contact = case.contact
-    striking, struck = first, second
-    if contact is not None:
-        nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
-        toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
-        toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
-        striking, struck = contact.number_1, contact.number_2
-        if toward_1 > toward_2:
-            striking, struck = struck, striking
-    return striking if role is AgentRole.STRIKING else struck
+    if role is AgentRole.STRIKING:
+        return case.striking
+    return second if case.striking == first else first
 
 
 def verified_cases(

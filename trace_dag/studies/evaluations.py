@@ -124,8 +124,10 @@ def evaluate_agents(
                 complain(found)
                 continue
             if isinstance(found, StepLost):
-                ego = number_of(load_case(stored), answer.step.role)
-                found = Evaluation(stored.case_id, stored.key, ego, DriveOutcome.FAULTY, fault=found.detail)
+                case = load_case(stored)
+                ego = number_of(case, answer.step.role)
+                striking = case.striking == ego
+                found = Evaluation(stored.case_id, stored.key, ego, striking, DriveOutcome.FAULTY, fault=found.detail)
             made = row(
                 results.labels[answer.step.name],
                 found,
@@ -179,7 +181,16 @@ class _Results:
                 "evaluations": len(rows),
                 **{
                     key: first[key]
-                    for key in ("rate_hz", "range_m", "noise_m", "occlusion", "seed", "agent_code", "code_version")
+                    for key in (
+                        "rate_hz",
+                        "range_m",
+                        "noise_m",
+                        "occlusion",
+                        "traffic",
+                        "seed",
+                        "agent_code",
+                        "code_version",
+                    )
                 },
             }
             made = self._storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())

@@ -13,6 +13,7 @@ COMMENT ON COLUMN evaluations.agent IS 'Name of the agent, and of conditions oth
 COMMENT ON COLUMN evaluations.case_id IS 'Key of the crash, or of one of its variations';
 COMMENT ON COLUMN evaluations.key IS 'Key of the crash';
 COMMENT ON COLUMN evaluations.vehicle_number IS 'Vehicle the agent drove';
+COMMENT ON COLUMN evaluations.role IS 'striking, who closed in faster at the recorded contact, or struck';
 COMMENT ON COLUMN evaluations.outcome IS 'avoided, softened, same, worse or faulty';
 COMMENT ON COLUMN evaluations.fault IS 'What a faulty agent did';
 COMMENT ON COLUMN evaluations.collided IS 'Whether the vehicle of anybody touched another';
@@ -37,6 +38,7 @@ COMMENT ON COLUMN evaluations.rate_hz IS 'How often the agent acted, Hz';
 COMMENT ON COLUMN evaluations.range_m IS 'How far it saw, m';
 COMMENT ON COLUMN evaluations.noise_m IS 'Noise of the positions it saw, standard deviation, m';
 COMMENT ON COLUMN evaluations.occlusion IS 'Whether bodies hid others from it';
+COMMENT ON COLUMN evaluations.traffic IS 'How the others moved: recorded, or reactive';
 COMMENT ON COLUMN evaluations.seed IS 'Seed of the noise';
 COMMENT ON COLUMN evaluations.agent_code IS 'Digest of the agent''s own code';
 COMMENT ON COLUMN evaluations.code_version IS 'Code that evaluated it';

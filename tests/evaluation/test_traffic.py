@@ -1,0 +1,64 @@
+"""Reactive traffic: the recorded crash for whoever drives as recorded, distance kept from whoever does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear_end
+from tests.sim.motions import participant, straight
+from tests.verdict.crashes import STREET
+from trace_dag.evaluation.agents import Action, Motion, Observation, Scenario
+from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, Replay
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.evaluate import Conditions, run
+from trace_dag.evaluation.metrics import DriveOutcome
+from trace_dag.evaluation.traffic import Traffic
+
+REACTIVE = Conditions(traffic=Traffic.REACTIVE)
+
+
+class BrakesAtOnce:
+    def reset(self, scenario: Scenario) -> None: ...
+
+    def act(self, observation: Observation) -> Action:
+        return Motion(acceleration_mps2=-4.0)
+
+
+def followed() -> Case:
+    """Number 1 ahead at 10 m/s, number 2 behind it at 20 m/s: the recorded rear-end crash after four seconds."""
+    gap_m = 4.0 * 10.0 + 4.7
+    return case(
+        STREET,
+        participant(1, straight(0.0, RIGHT_M, 0.0, 10.0, until_s=7.0)),
+        participant(2, straight(-gap_m, RIGHT_M, 0.0, 20.0, until_s=7.0)),
+    )
+
+
+@pytest.mark.parametrize("ego", [1, 2])
+@pytest.mark.parametrize("of", [rear_end, crossing, followed])
+def test_who_drives_as_recorded_has_the_recorded_crash(of, ego) -> None:
+    found = drive(of(), Replay(), ego, REACTIVE)
+    assert found == drive(of(), Replay(), ego)
+    assert found.outcome is DriveOutcome.SAME
+    assert found.metrics.contact_shift_m == 0.0
+
+
+def test_a_car_that_brakes_is_not_run_into_by_a_recording() -> None:
+    """Braking at 4 m/s2 from 10 m/s it stands after 2.5 s and 12.5 m; the other has 44.7 - 4.7 + 12.5 m to stop from
+    20 m/s, for which 3.8 m/s2 are enough. As recorded it drives into the standing car."""
+    assert drive(followed(), BrakesAtOnce(), 1).outcome is not DriveOutcome.AVOIDED
+    assert drive(followed(), BrakesAtOnce(), 1, REACTIVE).outcome is DriveOutcome.AVOIDED
+
+
+def test_the_others_keep_to_their_courses() -> None:
+    of = crossing()
+    log = run(of, 1, BrakeOnTimeToCollision(), REACTIVE, BACKEND.load(of.network, b"", friction=of.friction))
+    other = next(each for each in log.vehicles if each.number == 2)
+    assert np.abs(other.x_m - 1.75).max() < 0.1
+    assert not log.contacts
+
+
+def test_striking_is_who_closes_in_faster() -> None:
+    assert drive(rear_end(), Replay(), 1).is_striking
+    assert not drive(rear_end(), Replay(), 2).is_striking

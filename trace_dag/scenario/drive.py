@@ -1,0 +1,43 @@
+"""What a replay shows of an agent's drive: who drove, what came of it, and the recorded vehicle as a ghost beside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.crash.parties import party_label
+from trace_dag.geometry import FloatArray, Pose
+from trace_dag.sim.types import Body, SimulationLog
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An agent by name in the place of participant ``number``; ``outcome`` in words, ``recorded`` the crash itself."""
+
+    agent: str
+    number: int
+    outcome: str
+    recorded: SimulationLog
+
+    @property
+    def title(self) -> str:
+        """Who drove, and what came of it."""
+        return f"{self.agent} drives {party_label(self.number)}: {self.outcome}"
+
+    @property
+    def body(self) -> Body:
+        """The body the agent drove."""
+        return self.recorded.bodies[self.number]
+
+    def ghost(self, times_s: FloatArray) -> FloatArray:
+        """Where the recorded vehicle is at some times, columns x, y (m) and heading (rad), shape (n, 3); once it rests
+        it stays there."""
+        log = next(each for each in self.recorded.vehicles if each.number == self.number)
+        columns = (log.x_m, log.y_m, np.unwrap(log.heading_rad))
+        return np.stack([np.interp(times_s, log.time_s, values) for values in columns], axis=-1)
+
+    def ghost_pose(self, time_s: float) -> Pose:
+        """Where the recorded vehicle is at a time."""
+        x, y, heading = self.ghost(np.array([time_s]))[0].tolist()
+        return Pose(x, y, heading)
