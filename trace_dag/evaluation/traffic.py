@@ -98,7 +98,7 @@ def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dic
 
 
 def _course(participant: Participant) -> tuple[FloatArray, FloatArray] | None:
-    """Points of the course forward, shape (n, 2), and the speed recorded at each (m/s); None for who stands or backs."""
+    """Points of the course, shape (n, 2), and the speed recorded at each (m/s); None for who stands or backs."""
     t = participant.trajectory
     points = np.column_stack([t.x_m, t.y_m])
     moved = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-3])
