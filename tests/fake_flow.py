@@ -33,6 +33,7 @@ from trace_dag.settings import (
     VerdictSettings,
 )
 from trace_dag.stage import Stage
+from trace_dag.states.llm.ledger import SpendingLedger
 
 ORDER = tuple(Stage)
 REASON_OF = {
@@ -87,6 +88,7 @@ def _behave(key: str, services: Services, stage: Stage, content: bytes) -> Stage
         os.kill(os.getpid(), signal.SIGKILL)
     if f"die-once:{stage}" in words and times == 1:
         os.kill(os.getpid(), signal.SIGKILL)
+    SpendingLedger(budget_usd=0.0 if f"broke:{stage}" in words else None).reserve()
     if f"fail:{stage}" in words:
         raise RuntimeError(f"{stage} is broken for {key}")
     if (f"fail-once:{stage}" in words and times == 1) or (f"fail-second:{stage}" in words and times == 2):

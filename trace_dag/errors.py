@@ -283,6 +283,10 @@ class TransientFailure(Failure):
         self.tried_again = tried_again
 
 
+class BudgetSpent(Failure):
+    """What was allowed to be spent on a service is spent."""
+
+
 class DamagedFile(Failure):
     """A stored file is not as it was written. ``found`` says what is there instead, ``remedy`` what mends it."""
 

@@ -21,10 +21,12 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlsplit
 
 import httpx
 from tenacity import (
     RetryCallState,
+    RetryError,
     Retrying,
     retry_if_exception_type,
     stop_after_attempt,
@@ -263,6 +265,31 @@ class HttpClient:
         request = json.dumps([method, url, sorted((params or {}).items()), sorted((data or {}).items())])
         digest = hashlib.sha256(request.encode()).hexdigest()
         return self.cache_dir / digest[:2] / f"{digest}.body"
+
+
+def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, timeout_s: float = 10.0) -> None:
+    """POST a document to a web hook. Raises :class:`Failure`, which names the host alone: the path may be a secret."""
+    host = urlsplit(url).hostname or "the web hook"
+    trying = Retrying(
+        retry=retry_if_exception_type(TransientFailure), stop=stop_after_attempt(attempts), wait=wait_random(0.2, 1.0)
+    )
+
+    def once() -> None:
+        try:
+            response = httpx.post(url, json=document, timeout=timeout_s, headers={"User-Agent": USER_AGENT})
+        except httpx.TransportError as error:
+            raise TransientFailure(f"{host}: {type(error).__name__}") from None
+        except httpx.InvalidURL:
+            raise Failure(f"{host}: no URL that can be asked") from None
+        if response.status_code in TRANSIENT_STATUS:
+            raise TransientFailure(f"{host}: {_status(response)}")
+        if not response.is_success:
+            raise Failure(f"{host}: {_status(response)}")
+
+    try:
+        trying(once)
+    except RetryError as error:
+        raise Failure(f"{error.last_attempt.exception()} (after {attempts} attempts)") from None
 
 
 def _status(response: httpx.Response) -> str:

@@ -15,6 +15,7 @@ import os
 import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -41,6 +42,14 @@ def _one_of(kind: PluginKind) -> AfterValidator:
         return name
 
     return AfterValidator(check)
+
+
+def _timezone(name: str) -> str:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError) as error:
+        raise ValueError("expected a time zone such as America/New_York or UTC") from error
+    return name
 
 
 class _Section(BaseModel):
@@ -246,6 +255,32 @@ class ExecutionSettings(_Section):
     pictures: bool = Field(True, description="Draw a picture of each crash.")
 
 
+class Schedule(_Section):
+    """When the crashes of a cohort that are not up to date are run, while ``trace-dag ui`` or Dagster's daemon runs."""
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="What Dagster calls it.")
+    cron: str = Field(description="When, as crontab says it: 0 2 * * * is every night at two.")
+    timezone: Annotated[str, AfterValidator(_timezone)] = Field("UTC", description="Of these hours: America/New_York.")
+    cohort: str | None = Field(None, description="Which crashes; null takes all.")
+
+
+class AutomationSettings(_Section):
+    """What runs by itself, and who is told; never part of any provenance. The daemon reads it when it starts."""
+
+    schedules: tuple[Schedule, ...] = Field((), description="Cohorts that are run at given hours.")
+    new_cases_cron: str = Field("0 6 * * 1", description="When the CrashAPI is asked for newly released cases.")
+    new_cases_timezone: Annotated[str, AfterValidator(_timezone)] = Field("UTC", description="Of these hours.")
+    fresh_within_h: float | None = Field(
+        None, gt=0, description="Age at which the UI shows the warehouse as overdue; a warning at three quarters of it."
+    )
+    alert_command: tuple[str, ...] = Field(
+        (), description="Program and arguments that are given each alert as JSON on standard input."
+    )
+    site_url: str | None = Field(
+        None, description="Where the benchmark page is served; null is /site of the server that trace-dag ui starts."
+    )
+
+
 class Settings(_Section):
     """Everything one run is configured by."""
 
@@ -257,6 +292,7 @@ class Settings(_Section):
     verdict: VerdictSettings = VerdictSettings()
     services: ServiceSettings = ServiceSettings()
     execution: ExecutionSettings = ExecutionSettings()
+    automation: AutomationSettings = AutomationSettings()
 
 
 def load_settings(

@@ -112,6 +112,10 @@ class DagsterUi:
         """The runs of a backfill, the first one first."""
         return self._instance.get_runs(RunsFilter(tags={BACKFILL_ID_TAG: backfill}), ascending=True)
 
+    def runs(self, job: str) -> list[DagsterRun]:
+        """The runs of a job, the first one first."""
+        return self._instance.get_runs(RunsFilter(job_name=job), ascending=True)
+
     def _launched(self, mutation: str, params: Mapping[str, Any]) -> str:
         said = self._ask(mutation, {"params": params})
         assert said["__typename"] == "LaunchBackfillSuccess", said

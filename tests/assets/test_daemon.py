@@ -6,7 +6,9 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from datetime import datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import fake_flow
 import pytest
@@ -25,7 +27,7 @@ from trace_dag.warehouse.query import query
 NEBRASKA_2023 = Choice(
     CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2)
 )
-MINUTE_S, WEEK_S = 60.0, 7 * 24 * 3600.0
+MINUTE_S, DAY_S, WEEK_S = 60.0, 24 * 3600.0, 7 * 24 * 3600.0
 OpenUi = Callable[[Workspace, str], DagsterUi]
 
 
@@ -97,3 +99,35 @@ def test_cases_released_since_reach_the_warehouse(tmp_path, open_ui, monkeypatch
             ui.let_daemon_look(now + WEEK_S + minute * MINUTE_S)
         rows = query(workspace.warehouse, "SELECT key, stage_reached FROM crashes WHERE stage_reached IS NOT NULL")[1]
         assert rows == [(f"2023-{VERIFIED[1]}", "raw_report")]
+
+
+NIGHTLY = """
+[automation]
+fresh_within_h = 24
+[[automation.schedules]]
+name = "nightly"
+cron = "0 2 * * *"
+timezone = "America/New_York"
+cohort = "fakes"
+"""
+
+
+def test_a_cohort_is_run_at_its_hour_and_only_what_is_not_up_to_date(tmp_path, open_ui):
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "settings.toml").write_text(NIGHTLY)
+    workspace = Workspace.open(str(root), fake_flow.FLOW)
+    keys = [f"2023-5100{number}" for number in (10, 11)]
+    reports = fake_flow.write_reports(tmp_path / "reports", dict.fromkeys(keys, ""))
+    workspace.registry.register("fakes", reports)
+    ui = open_ui(workspace, "fake_flow:FLOW")  # the schedule is on from the start: whoever wrote it asked for it
+    tomorrow = datetime.now(ZoneInfo("America/New_York")) + timedelta(days=1)
+    hour = tomorrow.replace(hour=2, minute=0, second=30).timestamp()
+    ui.let_daemon_look(time.time())
+    assert standing(workspace) == {}
+    for minute in (0, 1):  # the crashes are run; then the sensors that follow runs are asked
+        ui.let_daemon_look(hour + minute * MINUTE_S)
+    assert standing(workspace) == dict.fromkeys(keys, "verified")
+    stages = len(ui.runs("all_stages"))
+    ui.let_daemon_look(hour + DAY_S)
+    assert len(ui.runs("all_stages")) == stages, "there was nothing to run the next night"

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from datetime import timedelta
 
 from dagster import AssetKey
 
-from trace_dag.definitions import defs
+from trace_dag.definitions import build_definitions
+from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 
-SPECS = {spec.key: spec for spec in defs.resolve_all_asset_specs()}
+DEFINITIONS = build_definitions()
+SPECS = {spec.key: spec for spec in DEFINITIONS.resolve_all_asset_specs()}
 
 
 def test_the_graph_is_the_flow_and_what_is_made_of_all():
@@ -42,7 +45,7 @@ def test_columns_of_tables_are_documented():
 
 
 def test_jobs_and_checks_resolve():
-    repository = defs.get_repository_def()
+    repository = DEFINITIONS.get_repository_def()
     names = {job.name for job in repository.get_all_jobs()}
     assert {"all_stages", "judge_only", "from_simulation_log", "summary"} <= names
     assert {key.name for key in repository.asset_graph.asset_check_keys} == {
@@ -55,6 +58,17 @@ def test_jobs_and_checks_resolve():
         "verified",
     }
     assert [schedule.name for schedule in repository.schedule_defs] == ["newly_released_cases"]
+
+
+def test_the_warehouse_is_overdue_after_the_hours_that_the_settings_give(tmp_path):
+    workspace = Workspace.open(str(tmp_path), overrides={"automation": {"fresh_within_h": 24}})
+    specs = {spec.key.to_user_string(): spec for spec in build_definitions(workspace).resolve_all_asset_specs()}
+    policy = specs["warehouse"].freshness_policy
+    assert (policy.fail_window.to_timedelta(), policy.warn_window.to_timedelta()) == (
+        timedelta(hours=24),
+        timedelta(hours=18),
+    )
+    assert all(spec.freshness_policy is None for name, spec in specs.items() if name != "warehouse")
 
 
 def test_loading_touches_no_root(tmp_path):

@@ -21,6 +21,7 @@ LAYERS = (
     {"plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
     {"http", "provenance"},
+    {"alerts"},
     # the domain, in the order of the flow
     {"crash"},
     {"osm"},

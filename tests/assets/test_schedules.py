@@ -11,16 +11,18 @@ from public_services import NEBRASKA, NOT_RELEASED, VERIFIED, public_services
 
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import range_tags
-from trace_dag.assets.schedules import newly_released_cases
+from trace_dag.assets.schedules import schedules
 from trace_dag.cohorts.choice import Choice
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.cohorts.services import crash_api
 from trace_dag.crash.cohorts import CohortFilter
 from trace_dag.definitions import build_definitions
 from trace_dag.definitions.launch import open_instance
+from trace_dag.errors import UserError
 from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import PlannedBatch
 from trace_dag.flow.workspace import Workspace
+from trace_dag.settings import AutomationSettings, Schedule
 from trace_dag.stage import Stage
 
 CHOICE = Choice(CohortFilter(states=frozenset([NEBRASKA]), years=frozenset([2023]), min_vehicles=2, max_vehicles=2))
@@ -40,7 +42,8 @@ class Following:
     def look(self) -> list[RunRequest]:
         at = datetime(2026, 1, 5, 6, tzinfo=UTC)
         with build_schedule_context(self.instance, scheduled_execution_time=at) as context:
-            result = newly_released_cases(context, workspace=self.workspace)
+            (look,) = schedules(AutomationSettings())
+            result = look(context, workspace=self.workspace)
         return [] if isinstance(result, SkipReason) else list(result)
 
     def run(self, requests: list[RunRequest]) -> None:
@@ -110,3 +113,13 @@ def test_cohorts_that_do_not_follow_the_service_are_left_alone(tmp_path, service
     assert following.look() == []
     assert following.workspace.registry.keys() == [f"2023-{VERIFIED[0]}"]
     following.instance.dispose()
+
+
+def test_hours_that_cron_does_not_know_and_names_given_twice_are_said():
+    nightly = Schedule(name="nightly", cron="0 2 * * *")
+    with pytest.raises(UserError, match="nightly is taken"):
+        schedules(AutomationSettings(schedules=(nightly, nightly)))
+    with pytest.raises(UserError, match="every night at two"):
+        schedules(AutomationSettings(schedules=(Schedule(name="nightly", cron="at two"),)))
+    with pytest.raises(ValueError, match="America/New_York"):
+        Schedule(name="nightly", cron="0 2 * * *", timezone="Eastern")

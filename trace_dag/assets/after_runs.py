@@ -1,7 +1,8 @@
 """After the last of a set of runs of stages or studies, the warehouse and the benchmark are brought up to date: once.
 
 A backfill over the whole graph builds it itself, after its last crash, if no crash failed; after a failure Dagster
-leaves out everything downstream, so that it is for the sensors to ask for it.
+leaves out everything downstream, so that it is for the sensors to ask for it. Whoever is to be alerted is told of runs
+that broke off.
 """
 
 from dagster import (
@@ -9,18 +10,24 @@ from dagster import (
     DagsterRun,
     DagsterRunStatus,
     DefaultSensorStatus,
+    ResourceParam,
+    RunFailureSensorContext,
     RunRequest,
     RunsFilter,
     RunStatusSensorContext,
     RunStatusSensorDefinition,
     SkipReason,
+    run_failure_sensor,
     run_status_sensor,
 )
 
+from trace_dag.alerts import Alert, AlertKind, alerts_go_out, send
+from trace_dag.assets.batch import SUMMARY_TAG
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
+from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 
 _UNFINISHED = [
@@ -104,4 +111,24 @@ summary_after_canceled_runs = _after(
     "The same after runs that were stopped: what they had done stands.",
 )
 
-AFTER_RUNS = (summary_after_runs, summary_after_failed_runs, summary_after_canceled_runs)
+
+@run_failure_sensor(
+    name="alert_on_failed_runs",
+    default_status=DefaultSensorStatus.RUNNING,
+    minimum_interval_seconds=_INTERVAL_S,
+    description="Sends an alert about a run that broke off, where the settings name somebody to alert. Crashes that "
+    "fail in a run that gets to its end are alerted of when the warehouse is built.",
+)
+def alert_on_failed_runs(context: RunFailureSensorContext, workspace: ResourceParam[Workspace]) -> SkipReason | None:
+    """Tell of a run that did not get to its end."""
+    run, settings = context.dagster_run, workspace.settings.automation
+    if SUMMARY_TAG in run.tags:
+        return SkipReason("The run got to its end; its crashes are told of when the warehouse is built.")
+    if not alerts_go_out(settings):
+        return SkipReason("Nobody is to be alerted; see the settings of automation.")
+    text = f"trace-dag {workspace.root}: run {run.run_id} of {run.job_name} failed: {context.failure_event.message}"
+    send(Alert(AlertKind.RUN_FAILED, workspace.root, text), settings)
+    return None
+
+
+AFTER_RUNS = (summary_after_runs, summary_after_failed_runs, summary_after_canceled_runs, alert_on_failed_runs)

@@ -1,39 +1,113 @@
-"""A schedule that asks the CrashAPI, for the cohorts that follow it, what it has released since."""
+"""Schedules, as the settings say: running cohorts at given hours, and asking the CrashAPI for what it has released."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
-from dagster import DefaultScheduleStatus, ResourceParam, RunRequest, ScheduleEvaluationContext, SkipReason, schedule
+from dagster import (
+    DagsterInvalidDefinitionError,
+    DefaultScheduleStatus,
+    ResourceParam,
+    RunRequest,
+    ScheduleDefinition,
+    ScheduleEvaluationContext,
+    SkipReason,
+    schedule,
+)
 
 from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
 from trace_dag.assets.partitions import add_partitions
 from trace_dag.assets.run_requests import batch_config, range_tags
 from trace_dag.cohorts.new_cases import register_new_cases
-from trace_dag.flow.selection import Selection, not_released, plan
+from trace_dag.errors import UserError
+from trace_dag.flow.selection import Selection, not_released, plan, select_stale
 from trace_dag.flow.workspace import Workspace
+from trace_dag.settings import AutomationSettings, Schedule
 from trace_dag.stage import Stage
 
+_Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | SkipReason]
+_JOB = next(job for job in STAGE_JOBS if job.name == ALL_STAGES)
 
-@schedule(
-    job=next(job for job in STAGE_JOBS if job.name == ALL_STAGES),
-    cron_schedule="0 6 * * 1",
-    execution_timezone="UTC",
-    default_status=DefaultScheduleStatus.STOPPED,
-    description="Every Monday: asks the CrashAPI again for the cases of the cohorts that follow it (trace-dag ingest "
-    "--crashapi --watch), registers those listed for the first time, and runs them and those not released before.",
-)
-def newly_released_cases(
-    context: ScheduleEvaluationContext, workspace: ResourceParam[Workspace]
-) -> Sequence[RunRequest] | SkipReason:
-    """Register what was released since, and request runs for it."""
-    cases = register_new_cases(workspace.storage, workspace.settings.services, partial(not_released, workspace.storage))
-    if not cases.followers:
-        return SkipReason("No cohort follows the CrashAPI; trace-dag ingest --crashapi --watch makes one.")
-    if not cases.keys:
-        return SkipReason(f"Nothing new for {cases.followers} cohorts.")
-    add_partitions(context.instance, cases.keys)
-    # Exact, so that the report is asked for again although nothing else has changed.
-    selection = Selection(cases.keys, dict.fromkeys(cases.keys, Stage.RAW_REPORT), exact=True)
+
+def schedules(settings: AutomationSettings) -> list[ScheduleDefinition]:
+    """All schedules. Raises :class:`UserError` for hours that cron does not know and names that are given twice."""
+    names = [each.name for each in settings.schedules]
+    for name in names:
+        if names.count(name) > 1 or name == "newly_released_cases":
+            raise UserError(f"setting automation.schedules: the name {name} is taken; each schedule has its own")
+    return [_new_cases(settings), *(_cohort(each) for each in settings.schedules)]
+
+
+def _cohort(asked: Schedule) -> ScheduleDefinition:
+    whose = f"cohort {asked.cohort}" if asked.cohort else "all cohorts"
+
+    def look(
+        context: ScheduleEvaluationContext, workspace: ResourceParam[Workspace]
+    ) -> Sequence[RunRequest] | SkipReason:
+        try:
+            selection = select_stale(workspace, asked.cohort)
+        except UserError as error:
+            return SkipReason(str(error))
+        if not selection.start:
+            return SkipReason(f"Everything of {whose} is up to date.")
+        add_partitions(context.instance, workspace.registry.keys())
+        return _requests(context, workspace, selection)
+
+    return _defined(
+        asked.name,
+        asked.cron,
+        asked.timezone,
+        DefaultScheduleStatus.RUNNING,
+        f"Runs what of {whose} is not up to date.",
+        look,
+    )
+
+
+def _new_cases(settings: AutomationSettings) -> ScheduleDefinition:
+    def look(
+        context: ScheduleEvaluationContext, workspace: ResourceParam[Workspace]
+    ) -> Sequence[RunRequest] | SkipReason:
+        awaited = partial(not_released, workspace.storage)
+        cases = register_new_cases(workspace.storage, workspace.settings.services, awaited)
+        if not cases.followers:
+            return SkipReason("No cohort follows the CrashAPI; trace-dag ingest --crashapi --watch makes one.")
+        if not cases.keys:
+            return SkipReason(f"Nothing new for {cases.followers} cohorts.")
+        add_partitions(context.instance, cases.keys)
+        # Exact, so that the report is asked for again although nothing else has changed.
+        selection = Selection(cases.keys, dict.fromkeys(cases.keys, Stage.RAW_REPORT), exact=True)
+        return _requests(context, workspace, selection)
+
+    return _defined(
+        "newly_released_cases",
+        settings.new_cases_cron,
+        settings.new_cases_timezone,
+        DefaultScheduleStatus.STOPPED,
+        "Asks the CrashAPI again for the cases of the cohorts that follow it (trace-dag ingest --crashapi --watch), "
+        "registers those listed for the first time, and runs them and those not released before.",
+        look,
+    )
+
+
+def _defined(
+    name: str, cron: str, timezone: str, status: DefaultScheduleStatus, description: str, look: _Look
+) -> ScheduleDefinition:
+    try:
+        return schedule(
+            name=name,
+            job=_JOB,
+            cron_schedule=cron,
+            execution_timezone=timezone,
+            default_status=status,
+            description=description,
+        )(look)
+    except DagsterInvalidDefinitionError as error:
+        raise UserError(
+            f"setting automation: schedule {name}: {cron!r} is nothing that cron knows; 0 2 * * * is every night at two"
+        ) from error
+
+
+def _requests(context: ScheduleEvaluationContext, workspace: Workspace, selection: Selection) -> list[RunRequest]:
+    """Runs for a selection, each asked for once per hour of the schedule."""
     partitions = context.instance.get_dynamic_partitions("crashes")
     batches = plan(partitions, selection, size=workspace.settings.execution.batch_size)
     tick = context.scheduled_execution_time.isoformat()
@@ -41,6 +115,3 @@ def newly_released_cases(
         RunRequest(run_key=f"{tick}-{number}", tags=range_tags(batch), run_config=batch_config(batch))
         for number, batch in enumerate(batches)
     ]
-
-
-SCHEDULES = (newly_released_cases,)

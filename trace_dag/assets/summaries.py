@@ -5,11 +5,13 @@ from typing import Any
 from dagster import AssetExecutionContext, Failure, MaterializeResult, MetadataValue, TableColumn, TableSchema, asset
 
 from trace_dag import markdown
+from trace_dag.alerts import alerts_go_out, send
 from trace_dag.assets.specs import OWNERS, as_markdown
 from trace_dag.benchmark.build import INDEX, build_benchmark
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse, table_documentation
+from trace_dag.warehouse.changes import alerts_since, standings_in
 from trace_dag.warehouse.query import open_warehouse, query
 
 _SHOWN = ("funnel", "failure_reasons", "coverage")
@@ -29,7 +31,11 @@ DAMAGED = "damaged"  # metadata of a warehouse that lacks what is damaged: a sen
 def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     """Build the warehouse beside the old one and put it in its place."""
     workspace: Workspace = context.resources.workspace
+    alert = alerts_go_out(workspace.settings.automation)
+    before = standings_in(workspace.warehouse) if alert else {}
     report = build_warehouse(workspace.storage, workspace.local_folder)
+    for each in alerts_since(before, workspace.storage, workspace.warehouse) if alert else ():
+        send(each, workspace.settings.automation)
     metadata: dict[str, Any] = {
         "file": MetadataValue.path(str(workspace.warehouse)),
         "size_bytes": report.size,

@@ -4,19 +4,28 @@ Belongs here: putting assets, checks, jobs, sensors and resources together (this
 (:mod:`trace_dag.definitions.launch`). Does not belong here: the assets themselves (:mod:`trace_dag.assets`).
 """
 
-from typing import Any
+from datetime import timedelta
 
-from dagster import ConfigurableResource, Definitions, InitResourceContext, in_process_executor
+from dagster import (
+    AssetsDefinition,
+    ConfigurableResource,
+    Definitions,
+    FreshnessPolicy,
+    InitResourceContext,
+    definitions,
+    in_process_executor,
+)
 
 from trace_dag.assets.after_runs import AFTER_RUNS
 from trace_dag.assets.batch import crashes
 from trace_dag.assets.checks import CHECKS
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
-from trace_dag.assets.schedules import SCHEDULES
+from trace_dag.assets.schedules import schedules
 from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
-from trace_dag.flow.workspace import Workspace, storage_root
+from trace_dag.flow.workspace import Workspace, automation_of, storage_root
+from trace_dag.settings import AutomationSettings
 
 
 class WorkspaceResource(ConfigurableResource[Workspace]):
@@ -30,18 +39,34 @@ class WorkspaceResource(ConfigurableResource[Workspace]):
         return Workspace.open(storage_root())
 
 
-def build_definitions(workspace: Any = None) -> Definitions:
-    """The definitions, on a workspace, or by default on the one the environment names."""
+def build_definitions(workspace: Workspace | None = None) -> Definitions:
+    """The definitions, on a workspace, or by default on the one the environment names.
+
+    Raises :class:`trace_dag.errors.UserError` for settings that do not hold.
+    """
+    automation = workspace.settings.automation if workspace is not None else automation_of(storage_root())
     return Definitions(
-        assets=[crashes, warehouse, benchmark, *STUDIES.values()],
+        assets=[crashes, _fresh(warehouse, automation), benchmark, *STUDIES.values()],
         asset_checks=CHECKS,
         jobs=[*STAGE_JOBS, SUMMARY_JOB],
         sensors=[*SENSORS, *AFTER_RUNS],
-        schedules=SCHEDULES,
+        schedules=schedules(automation),
         resources={"workspace": workspace if workspace is not None else WorkspaceResource()},
         # The step is parallel within; a process per step would only add to it.
         executor=in_process_executor,
     )
 
 
-defs = build_definitions()
+def _fresh(asset: AssetsDefinition, automation: AutomationSettings) -> AssetsDefinition:
+    """The asset with the age at which it counts as overdue, if the settings name one."""
+    if automation.fresh_within_h is None:
+        return asset
+    overdue = timedelta(hours=automation.fresh_within_h)
+    policy = FreshnessPolicy.time_window(fail_window=overdue, warn_window=overdue * 0.75)
+    return asset.map_asset_specs(lambda spec: spec.replace_attributes(freshness_policy=policy))
+
+
+@definitions
+def defs() -> Definitions:
+    """What Dagster loads; only then the root that the environment names is looked at, for its settings."""
+    return build_definitions()

@@ -18,7 +18,7 @@ from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
 from trace_dag.progress import Progress, silent
-from trace_dag.settings import DescribedSetting, Settings, described_settings, load_settings
+from trace_dag.settings import AutomationSettings, DescribedSetting, Settings, described_settings, load_settings
 from trace_dag.storage import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"
@@ -110,6 +110,11 @@ def settings_of(root: str) -> list[DescribedSetting]:
     """Every setting of a root as it stands, with where its value comes from."""
     storage = Storage.open(root)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
+
+
+def automation_of(root: str) -> AutomationSettings:
+    """What the settings of a root say of what runs by itself; the root is only read."""
+    return _settings(Storage(root), None).automation
 
 
 def _settings_file(storage: Storage) -> bytes:

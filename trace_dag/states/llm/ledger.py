@@ -20,7 +20,7 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from trace_dag.errors import DamagedFile, Failure, TransientFailure
+from trace_dag.errors import BudgetSpent, DamagedFile, TransientFailure
 from trace_dag.sealing import sealed, unsealed
 
 FOLDER = "llm_ledgers"
@@ -82,7 +82,7 @@ class SpendingLedger:
         """Wait for this request's turn.
 
         Raises:
-            Failure: the budget is spent.
+            BudgetSpent: the budget is spent.
             TransientFailure: the provider has left several questions in a row unanswered; after a pause one may ask.
         """
         with self._lock:
@@ -127,7 +127,7 @@ class SpendingLedger:
 
     def _look_at_budget(self, spent_usd: float) -> None:
         if self.budget_usd is not None and spent_usd >= self.budget_usd:
-            raise Failure(
+            raise BudgetSpent(
                 f"the budget of {self.budget_usd:g} USD for language models is spent ({spent_usd:.4f} USD); "
                 "raise states.llm_budget_usd and run the failed crashes again"
             )
