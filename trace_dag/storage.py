@@ -28,6 +28,8 @@ from trace_dag.processes import abandoned, temporary_prefix
 
 T = TypeVar("T")
 
+LOCAL_FOLDER_VARIABLE = "TRACE_DAG_LOCAL_FOLDER"
+"""Names the folder that holds, for each root on an object store, what must be local."""
 _SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
 _TEMPORARY = ".writing-"
 _REMOTE_ATTEMPTS = 4
@@ -92,12 +94,15 @@ class Storage:
 
     @property
     def local_folder(self) -> Path:
-        """Where what belongs to this root and must be local can lie: the root itself if it is local; else a folder of
-        the user's own for this root."""
+        """Where what belongs to this root and must be local can lie: the root itself if it is local; else a folder for
+        this root below ``TRACE_DAG_LOCAL_FOLDER``, or below the user's own folder for data."""
         if self.local_root is not None:
             return self.local_root
-        base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
-        return base / "trace-dag" / hashlib.sha256(self.root.encode()).hexdigest()[:16]
+        if chosen := os.environ.get(LOCAL_FOLDER_VARIABLE):
+            base = Path(chosen).expanduser()
+        else:
+            base = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "trace-dag"
+        return base / hashlib.sha256(self.root.encode()).hexdigest()[:16]
 
     @classmethod
     def open(cls, root: str | os.PathLike[str]) -> Storage:

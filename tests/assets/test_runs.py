@@ -77,8 +77,9 @@ def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_comman
     root = made.workspace.storage.root
     shown = dict(materializations(made, Stage.VERDICT))
     assert {key: metadata["page"] for key, metadata in shown.items()} == {
-        key: f"{root}/benchmark/crashes/{key}.html" for key in KEYS[:2]
+        key: f"/site/crashes/{key}.html" for key in KEYS[:2]
     }
+    assert shown[KEYS[0]]["page file"] == f"{root}/benchmark/crashes/{KEYS[0]}.html"
     assert shown[KEYS[0]]["replay"] == f"trace-dag --root {root} replay {KEYS[0]}"
     assert "replay" not in shown[KEYS[1]]
 

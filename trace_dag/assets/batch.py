@@ -82,7 +82,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             if event.failed:
                 failed.setdefault(event.key, event)
             else:
-                context.log_event(materialization(event, workspace.storage))
+                context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
                 checks.note(event)
             summary.note(event)
             if workspace.listener is not None:

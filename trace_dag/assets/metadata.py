@@ -18,6 +18,7 @@ from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 DATA_VERSION = "dagster/data_version"
+_SITE = "/site"  # where trace-dag ui serves it: a browser completes the link with the server's own name
 
 
 def data_version(record: OutcomeRecord) -> str:
@@ -25,20 +26,23 @@ def data_version(record: OutcomeRecord) -> str:
     return record.fingerprint[:16]
 
 
-def materialization(event: StageEvent, storage: Storage) -> AssetMaterialization:
+def materialization(event: StageEvent, storage: Storage, site_url: str | None = None) -> AssetMaterialization:
     """What Dagster is told of a stage and crash."""
     if event.record is None:
         raise ValueError(f"{event.key} {event.stage}: nothing to tell of a stage that did not run")
     return AssetMaterialization(
         event.stage.value,
         partition=event.key,
-        metadata=event_metadata(event, storage),
+        metadata=event_metadata(event, storage, site_url),
         tags={DATA_VERSION: data_version(event.record)},
     )
 
 
-def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
-    """Metadata of a materialization. ``outcome``, ``reason`` and ``stage_reached`` are always there."""
+def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = None) -> Mapping[str, Any]:
+    """Metadata of a materialization. ``outcome``, ``reason`` and ``stage_reached`` are always there.
+
+    ``site_url``: where the benchmark page is served, if not by the server that shows this.
+    """
     record = event.record
     if record is None:
         raise ValueError(f"{event.key} {event.stage}: nothing to show of a stage that did not run")
@@ -59,8 +63,8 @@ def event_metadata(event: StageEvent, storage: Storage) -> Mapping[str, Any]:
     if event.stage is Stage.VERDICT:
         metadata.update(picture_metadata(record, storage))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
-        # A path, with the UI's button to copy it: browsers open no file: link from a page served over http.
-        metadata["page"] = MetadataValue.path(storage.path(page_name(event.key)))
+        metadata["page"] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key).partition('/')[2]}")
+        metadata["page file"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
     metadata.update({name: value for name, value in record.figures.items() if value is not None})

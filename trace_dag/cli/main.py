@@ -74,6 +74,7 @@ def main() -> None:
     """Entry point of the command."""
     try:
         configure_logging()
+        _refuse_windows()
         sys.exit(cli.main(standalone_mode=False))
     except click.ClickException as error:
         if writes_json():
@@ -95,6 +96,15 @@ def main() -> None:
         # The reader (head, less) has had enough.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
+
+
+def _refuse_windows() -> None:
+    """Locks between runs, time limits of stages and limits of memory are those of POSIX."""
+    if sys.platform == "win32":
+        raise UserError(
+            "this program runs on Linux and macOS; on Windows it runs in WSL 2 (wsl --install, then install it there). "
+            "Packages, pages and exported scenarios open on Windows as they are"
+        )
 
 
 def _one_line(text: str) -> str:

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import http.client
 import importlib
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -23,10 +23,9 @@ from urllib.parse import urlsplit
 
 import click
 
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Message, Receive, Send], Awaitable[None]]
+from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
+from trace_dag.definitions.site import PREFIX, Site
+from trace_dag.storage import Storage
 
 _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
 _WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
@@ -50,9 +49,7 @@ class Guard:
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": refused})
         else:
-            text = [(b"content-type", b"text/plain; charset=utf-8")]
-            await send({"type": "http.response.start", "status": 403, "headers": text})
-            await send({"type": "http.response.body", "body": f"trace-dag ui: {refused}\n".encode()})
+            await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
 
     def _refused(self, scope: Message) -> str:
         """Why a request is not let through; nothing if it is."""
@@ -66,6 +63,8 @@ class Guard:
             return "pages of other origins may not ask this server"
         if scope["type"] == "websocket":
             return ""
+        if scope["path"].startswith(f"{PREFIX}/") and scope["method"] in _WITHOUT_EFFECT:
+            return ""  # its pages have an origin of their own, and what they show changes nothing
         navigates = headers.get(b"sec-fetch-mode") == ["navigate"] and scope["method"] in _WITHOUT_EFFECT
         if not navigates and headers.get(b"sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
             return "pages of other origins may not ask this server"
@@ -101,7 +100,7 @@ def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), rea
     unguarded = cli.create_app_from_workspace_process_context
 
     def guarded(*arguments: Any, **options: Any) -> Guard:
-        return Guard(unguarded(*arguments, **options), hosts)
+        return Guard(Site(unguarded(*arguments, **options), Storage(root)), hosts)
 
     cli.create_app_from_workspace_process_context = guarded
     daemon = None if read_only else _start_daemon()
@@ -109,7 +108,10 @@ def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), rea
     signal.signal(signal.SIGINT, _end)  # also where a script has started this in the background
     signal.signal(signal.SIGTERM, _end)
     only = ", read-only" if read_only else ""
-    greeting = f"Dagster UI on http://{host}:{port} for {root}{only} (Ctrl-C ends it)"
+    greeting = (
+        f"Dagster UI on http://{host}:{port} for {root}{only}, the site on http://{host}:{port}{PREFIX}/; Dagster's "
+        f"history is in {os.environ['DAGSTER_HOME']} (Ctrl-C ends it)"
+    )
     threading.Thread(target=_print_once_it_answers, args=(host, port, greeting), daemon=True).start()
     try:
         cli.cli(["--read-only", *words] if read_only else words, standalone_mode=False)

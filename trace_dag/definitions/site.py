@@ -1,0 +1,47 @@
+"""The benchmark page over http, beside the Dagster UI: ``/site`` of the server that ``trace-dag ui`` starts.
+
+Browsers open no file from a page that a server has sent, so the links in the UI lead here. Pages are made of reports
+and maps, which are not trusted: they are sent with a sandbox that gives them an origin of their own, so that nothing in
+them can act for whoever has the UI open.
+"""
+
+from __future__ import annotations
+
+import mimetypes
+from typing import Final
+
+from trace_dag.benchmark.build import FOLDER
+from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
+from trace_dag.errors import Failure, UserError
+from trace_dag.storage import Storage, check_name
+
+PREFIX: Final = "/site"
+_SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sandbox allow-downloads"
+
+
+class Site:
+    """An ASGI application in front of another: it answers what is below ``/site``, from the files of a root."""
+
+    def __init__(self, app: App, storage: Storage) -> None:
+        self._app = app
+        self._storage = storage
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Send a file of the site; pass on what is asked elsewhere."""
+        path = str(scope.get("path", ""))
+        if scope["type"] != "http" or not (path == PREFIX or path.startswith(f"{PREFIX}/")):
+            await self._app(scope, receive, send)
+            return
+        if path == PREFIX:
+            await send_bytes(send, 307, b"", [(b"location", f"{PREFIX}/".encode())])
+            return
+        name = path.removeprefix(f"{PREFIX}/") or "index.html"
+        try:
+            check_name(f"{FOLDER}/{name}")
+            data = self._storage.read(f"{FOLDER}/{name}")
+        except (FileNotFoundError, IsADirectoryError, ValueError, UserError, Failure):
+            await send_bytes(send, 404, f"There is no {name} in the site; trace-dag run makes it.\n".encode())
+            return
+        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+        headers = [(b"content-security-policy", _SANDBOX), (b"x-content-type-options", b"nosniff")]
+        await send_bytes(send, 200, b"" if scope["method"] == "HEAD" else data, headers, kind)
