@@ -17,9 +17,9 @@ import numpy as np
 from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told
 from trace_dag.crash.record import CrashRecord
 from trace_dag.settings import VerdictSettings
-from trace_dag.verdict.contacts import observe_contacts
+from trace_dag.verdict.contacts import contact_criteria, observe_contacts
 from trace_dag.verdict.controls import ControlRow, JudgedCrash, Shift, row_of
-from trace_dag.verdict.judge import judge_contacts
+from trace_dag.verdict.judge import ObservedCrash, judge_observed
 from trace_dag.verdict.metrics import clock_error_h
 
 Contacts = tuple[VehicleContact, ...]
@@ -34,7 +34,8 @@ def contact_controls(
     observed = observe_contacts(crash.network, crash.hypothesis, crash.log)
 
     def row(kind: str, report: CrashRecord, contacts: Contacts) -> ControlRow:
-        return row_of(kind, crash.record.key, judge_contacts(report, observed, crash.log, settings, contacts=contacts))
+        held_to = ObservedCrash(lambda told: contact_criteria(observed, told, crash.log, settings, contacts))
+        return row_of(kind, crash.record.key, judge_observed(report, held_to, settings))
 
     ours = contacts_of(crash.record)
     for other in others:

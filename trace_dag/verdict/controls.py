@@ -27,8 +27,8 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate, Trajectory
 from trace_dag.verdict.directions import reported_relations_deg, reported_turns_deg
-from trace_dag.verdict.judge import judge_hypothesis, judge_observation
-from trace_dag.verdict.metrics import clock_error_h, observe
+from trace_dag.verdict.judge import judge_hypothesis, judge_observed, observe_crash
+from trace_dag.verdict.metrics import clock_error_h
 from trace_dag.verdict.types import Verdict
 
 STANDING_MPS = 1.0
@@ -83,14 +83,14 @@ def against_other_reports(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
     """One simulation against every other crash's report, vehicles matched in the order of their numbers."""
-    observation = observe(crash.network, crash.hypothesis, crash.log)
+    observed = observe_crash(crash.record, crash.network, crash.hypothesis, crash.log, settings)
     for other in others:
         if other.record.key == crash.record.key:
             continue
         foreign = renumbered(other.record, crash.record)
         if foreign is None:
             continue
-        verdict = judge_observation(foreign, observation, crash.log, settings)
+        verdict = judge_observed(foreign, observed, settings)
         row = row_of("other_report", crash.record.key, verdict, other_key=other.record.key)
         yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
 

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.crash.contacts import VehicleContact, contacts_of
+from trace_dag.crash.contacts import contacts_of
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
-from trace_dag.verdict.contacts import ObservedContacts, contact_criteria, observe_contacts
-from trace_dag.verdict.departures import ObservedDeparture, departure_criteria, observe_departure
-from trace_dag.verdict.metrics import FirstContact, compare, observe
-from trace_dag.verdict.overturns import ObservedOverturn, observe_overturn, overturn_criteria
+from trace_dag.verdict.contacts import contact_criteria, observe_contacts
+from trace_dag.verdict.departures import departure_criteria, observe_departure
+from trace_dag.verdict.metrics import compare, observe
+from trace_dag.verdict.overturns import observe_overturn, overturn_criteria
 from trace_dag.verdict.rules import (
     REQUIRED,
     REQUIRED_OF_DEPARTURES,
@@ -28,7 +28,7 @@ from trace_dag.verdict.rules import (
     criteria,
     judgement,
 )
-from trace_dag.verdict.strikes import ObservedStrikes, observe_strikes, strike_criteria
+from trace_dag.verdict.strikes import observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, facts_of_strikes, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
 
@@ -88,122 +88,78 @@ def judge_hypothesis(
     of: int = 1,
 ) -> Verdict:
     """Judge one simulated hypothesis against a record."""
-    reconstruction = reconstruction_of(record)
-    if reconstruction is Reconstruction.STRIKES:
-        strikes = observe_strikes(network, hypothesis, log)
-        return judge_strikes(record, strikes, log, settings, report=report, index=index, of=of)
-    if reconstruction is Reconstruction.CONTACTS:
-        contacts = observe_contacts(network, hypothesis, log)
-        return judge_contacts(record, contacts, log, settings, report=report, index=index, of=of)
-    if reconstruction is Reconstruction.OVERTURN:
-        over = observe_overturn(network, log)
-        return judge_overturn(record, over, log, settings, report=report, index=index, of=of)
-    if reconstruction is Reconstruction.DEPARTURE:
-        left = observe_departure(network, hypothesis, log)
-        return judge_departure(record, left, log, settings, report=report, index=index, of=of)
-    return judge_observation(
-        record, observe(network, hypothesis, log), log, settings, report=report, index=index, of=of
-    )
+    observed = observe_crash(record, network, hypothesis, log, settings)
+    return judge_observed(record, observed, settings, report=report, index=index, of=of)
 
 
-def judge_observation(
-    record: CrashRecord,
-    observation: FirstContact | None,
-    log: SimulationLog,
-    settings: VerdictSettings,
-    *,
-    report: MapReport | None = None,
-    index: int = 0,
-    of: int = 1,
-) -> Verdict:
-    """Judge a contact that was observed already, as when one simulation is set beside many reports."""
-    measures = compare(observation, record) if observation else None
-    found = criteria(measures, log, settings)
-    at = (measures.contact_x_m, measures.contact_y_m) if measures is not None else None
-    return _verdict(record, found, at, settings, report, index, of)
+@dataclass(frozen=True)
+class ObservedCrash:
+    """What happened in one simulation, measured once, to be compared with any number of reports.
 
-
-def judge_strikes(
-    record: CrashRecord,
-    observed: ObservedStrikes,
-    log: SimulationLog,
-    settings: VerdictSettings,
-    *,
-    report: MapReport | None = None,
-    index: int = 0,
-    of: int = 1,
-) -> Verdict:
-    """Judge the strikes of a simulation, as :func:`judge_observation` a contact of two vehicles."""
-    found = strike_criteria(observed, record, log, settings)
-    at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
-    return _verdict(record, found, at, settings, report, index, of)
-
-
-def judge_contacts(
-    record: CrashRecord,
-    observed: ObservedContacts,
-    log: SimulationLog,
-    settings: VerdictSettings,
-    *,
-    report: MapReport | None = None,
-    index: int = 0,
-    of: int = 1,
-    contacts: tuple[VehicleContact, ...] | None = None,
-) -> Verdict:
-    """Judge the contacts of a simulation of several vehicles, as :func:`judge_observation` that of two.
-
-    ``contacts``: those to hold it to, if not those of the record.
+    ``criteria`` gives the criteria for a report; ``contact_xy_m`` is where the first contact was, in metres in the
+    local frame.
     """
-    held_to = contacts_of(record) if contacts is None else contacts
-    found = contact_criteria(observed, record, log, settings, held_to)
-    at = (observed.contacts[0].x_m, observed.contacts[0].y_m) if observed.contacts else None
-    return _verdict(record, found, at, settings, report, index, of)
+
+    criteria: Callable[[CrashRecord], tuple[Criterion, ...]]
+    contact_xy_m: tuple[float, float] | None = None
 
 
-def judge_departure(
+def observe_crash(
+    record: CrashRecord, network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog, settings: VerdictSettings
+) -> ObservedCrash:
+    """Measure a simulation in the way in which this crash is reconstructed; reports compared with it are of that kind.
+
+    Only the kind of crash is taken from the record.
+    """
+    match reconstruction_of(record):
+        case Reconstruction.STRIKES:
+            strikes = observe_strikes(network, hypothesis, log)
+            return ObservedCrash(
+                lambda told: strike_criteria(strikes, told, log, settings), _first_place(strikes.contacts)
+            )
+        case Reconstruction.CONTACTS:
+            contacts = observe_contacts(network, hypothesis, log)
+            return ObservedCrash(
+                lambda told: contact_criteria(contacts, told, log, settings, contacts_of(told)),
+                _first_place(contacts.contacts),
+            )
+        case Reconstruction.OVERTURN:
+            over = observe_overturn(network, log)
+            return ObservedCrash(
+                lambda told: overturn_criteria(over, told, log, settings), over.xy_m if over is not None else None
+            )
+        case Reconstruction.DEPARTURE:
+            left = observe_departure(network, hypothesis, log)
+            return ObservedCrash(
+                lambda told: departure_criteria(left, told, log, settings),
+                _first_place([left.first.contact] if left is not None else []),
+            )
+        case Reconstruction.COLLISION:
+            first = observe(network, hypothesis, log)
+            return ObservedCrash(
+                lambda told: criteria(compare(first, told) if first is not None else None, log, settings),
+                _first_place([first.contact] if first is not None else []),
+            )
+
+
+def judge_observed(
     record: CrashRecord,
-    observed: ObservedDeparture | None,
-    log: SimulationLog,
+    observed: ObservedCrash,
     settings: VerdictSettings,
     *,
     report: MapReport | None = None,
     index: int = 0,
     of: int = 1,
 ) -> Verdict:
-    """Judge a departure from the road, as :func:`judge_observation` a contact of two vehicles."""
-    found = departure_criteria(observed, record, log, settings)
-    at = (observed.first.contact.x_m, observed.first.contact.y_m) if observed is not None else None
-    return _verdict(record, found, at, settings, report, index, of)
+    """Judge what happened in a simulation against a record.
 
-
-def judge_overturn(
-    record: CrashRecord,
-    observed: ObservedOverturn | None,
-    log: SimulationLog,
-    settings: VerdictSettings,
-    *,
-    report: MapReport | None = None,
-    index: int = 0,
-    of: int = 1,
-) -> Verdict:
-    """Judge an overturn, as :func:`judge_observation` a contact of two vehicles."""
-    found = overturn_criteria(observed, record, log, settings)
-    return _verdict(record, found, observed.xy_m if observed is not None else None, settings, report, index, of)
-
-
-def _verdict(
-    record: CrashRecord,
-    found: tuple[Criterion, ...],
-    contact_xy_m: tuple[float, float] | None,
-    settings: VerdictSettings,
-    report: MapReport | None,
-    index: int,
-    of: int,
-) -> Verdict:
+    With the ``report`` of the map, the distance of the contact from where the crash was placed is stated too.
+    """
+    found = observed.criteria(record)
     result = judgement(found, _REQUIRED[reconstruction_of(record)])
-    if contact_xy_m is not None and report is not None:
-        placed = report.placement
-        distance_m = math.hypot(contact_xy_m[0] - placed.x_m, contact_xy_m[1] - placed.y_m)
+    if observed.contact_xy_m is not None and report is not None:
+        placed, (x_m, y_m) = report.placement, observed.contact_xy_m
+        distance_m = math.hypot(x_m - placed.x_m, y_m - placed.y_m)
         found += (Criterion("placed_distance", distance_m, None, "m", None),)
     return Verdict(
         key=record.key,
@@ -216,3 +172,7 @@ def _verdict(
         detail=result.detail,
         grade=Grade.CONSISTENT if result.accepted else Grade.REJECTED,
     )
+
+
+def _first_place(contacts: Sequence[Contact]) -> tuple[float, float] | None:
+    return (contacts[0].x_m, contacts[0].y_m) if contacts else None
