@@ -25,11 +25,10 @@ from trace_dag.crash.departures import (
     Departure,
     DepartureManner,
     DepartureSide,
-    ObjectStruck,
     departure_of,
     untold_departure,
 )
-from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleClass
+from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.geometry import Pose, body_bearing_rad
 from trace_dag.roads.map.network import RoadNetwork
@@ -39,10 +38,10 @@ from trace_dag.settings import StateSettings
 from trace_dag.states import evidence
 from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
+from trace_dag.states.departing import Course, courses_of
 from trace_dag.states.encounters import Party, party
 from trace_dag.states.leaving import (
     FLATTEST,
-    GOES_ON_M,
     SIGN,
     edge_near,
     end_of_road_m,
@@ -55,11 +54,11 @@ from trace_dag.states.leaving import (
 )
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.object_extent import clear_of_roadways
-from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
+from trace_dag.states.objects import KINDS, FixedObject
 from trace_dag.states.paths import Path
+from trace_dag.states.placing import objects_along, touching
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed
-from trace_dag.states.spots import Spot, spots_of
 from trace_dag.states.striking import ways_of
 from trace_dag.states.types import (
     EstimatorRun,
@@ -68,35 +67,12 @@ from trace_dag.states.types import (
     PlannedEvent,
     StateEstimate,
 )
-from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
+from trace_dag.units import bearing_to_clock_h
 
 _LEAST_OFF_M: Final = 0.2
-_NEXT_M: Final = 1.5  # the next object stands at least so much farther out
-_BREAKS_J: Final = 30e3  # an object that takes no more is left behind
-_STRAY_RAD: Final = math.radians(20)  # out of control, struck at the front all the same
-_UNKNOWN_RAD: Final = math.radians(35)  # out of control, area not known
-_AREA_REACHED_RAD: Final = math.radians(75)  # an area so far round is met by who skids only
-_CORNER_RAD: Final = math.radians(50)  # areas so near to a corner are struck with it
-_MEETS: Final = 0.1  # a face that goes that little ahead meets nothing
-_CROSSES: Final = 0.5  # sine of the angle from which on something lies across the course
-_FARTHER_ON: Final = 0.2  # of its length, the middle of what runs along the road lies beyond where it is struck
-_ARROW_M: Final = 0.25  # a straight object lies so far off a curved road's edge at its ends
 _LANE_CROSSED: Final = -0.4  # log-likelihood of each lane between the vehicle's and the side it left to
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
-_CURVE_RAD: Final = math.radians(6)
 _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
-_CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
-
-
-@dataclass(frozen=True)
-class _Course:
-    """One way of leaving: lateral acceleration (m/s2), how far the body is turned from its course at the impact (rad,
-    counter-clockwise), and its log-likelihood."""
-
-    name: str
-    lateral_mps2: float
-    slip_rad: float
-    log_prior: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +82,7 @@ class DeparturePlan:
 
     departure: Departure
     option: Option
-    course: _Course
+    course: Course
     path: Path
     station_m: float
     speed: TravelSpeed
@@ -162,71 +138,12 @@ def _best_of_ways(plans: Sequence[DeparturePlan]) -> list[DeparturePlan]:
 def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:
     who = party(scene.record, departure.vehicle)
     for option, speed, terms in ways_of(scene, who):
-        for course in _courses(departure, option, speed.speed_mps):
+        for course in courses_of(departure, option, speed.speed_mps):
             plan = _plan(scene, departure, who, option, speed, terms, course)
             if plan is not None:
                 yield plan
 
 
-# --- how it leaves -----------------------------------------------------------------------------------------------
-def _courses(departure: Departure, option: Option, speed_mps: float) -> list[_Course]:
-    """The ways of leaving that the manner, the curve and the area of impact allow."""
-    manner, side = departure.manner, departure.side
-    slip = _slip(departure)
-    if side is DepartureSide.AHEAD:
-        return [_Course("straight on" if not slip else "skidding", 0.0, slip, 0.0)]
-    if slip:
-        return [_Course(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
-    found = [_Course(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
-    sign = SIGN[side] if side is not None else 0.0
-    if option.stream.curve_rad * sign < -abs(_CURVE_RAD) and departure.vehicle.movement is _CURVE:
-        here = np.abs(option.stream.path.s_m - option.station_m) < 20.0
-        sharpest = float(np.abs(option.stream.path.curvature_1pm[here]).max(initial=0.0))
-        lateral = min(sharpest * speed_mps**2, 0.5 * GRAVITY_MPS2)
-        if lateral > 0.05 * GRAVITY_MPS2:
-            found.insert(0, _Course("straight on in the curve", lateral, 0.0, 0.3))
-    return found
-
-
-_CURVE: Final = PreCrashMovement.NEGOTIATING_CURVE
-_LOST: Final = (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3))
-_OF_MANNER: Final = {
-    DepartureManner.DRIFT: (("drifting", 0.08, 0.0), ("at 0.2 g", 0.2, -0.3)),
-    DepartureManner.CONTROL_LOST: (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3)),
-    DepartureManner.AVOIDANCE: (("swerving", 0.4, 0.0), ("at 0.2 g", 0.2, -0.3)),
-    DepartureManner.END_OF_ROAD: (("drifting", 0.08, 0.0),),
-}
-
-
-def _slip(departure: Departure) -> float:
-    """How far the body is turned from its course at the impact: so that the area of impact faces what is ahead, where
-    the report says that it skidded sideways or the area is one that a vehicle going ahead is not struck at."""
-    first, vehicle = departure.objects[0], departure.vehicle
-    sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
-    if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
-        return 0.0  # one that skids sideways falls
-    turn = -1.0 if vehicle.stability_code == _CLOCKWISE else 1.0
-    if first.area is None:
-        return turn * _UNKNOWN_RAD if sideways else 0.0
-    facing = _facing(departure, first, first.area)
-    if facing is None:
-        return turn * _STRAY_RAD if sideways else 0.0
-    return math.remainder(facing, math.tau) or turn * _STRAY_RAD
-
-
-def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> float | None:
-    """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
-    the road; None if the area is one that is struck without turning."""
-    sign = SIGN[departure.side or DepartureSide.AHEAD]
-    if KINDS[first.code].form is ObjectForm.LINE and sign:
-        # Going off at a small angle, the front corner on that side is struck first.
-        apart = abs(math.remainder(area.centre_rad - sign * math.pi / 4, math.tau))
-        return None if apart <= _CORNER_RAD else sign * math.pi / 2 - area.centre_rad
-    at_near_corner = abs(area.centre_rad) <= math.pi / 2 + math.radians(5) and area.centre_rad * sign > 0
-    return None if abs(area.centre_rad) < _AREA_REACHED_RAD or at_near_corner else -area.centre_rad
-
-
-# --- one plan ------------------------------------------------------------------------------------------------------
 def _plan(
     scene: Scene,
     departure: Departure,
@@ -234,7 +151,7 @@ def _plan(
     option: Option,
     speed: TravelSpeed,
     terms: dict[str, float],
-    course: _Course,
+    course: Course,
 ) -> DeparturePlan | None:
     profile = skid_profile(who, speed.speed_mps, course.slip_rad)
     if profile.impact_mps < 1.0 or not departure.objects:
@@ -247,7 +164,7 @@ def _plan(
     if led is None:
         return None
     path, station_m, along_rad, ended = led
-    objects, planned = _objects(departure, path, station_m, along_rad, course, profile.impact_mps)
+    objects, planned = objects_along(departure, path, station_m, along_rad, course, profile.impact_mps)
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
     pose = turned_by(path.pose(station_m), course.slip_rad)
@@ -271,7 +188,7 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
 
 
 def _aside(
-    scene: Scene, departure: Departure, base: Path, place_m: float, course: _Course, impact_mps: float
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
 ) -> tuple[Path, float, float, bool] | None:
     """The path off the road to the left or right, the vehicle's station on it at the first object, the road's direction
     there."""
@@ -283,7 +200,7 @@ def _aside(
     slope = FLATTEST
     for _ in range(3):  # where the spot is depends on the slope, and the slope on how far it is
         turn_rad = sign * math.atan(slope) + course.slip_rad
-        spot = _touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
+        spot = touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
         off_m = edge + beyond_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
         off_m = max(off_m, _LEAST_OFF_M)
         slope = slope_of(off_m, course.lateral_mps2, impact_mps)
@@ -293,7 +210,7 @@ def _aside(
 
 
 def _straight_on(
-    scene: Scene, departure: Departure, base: Path, place_m: float, course: _Course, impact_mps: float
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
 ) -> tuple[Path, float, float, bool] | None:
     """The path straight on: to the end of the road, if it ends there, else to an object in the way."""
     first = departure.objects[0]
@@ -302,7 +219,7 @@ def _straight_on(
     end_m = None if None in ends else max(each for each in ends if each is not None)
     reach_m = place_m if end_m is None else end_m + KINDS[first.code].beyond_edge_m
     slip = course.slip_rad
-    spot = _touching(departure, first, slip, -slip)
+    spot = touching(departure, first, slip, -slip)
     spot_m = spot.ahead_m * math.cos(slip) - spot.left_m * math.sin(slip)
     here = base.pose(reach_m)
     across_rad = here.heading_rad + math.pi / 2
@@ -331,109 +248,6 @@ def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int
     return min(usual, 0.1)
 
 
-# --- objects -------------------------------------------------------------------------------------------------------
-def _touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
-    """Where on the vehicle it meets an object: the spot of the area of impact for what is compact, the foremost corner
-    towards ``outward_rad`` (in the vehicle's axes) for what runs along the edge."""
-    vehicle = departure.vehicle
-    half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
-    if KINDS[struck.code].form is ObjectForm.LINE:
-        outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])
-        corners = [(a * half_length, b * half_width) for a in (1, -1) for b in (1, -1)]
-        ahead, left = max(corners, key=lambda corner: (round(float(np.array(corner) @ outward), 6), corner[0]))
-        return Spot(ahead, left, (float(outward[0]), float(outward[1])))
-    goes = np.array([math.cos(slip_rad), -math.sin(slip_rad)])
-    spots = spots_of(struck.area, half_length, half_width)
-    return next((spot for spot in spots if float(goes @ np.array(spot.normal)) > _MEETS), spots[-1])
-
-
-def _objects(
-    departure: Departure, path: Path, station_m: float, along_rad: float, course: _Course, impact_mps: float
-) -> tuple[tuple[FixedObject, ...], tuple[tuple[float, tuple[float, float]], ...]]:
-    """The objects along the course, as far as the vehicle comes: each where its area of impact is when the vehicle is
-    there; and when and where each is struck."""
-    objects: list[FixedObject] = []
-    planned: list[tuple[float, tuple[float, float]]] = []
-    first = path.pose(station_m)
-    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how fast it gets farther from the edge, per metre
-    beyond_m = KINDS[departure.objects[0].code].beyond_edge_m
-    on_m = 0.0
-    for struck in departure.objects:
-        kind = KINDS[struck.code]
-        if objects:
-            farther_m = max(kind.beyond_edge_m, beyond_m + _NEXT_M) - beyond_m
-            on_m += farther_m / max(out_rad, 0.02)
-            beyond_m += farther_m
-        if on_m > GOES_ON_M:
-            break
-        pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
-        item, contact = _placed(departure, struck, path, pose, along_rad, course)
-        objects.append(item)
-        planned.append((on_m / impact_mps, contact))
-        if not _passes(departure, item):
-            break
-    return tuple(objects), tuple(planned)
-
-
-def _passes(departure: Departure, item: FixedObject) -> bool:
-    """Whether the vehicle goes on along its course past an object."""
-    if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
-        return False
-    return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
-
-
-def _placed(
-    departure: Departure, struck: ObjectStruck, path: Path, pose: Pose, along_rad: float, course: _Course
-) -> tuple[FixedObject, tuple[float, float]]:
-    """An object that the vehicle touches in a pose, and where: what is compact lies outside the spot that it is struck
-    at, what runs along the edge with its near face through the vehicle's foremost corner."""
-    kind = KINDS[struck.code]
-    course_rad = pose.heading_rad - course.slip_rad
-    if kind.form is ObjectForm.LINE:
-        heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
-        length_m = min(kind.length_m, _straight_m(path, pose))
-        outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
-        spot = _touching(departure, struck, course.slip_rad, outward - pose.heading_rad)
-        depth_m = kind.width_m / 2
-        on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
-    else:
-        heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
-        spot = _touching(departure, struck, course.slip_rad, 0.0)
-        depth_m = (kind.length_m if abs(spot.normal[0]) > abs(spot.normal[1]) else kind.width_m) / 2
-    contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
-    normal = pose.to_world(np.array(spot.normal)) - pose.xy_m
-    centre = contact + depth_m * normal + on_m * np.array([math.cos(heading), math.sin(heading)])
-    placed = Pose(
-        round(float(centre[0]), 6),
-        round(float(centre[1]), 6),
-        round(math.remainder(heading, math.tau), 6),
-        round(pose.z_m, 6),
-    )
-    item = FixedObject(
-        number=struck.party,
-        event_number=struck.event_number,
-        code=struck.code,
-        name=kind.name,
-        pose=placed,
-        length_m=round(length_m, 6),
-        width_m=kind.width_m,
-        height_m=kind.height_m,
-        resistance=kind.resistance,
-        force_n=kind.force_n,
-        energy_j=kind.energy_j,
-    )
-    return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
-
-
-def _straight_m(path: Path, pose: Pose) -> float:
-    """How long a straight object may be to lie along a road that curves as the path does."""
-    at, _ = path.project(pose.x_m, pose.y_m)
-    near = np.abs(path.s_m - at) < 15.0
-    curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0
-    return max(2 * math.sqrt(2 * _ARROW_M / curvature), 4.0) if curvature > 1e-5 else math.inf
-
-
-# --- hypotheses ----------------------------------------------------------------------------------------------------
 def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     vehicle = plan.departure.vehicle
     after_s = max(plan.planned[-1][0] + 1.0, AFTER_IMPACT_M / max(plan.profile.impact_mps, 2.5))

@@ -1,0 +1,95 @@
+"""The ways of leaving the road that a report allows: how sharply, and how far the body is turned from its course.
+
+A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
+the object.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.departures import Departure, DepartureManner, DepartureSide, ObjectStruck
+from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
+from trace_dag.states.leaving import SIGN
+from trace_dag.states.manoeuvres import Option
+from trace_dag.states.objects import KINDS, ObjectForm
+from trace_dag.units import GRAVITY_MPS2
+
+_STRAY_RAD: Final = math.radians(20)  # out of control, struck at the front all the same
+_UNKNOWN_RAD: Final = math.radians(35)  # out of control, area not known
+_AREA_REACHED_RAD: Final = math.radians(75)  # an area so far round is met by who skids only
+_CORNER_RAD: Final = math.radians(50)  # areas so near to a corner are struck with it
+_CURVE_RAD: Final = math.radians(6)
+_CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
+
+
+@dataclass(frozen=True)
+class Course:
+    """One way of leaving: lateral acceleration (m/s2), how far the body is turned from its course at the impact (rad,
+    counter-clockwise), and its log-likelihood."""
+
+    name: str
+    lateral_mps2: float
+    slip_rad: float
+    log_prior: float
+
+
+def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[Course]:
+    """The ways of leaving that the manner, the curve and the area of impact allow."""
+    manner, side = departure.manner, departure.side
+    slip = _slip(departure)
+    if side is DepartureSide.AHEAD:
+        return [Course("straight on" if not slip else "skidding", 0.0, slip, 0.0)]
+    if slip:
+        return [Course(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
+    found = [Course(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
+    sign = SIGN[side] if side is not None else 0.0
+    if option.stream.curve_rad * sign < -abs(_CURVE_RAD) and departure.vehicle.movement is _CURVE:
+        here = np.abs(option.stream.path.s_m - option.station_m) < 20.0
+        sharpest = float(np.abs(option.stream.path.curvature_1pm[here]).max(initial=0.0))
+        lateral = min(sharpest * speed_mps**2, 0.5 * GRAVITY_MPS2)
+        if lateral > 0.05 * GRAVITY_MPS2:
+            found.insert(0, Course("straight on in the curve", lateral, 0.0, 0.3))
+    return found
+
+
+_CURVE: Final = PreCrashMovement.NEGOTIATING_CURVE
+_LOST: Final = (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3))
+_OF_MANNER: Final = {
+    DepartureManner.DRIFT: (("drifting", 0.08, 0.0), ("at 0.2 g", 0.2, -0.3)),
+    DepartureManner.CONTROL_LOST: (("at 0.35 g", 0.35, 0.0), ("at 0.15 g", 0.15, -0.3)),
+    DepartureManner.AVOIDANCE: (("swerving", 0.4, 0.0), ("at 0.2 g", 0.2, -0.3)),
+    DepartureManner.END_OF_ROAD: (("drifting", 0.08, 0.0),),
+}
+
+
+def _slip(departure: Departure) -> float:
+    """How far the body is turned from its course at the impact: so that the area of impact faces what is ahead, where
+    the report says that it skidded sideways or the area is one that a vehicle going ahead is not struck at."""
+    first, vehicle = departure.objects[0], departure.vehicle
+    sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
+    if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        return 0.0  # one that skids sideways falls
+    turn = -1.0 if vehicle.stability_code == _CLOCKWISE else 1.0
+    if first.area is None:
+        return turn * _UNKNOWN_RAD if sideways else 0.0
+    facing = _facing(departure, first, first.area)
+    if facing is None:
+        return turn * _STRAY_RAD if sideways else 0.0
+    return math.remainder(facing, math.tau) or turn * _STRAY_RAD
+
+
+def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> float | None:
+    """How far the body has to be turned for an area to face the object: ahead if it is compact, beside if it runs along
+    the road; None if the area is one that is struck without turning."""
+    sign = SIGN[departure.side or DepartureSide.AHEAD]
+    if KINDS[first.code].form is ObjectForm.LINE and sign:
+        # Going off at a small angle, the front corner on that side is struck first.
+        apart = abs(math.remainder(area.centre_rad - sign * math.pi / 4, math.tau))
+        return None if apart <= _CORNER_RAD else sign * math.pi / 2 - area.centre_rad
+    at_near_corner = abs(area.centre_rad) <= math.pi / 2 + math.radians(5) and area.centre_rad * sign > 0
+    return None if abs(area.centre_rad) < _AREA_REACHED_RAD or at_near_corner else -area.centre_rad

@@ -1,0 +1,125 @@
+"""Where the objects of a departure stand: along the course, so that each is struck with its reported area of impact."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.departures import Departure, ObjectStruck
+from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import Pose
+from trace_dag.states.departing import Course
+from trace_dag.states.leaving import GOES_ON_M, turned_by
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
+from trace_dag.states.paths import Path
+from trace_dag.states.spots import Spot, spots_of
+
+_NEXT_M: Final = 1.5  # the next object stands at least so much farther out
+_BREAKS_J: Final = 30e3  # an object that takes no more is left behind
+_MEETS: Final = 0.1  # a face that goes that little ahead meets nothing
+_CROSSES: Final = 0.5  # sine of the angle from which on something lies across the course
+_FARTHER_ON: Final = 0.2  # of its length, the middle of what runs along the road lies beyond where it is struck
+_ARROW_M: Final = 0.25  # a straight object lies so far off a curved road's edge at its ends
+
+
+def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
+    """Where on the vehicle it meets an object: the spot of the area of impact for what is compact, the foremost corner
+    towards ``outward_rad`` (in the vehicle's axes) for what runs along the edge."""
+    vehicle = departure.vehicle
+    half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
+    if KINDS[struck.code].form is ObjectForm.LINE:
+        outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])
+        corners = [(a * half_length, b * half_width) for a in (1, -1) for b in (1, -1)]
+        ahead, left = max(corners, key=lambda corner: (round(float(np.array(corner) @ outward), 6), corner[0]))
+        return Spot(ahead, left, (float(outward[0]), float(outward[1])))
+    goes = np.array([math.cos(slip_rad), -math.sin(slip_rad)])
+    spots = spots_of(struck.area, half_length, half_width)
+    return next((spot for spot in spots if float(goes @ np.array(spot.normal)) > _MEETS), spots[-1])
+
+
+def objects_along(
+    departure: Departure, path: Path, station_m: float, along_rad: float, course: Course, impact_mps: float
+) -> tuple[tuple[FixedObject, ...], tuple[tuple[float, tuple[float, float]], ...]]:
+    """The objects along the course, as far as the vehicle comes: each where its area of impact is when the vehicle is
+    there; and when and where each is struck."""
+    objects: list[FixedObject] = []
+    planned: list[tuple[float, tuple[float, float]]] = []
+    first = path.pose(station_m)
+    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how fast it gets farther from the edge, per metre
+    beyond_m = KINDS[departure.objects[0].code].beyond_edge_m
+    on_m = 0.0
+    for struck in departure.objects:
+        kind = KINDS[struck.code]
+        if objects:
+            farther_m = max(kind.beyond_edge_m, beyond_m + _NEXT_M) - beyond_m
+            on_m += farther_m / max(out_rad, 0.02)
+            beyond_m += farther_m
+        if on_m > GOES_ON_M:
+            break
+        pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
+        item, contact = _placed(departure, struck, path, pose, along_rad, course)
+        objects.append(item)
+        planned.append((on_m / impact_mps, contact))
+        if not _passes(departure, item):
+            break
+    return tuple(objects), tuple(planned)
+
+
+def _passes(departure: Departure, item: FixedObject) -> bool:
+    """Whether the vehicle goes on along its course past an object."""
+    if departure.vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
+        return False
+    return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
+
+
+def _placed(
+    departure: Departure, struck: ObjectStruck, path: Path, pose: Pose, along_rad: float, course: Course
+) -> tuple[FixedObject, tuple[float, float]]:
+    """An object that the vehicle touches in a pose, and where: what is compact lies outside the spot that it is struck
+    at, what runs along the edge with its near face through the vehicle's foremost corner."""
+    kind = KINDS[struck.code]
+    course_rad = pose.heading_rad - course.slip_rad
+    if kind.form is ObjectForm.LINE:
+        heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
+        length_m = min(kind.length_m, _straight_m(path, pose))
+        outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
+        spot = touching(departure, struck, course.slip_rad, outward - pose.heading_rad)
+        depth_m = kind.width_m / 2
+        on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
+    else:
+        heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
+        spot = touching(departure, struck, course.slip_rad, 0.0)
+        depth_m = (kind.length_m if abs(spot.normal[0]) > abs(spot.normal[1]) else kind.width_m) / 2
+    contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
+    normal = pose.to_world(np.array(spot.normal)) - pose.xy_m
+    centre = contact + depth_m * normal + on_m * np.array([math.cos(heading), math.sin(heading)])
+    placed = Pose(
+        round(float(centre[0]), 6),
+        round(float(centre[1]), 6),
+        round(math.remainder(heading, math.tau), 6),
+        round(pose.z_m, 6),
+    )
+    item = FixedObject(
+        number=struck.party,
+        event_number=struck.event_number,
+        code=struck.code,
+        name=kind.name,
+        pose=placed,
+        length_m=round(length_m, 6),
+        width_m=kind.width_m,
+        height_m=kind.height_m,
+        resistance=kind.resistance,
+        force_n=kind.force_n,
+        energy_j=kind.energy_j,
+    )
+    return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
+
+
+def _straight_m(path: Path, pose: Pose) -> float:
+    """How long a straight object may be to lie along a road that curves as the path does."""
+    at, _ = path.project(pose.x_m, pose.y_m)
+    near = np.abs(path.s_m - at) < 15.0
+    curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0
+    return max(2 * math.sqrt(2 * _ARROW_M / curvature), 4.0) if curvature > 1e-5 else math.inf
