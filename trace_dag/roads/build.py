@@ -12,6 +12,7 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract
 from trace_dag.plugins import PluginKind, load
 from trace_dag.roads.crash_site.agreement import NOT_COMPARABLE, compare
+from trace_dag.roads.crash_site.beside_road import things_near
 from trace_dag.roads.crash_site.crossings import with_kinds
 from trace_dag.roads.crash_site.gap_filling import fill_gaps
 from trace_dag.roads.crash_site.near_streets import near_streets
@@ -94,6 +95,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         inferred_roads=tuple(
             InferredRoad(road.id, road.inferred) for road in network.roads if road.inferred and road.junction_id is None
         ),
+        things=things_near(extract.surroundings, frame, placement),
     )
     return RoadMap(network, stored, report)
 

@@ -76,6 +76,18 @@ class InferredRoad:
 
 
 @dataclass(frozen=True)
+class MappedThing:
+    """What OpenStreetMap has beside the road that a vehicle can strike.
+
+    ``tag`` says what it is ("natural=tree"); ``xy_m`` where, in the local frame: a point or the corners of a line.
+    """
+
+    osm_id: str
+    tag: str
+    xy_m: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
 class MapReport:
     """Everything recorded beside a road map."""
 
@@ -88,6 +100,7 @@ class MapReport:
     junctions: int = 0
     attribution: str = ""
     inferred_roads: tuple[InferredRoad, ...] = ()
+    things: tuple[MappedThing, ...] = ()  # within 40 m, nearest first
 
 
 @dataclass(frozen=True)

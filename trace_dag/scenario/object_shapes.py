@@ -12,7 +12,7 @@ from trace_dag.states.objects import FixedObject, PlacedBy
 
 _LEAST_M: Final = 0.5  # nothing thinner is drawn
 _ROUND_M: Final = 1.0  # what is compact and smaller than this is drawn round
-OBJECT_NOTE: Final = "placed by the program: no map has it"
+OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
 def outline(item: FixedObject) -> FloatArray:
@@ -30,8 +30,8 @@ def is_ours(item: FixedObject) -> bool:
 
 
 def in_words(item: FixedObject) -> str:
-    """What it is, and that it was placed by the program where it was."""
-    return f"{item.name} ({OBJECT_NOTE})" if is_ours(item) else item.name
+    """What it is, and who says that it stands there."""
+    return f"{item.name} ({OBJECT_NOTE if is_ours(item) else 'OpenStreetMap ' + item.osm_id})"
 
 
 def names(items: Iterable[FixedObject]) -> str:

@@ -65,8 +65,11 @@ def _object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) -> etr
         length=_number(item.length_m),
         width=_number(item.width_m),
     )
-    for code, value in (("placedBy", str(item.placed_by)), ("event", str(item.event_number)), ("soe", str(item.code))):
-        etree.SubElement(made, "userData", code=code, value=value)
+    said = {"placedBy": str(item.placed_by), "osmId": item.osm_id, "event": item.event_number, "soe": item.code}
+    for code, value in said.items():
+        if value == "":
+            continue
+        etree.SubElement(made, "userData", code=code, value=str(value))
     return made
 
 

@@ -35,6 +35,8 @@ def misc_object(item: FixedObject) -> xosc.MiscObject:
     made.add_property("fars_event_number", str(item.event_number))
     made.add_property("fars_soe", str(item.code))
     made.add_property("placed_by", str(item.placed_by))
+    if item.osm_id:
+        made.add_property("osm_id", item.osm_id)
     return made
 
 

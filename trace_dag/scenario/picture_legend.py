@@ -175,8 +175,10 @@ def sign_entries(
     if log:
         signs.append(({"color": _PATH_COLOUR, "lw": 1.6}, "driven path, pale body at rest"))
     if hypothesis and hypothesis.objects:
-        ours = any(is_ours(item) for item in hypothesis.objects)
-        label = f"{names(hypothesis.objects)}{': placed by us' if ours else ''}"
+        ours = [item for item in hypothesis.objects if is_ours(item)]
+        mapped = [item for item in hypothesis.objects if not is_ours(item)]
+        said = [f"{names(mapped)}: OpenStreetMap's"] if mapped else []
+        label = "; ".join([*said, *([f"{names(ours)}: placed by us"] if ours else [])])
         signs.append(({"color": OBJECT_COLOUR, "lw": 4}, label))
     if log and log.first_contact:
         several = hypothesis is not None and len(hypothesis.planned) > 1

@@ -37,7 +37,7 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
     finder = StreamFinder(network, placement.x_m, placement.y_m, placement.z_m, back_m=reach, ahead_m=_MARGIN_M * 2)
-    return Scene(record, network, placement, finder, finder.streams(placement.junction_id))
+    return Scene(record, network, placement, finder, finder.streams(placement.junction_id), report.things)
 
 
 def parties(record: CrashRecord) -> tuple[Party, Party]:

@@ -1,10 +1,11 @@
 """The analytic estimator of crashes in which one vehicle leaves the road and strikes fixed objects.
 
-No map has the objects, and the reported point lies on the road: what is known is the station along the road, the side,
-the kind of object and where on the vehicle it was struck. So the vehicle is led off its lane at that station to that
-side, in the manner the report gives, and the object is put where the vehicle's area of impact comes to be, as far
-beyond the edge as such objects usually stand. What stands behind something that is driven over, or breaks, follows
-along the same course. Every object placed so says that it was placed by the program.
+Maps seldom have the objects, and the reported point lies on the road: what is known is the station along the road, the
+side, the kind of object and where on the vehicle it was struck. So the vehicle is led off its lane there to that side,
+in the manner the report gives, and the object is put where the vehicle's area of impact comes to be, as far beyond the
+edge as such objects usually stand. What stands behind something that is driven over, or breaks, follows along the same
+course. Every object placed so says that it was placed by the program. Where OpenStreetMap has one of the kind
+(:mod:`trace_dag.states.mapped_objects`), the vehicle is led to that instead.
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
 the object. Angles of departure follow from the lateral acceleration, which gives 5 to 20 degrees at usual speeds (mean
@@ -53,10 +54,11 @@ from trace_dag.states.leaving import (
     turned_by,
 )
 from trace_dag.states.manoeuvres import Option
+from trace_dag.states.mapped_objects import mapped_object
 from trace_dag.states.object_extent import clear_of_roadways
-from trace_dag.states.objects import KINDS, FixedObject
+from trace_dag.states.objects import KINDS, FixedObject, PlacedBy
 from trace_dag.states.paths import Path
-from trace_dag.states.placing import objects_along, touching
+from trace_dag.states.placing import Led, PlannedContacts, as_mapped, objects_along, touching
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.striking import ways_of
@@ -70,7 +72,10 @@ from trace_dag.states.types import (
 from trace_dag.units import bearing_to_clock_h
 
 _LEAST_OFF_M: Final = 0.2
+_CORRECTIONS: Final = 6
+_SAME_PLACE_M: Final = 0.02
 _LANE_CROSSED: Final = -0.4  # log-likelihood of each lane between the vehicle's and the side it left to
+_ON_MAP: Final = 1.0  # of a way past an object of the reported kind on the reported side
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
@@ -159,12 +164,12 @@ def _plan(
     base = lane_path(scene, option)
     place_m, _ = base.project(*scene.place_xy_m)
     ahead = departure.side is DepartureSide.AHEAD
-    found = _straight_on if ahead else _aside
-    led = found(scene, departure, base, place_m, course, profile.impact_mps)
-    if led is None:
-        return None
-    path, station_m, along_rad, ended = led
-    objects, planned = objects_along(departure, path, station_m, along_rad, course, profile.impact_mps)
+    if ahead:
+        led = _straight_on(scene, departure, base, place_m, course)
+        objects, planned = objects_along(departure, led, course, profile.impact_mps)
+    else:
+        led, objects, planned = _aside_to_object(scene, departure, base, place_m, course, profile.impact_mps)
+    path, station_m, ended = led.path, led.station_m, led.ended
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
     pose = turned_by(path.pose(station_m), course.slip_rad)
@@ -175,6 +180,8 @@ def _plan(
         terms[f"impact area (vehicle {own.number})"] = float(area[0])
     if ahead and not ended and departure.manner is DepartureManner.END_OF_ROAD:
         terms["a road that goes on"] = _NO_END
+    if objects[0].placed_by is PlacedBy.OPENSTREETMAP:
+        terms["object on the map"] = _ON_MAP
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
     return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)
@@ -187,32 +194,60 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
     return stream.lanes_along - 1 - stream.lane_from_left if side is DepartureSide.RIGHT else 0
 
 
-def _aside(
+def _aside_to_object(
     scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
-) -> tuple[Path, float, float, bool] | None:
-    """The path off the road to the left or right, the vehicle's station on it at the first object, the road's direction
-    there."""
+) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
+    """The way off the road to the left or right, and the objects along it: the first is that of the map, if it has one
+    of the kind where the vehicle left the road."""
     sign = SIGN[departure.side or DepartureSide.RIGHT]
     place_m, edge = edge_near(scene, base, place_m, sign)
+    code = departure.objects[0].code
+    if mapped := mapped_object(scene, base, code, sign):
+        station_m, off_m = mapped.station_m, mapped.off_m - KINDS[code].width_m / 2
+        for _ in range(_CORRECTIONS):
+            led = _aside(departure, base, station_m, off_m, course, impact_mps, mapped.along_rad)
+            objects, planned = objects_along(departure, led, course, impact_mps)
+            here = base.pose(station_m)
+            error = np.array(mapped.xy_m) - objects[0].pose.xy_m
+            along, left = here.to_world(np.eye(2)) - here.xy_m
+            if mapped.along_rad is None:
+                station_m += float(error @ along)
+            missed_m = float(error @ left) if mapped.along_rad is not None else float(np.linalg.norm(error))
+            if abs(missed_m) < _SAME_PLACE_M:
+                return led, (as_mapped(objects[0], mapped), *objects[1:]), planned
+            off_m += sign * float(error @ left)
+    beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code)
+    led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
+    return led, *objects_along(departure, led, course, impact_mps)
+
+
+def _aside(
+    departure: Departure,
+    base: Path,
+    place_m: float,
+    face_m: float,
+    course: Course,
+    impact_mps: float,
+    along_rad: float | None,
+) -> Led:
+    """The way off the road to an object whose near face is ``face_m`` to the side of a station of ``base``."""
+    sign = SIGN[departure.side or DepartureSide.RIGHT]
     here = base.pose(place_m)
     first = departure.objects[0]
-    beyond_m = _beyond_edge_m(scene, here, sign, edge, first.code)
     slope = FLATTEST
     for _ in range(3):  # where the spot is depends on the slope, and the slope on how far it is
         turn_rad = sign * math.atan(slope) + course.slip_rad
         spot = touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
-        off_m = edge + beyond_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
+        off_m = face_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
         off_m = max(off_m, _LEAST_OFF_M)
         slope = slope_of(off_m, course.lateral_mps2, impact_mps)
     anchor_m = place_m - (spot.ahead_m * math.cos(turn_rad) - spot.left_m * math.sin(turn_rad))
     path, station_m = path_aside(base, anchor_m, sign * off_m, slope, course.lateral_mps2, impact_mps)
-    return path, station_m, here.heading_rad, False
+    return Led(path, station_m, here.heading_rad if along_rad is None else along_rad, ended=False)
 
 
-def _straight_on(
-    scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
-) -> tuple[Path, float, float, bool] | None:
-    """The path straight on: to the end of the road, if it ends there, else to an object in the way."""
+def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: Course) -> Led:
+    """The way straight on: to the end of the road, if it ends there, else to an object in the way."""
     first = departure.objects[0]
     half_width_m = departure.vehicle.width_m / 2
     ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
@@ -227,7 +262,7 @@ def _straight_on(
         edge = roadside_at(scene.network, here.x_m, here.y_m, z_m=scene.placement.z_m)
         if edge is not None and abs(math.sin(edge.along_rad - here.heading_rad)) > 0.5:
             across_rad = edge.along_rad
-    return base, reach_m - spot_m, across_rad, end_m is not None
+    return Led(base, reach_m - spot_m, across_rad, ended=end_m is not None)
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int) -> float:

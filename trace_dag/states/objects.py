@@ -43,7 +43,7 @@ class ObjectForm(StrEnum):
 class PlacedBy(StrEnum):
     """Who says where an object is."""
 
-    PROGRAM = "program"  # placed so that the report's area of impact fits: no map has it
+    PROGRAM = "program"  # placed so that the report's area of impact fits: the map has none there
     OPENSTREETMAP = "openstreetmap"
 
 
@@ -67,7 +67,8 @@ class ObjectKind:
 class FixedObject:
     """An object of a hypothesis: the party's number, the pose of its middle, and what it is.
 
-    The heading is along its length. ``code`` is the ``SOE`` that names it, ``placed_by`` says how its place is known.
+    The heading is along its length. ``code`` is the ``SOE`` that names it, ``placed_by`` says how its place is known,
+    ``osm_id`` which of OpenStreetMap's it is ("node/12").
     ``force_n`` is the most it bears, None of rigid ones; ``energy_j`` what it takes to get past it, None if nothing
     does.
     """
@@ -84,6 +85,7 @@ class FixedObject:
     force_n: float | None = None
     energy_j: float | None = None
     placed_by: PlacedBy = PlacedBy.PROGRAM
+    osm_id: str = ""
 
 
 _POST, _LINE = ObjectForm.POST, ObjectForm.LINE

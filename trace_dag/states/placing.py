@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,8 @@ from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
 from trace_dag.states.departing import Course
 from trace_dag.states.leaving import GOES_ON_M, turned_by
-from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
+from trace_dag.states.mapped_objects import MappedObject
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
 from trace_dag.states.paths import Path
 from trace_dag.states.spots import Spot, spots_of
 
@@ -22,6 +24,29 @@ _MEETS: Final = 0.1  # a face that goes that little ahead meets nothing
 _CROSSES: Final = 0.5  # sine of the angle from which on something lies across the course
 _FARTHER_ON: Final = 0.2  # of its length, the middle of what runs along the road lies beyond where it is struck
 _ARROW_M: Final = 0.25  # a straight object lies so far off a curved road's edge at its ends
+
+
+PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
+"""Seconds after the first impact and place, for each object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """A way off the road: the path, the vehicle's station on it at the first object, the direction of what runs along
+    the road there (rad); whether the road ends."""
+
+    path: Path
+    station_m: float
+    along_rad: float
+    ended: bool
+
+
+def as_mapped(item: FixedObject, mapped: MappedObject) -> FixedObject:
+    """An object that was placed where the map has it, said to be the map's."""
+    pose = item.pose
+    if mapped.along_rad is None:
+        pose = replace(pose, x_m=mapped.xy_m[0], y_m=mapped.xy_m[1])
+    return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=mapped.thing.osm_id)
 
 
 def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
@@ -40,10 +65,11 @@ def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outwar
 
 
 def objects_along(
-    departure: Departure, path: Path, station_m: float, along_rad: float, course: Course, impact_mps: float
-) -> tuple[tuple[FixedObject, ...], tuple[tuple[float, tuple[float, float]], ...]]:
+    departure: Departure, led: Led, course: Course, impact_mps: float
+) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
     """The objects along the course, as far as the vehicle comes: each where its area of impact is when the vehicle is
     there; and when and where each is struck."""
+    path, station_m, along_rad = led.path, led.station_m, led.along_rad
     objects: list[FixedObject] = []
     planned: list[tuple[float, tuple[float, float]]] = []
     first = path.pose(station_m)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.roads.report import CrashPlacement
+from trace_dag.roads.report import CrashPlacement, MappedThing
 from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.streams import Stream
 
@@ -29,6 +29,7 @@ class Scene:
     placement: CrashPlacement
     finder: StreamFinder
     streams: tuple[Stream, ...]
+    things: tuple[MappedThing, ...] = ()
 
     @property
     def place_xy_m(self) -> tuple[float, float]:

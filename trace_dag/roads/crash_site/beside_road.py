@@ -1,0 +1,57 @@
+"""What OpenStreetMap has beside the road at the crash: the trees, poles, barriers and buildings a vehicle can strike.
+
+Only what a report can name as a fixed object; what lies behind it (water, woods, parking) is for pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+import shapely
+
+from trace_dag.geometry import LocalFrame
+from trace_dag.osm.types import OsmFeature
+from trace_dag.roads.report import CrashPlacement, MappedThing
+
+_REACH_M: Final = 40.0  # a vehicle leaves the road within the clear zone of its place
+_KEYS: Final = ("barrier", "natural", "power", "highway", "man_made", "emergency", "amenity", "waterway", "building")
+_ANY_VALUE: Final = ("traffic_sign", "bridge:support", "building")
+_BACKGROUND: Final = frozenset(
+    {"grassland", "scrub", "water", "wetland", "wood", "river", "riverbank", "parking", "bridge"}
+)
+
+
+def things_near(
+    features: Iterable[OsmFeature], frame: LocalFrame, placement: CrashPlacement
+) -> tuple[MappedThing, ...]:
+    """What stands within 40 m of the crash, nearest first, in the local frame."""
+    place = shapely.Point(placement.x_m, placement.y_m)
+    found: list[tuple[float, MappedThing]] = []
+    for each in features:
+        tag = _tag(each)
+        if tag is None:
+            continue
+        for part in shapely.get_parts(each.geometry):
+            outline = part.exterior if part.geom_type == "Polygon" else part
+            longitude_deg, latitude_deg = np.array(outline.coords).T
+            xy_m = frame.to_local(latitude_deg, longitude_deg)
+            shape = shapely.Point(xy_m[0]) if len(xy_m) == 1 else shapely.LineString(xy_m)
+            distance_m = float(shape.distance(place))
+            if distance_m <= _REACH_M:
+                corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in xy_m)
+                found.append((distance_m, MappedThing(each.id, tag, corners)))
+    found.sort(key=lambda pair: (pair[0], pair[1].osm_id))
+    return tuple(thing for _, thing in found)
+
+
+def _tag(feature: OsmFeature) -> str | None:
+    """The tag that says what it is, "natural=tree"; of keys with any value, the key alone."""
+    for key in _ANY_VALUE:
+        if key in feature.tags:
+            return key
+    return next(
+        (f"{key}={feature.tags[key]}" for key in _KEYS if key in feature.tags and feature.tags[key] not in _BACKGROUND),
+        None,
+    )

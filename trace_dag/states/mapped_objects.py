@@ -1,0 +1,114 @@
+"""Fixed objects that OpenStreetMap has: the one of the reported kind that stands where the vehicle left the road.
+
+Used in place of one that the program would put there, as the map knows better than a rule where a tree stands. It has
+to stand within the distance along the road that a verdict allows, on the reported side, beyond the edge and in the
+reported zone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import shapely
+
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.report import MappedThing
+from trace_dag.settings import VerdictSettings
+from trace_dag.states.leaving import edge_beside_m
+from trace_dag.states.objects import KINDS, ObjectForm
+from trace_dag.states.paths import Path
+from trace_dag.states.scene import Scene
+
+_KINDS_OF: Final[Mapping[str, tuple[int, ...]]] = {
+    "natural=tree": (42,),
+    "natural=shrub": (41,),
+    "natural=rock": (17,),
+    "natural=stone": (17,),
+    "power=pole": (30, 31),
+    "power=tower": (30, 31),
+    "power=portal": (30, 31),
+    "power=catenary_mast": (30, 31),
+    "man_made=utility_pole": (30, 31),
+    "man_made=mast": (30, 31),
+    "man_made=flagpole": (31,),
+    "man_made=embankment": (35,),
+    "highway=street_lamp": (30, 31),
+    "traffic_sign": (59,),
+    "bridge:support": (21, 50),
+    "emergency=fire_hydrant": (40,),
+    "amenity=letter_box": (53,),
+    "barrier=bollard": (31,),
+    "barrier=block": (17,),
+    "barrier=guard_rail": (24, 26),
+    "barrier=jersey_barrier": (25, 26),
+    "barrier=cable_barrier": (57,),
+    "barrier=wall": (39,),
+    "barrier=city_wall": (39,),
+    "barrier=retaining_wall": (39,),
+    "barrier=fence": (38,),
+    "barrier=wire_fence": (38,),
+    "barrier=kerb": (33,),
+    "barrier=hedge": (41,),
+    "waterway=ditch": (34,),
+    "waterway=drain": (34,),
+}
+"""OpenStreetMap's tags, and the ``SOE`` that names such a thing."""
+
+_ALONG_M: Final = VerdictSettings().max_contact_distance_m
+_OFF_M: Final = 15.0  # beyond the edge: the trafficway of a freeway ends there
+_OF_SHOULDER_M: Final = 3.6
+_RUNS_ALONG_RAD: Final = math.radians(35)  # a line that turns farther from the road lies across the course
+_ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
+
+
+@dataclass(frozen=True)
+class MappedObject:
+    """A thing of the map beside a path: the path's station there, how far to its outer side it stands (m), where, and
+    the direction of what runs along."""
+
+    thing: MappedThing
+    station_m: float
+    off_m: float
+    xy_m: tuple[float, float]
+    along_rad: float | None
+
+
+def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> MappedObject | None:
+    """The nearest thing of a kind that stands where a vehicle on ``base`` can have left the road; None if none does.
+
+    ``side_sign`` is 1 to the left of the path and -1 to the right.
+    """
+    if scene.record.road_relation_code in _ON_ROADWAY or not side_sign:
+        return None
+    farthest_m = _OF_SHOULDER_M if scene.record.road_relation_code == _ON_SHOULDER else _OFF_M
+    place_m, _ = base.project(*scene.place_xy_m)
+    runs = KINDS[code].form is ObjectForm.LINE
+    found = []
+    for thing in scene.things:
+        if code not in _KINDS_OF.get(thing.tag, ()) or runs != (len(thing.xy_m) > 1):
+            continue
+        xy_m, along_rad = _nearest(thing, base.pose(place_m).xy_m) if runs else (thing.xy_m[0], None)
+        station_m, left_m = base.project(*xy_m)
+        beyond_m = side_sign * left_m - edge_beside_m(scene, base.pose(station_m), side_sign)
+        apart_m = abs(station_m - place_m)
+        if apart_m > _ALONG_M or not 0.0 < beyond_m <= farthest_m:
+            continue
+        if along_rad is not None and abs(math.sin(along_rad - base.pose(station_m).heading_rad)) > math.sin(
+            _RUNS_ALONG_RAD
+        ):
+            continue
+        found.append(
+            (round(apart_m, 3), thing.osm_id, MappedObject(thing, station_m, side_sign * left_m, xy_m, along_rad))
+        )
+    return min(found, key=lambda each: each[:2])[2] if found else None
+
+
+def _nearest(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float]:
+    """The point of a line nearest to another, and the line's direction there."""
+    line = shapely.LineString(thing.xy_m)
+    at = line.project(shapely.Point(to_xy_m))
+    here, ahead, behind = line.interpolate(at), line.interpolate(at + 0.5), line.interpolate(max(at - 0.5, 0.0))
+    return (here.x, here.y), math.atan2(ahead.y - behind.y, ahead.x - behind.x)
