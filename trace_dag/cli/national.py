@@ -1,0 +1,63 @@
+"""How much of a country's crashes can be reconstructed: ``national``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.printing import print_table, write_json
+
+
+@click.command(
+    epilog=examples(
+        "trace-dag national FARS2015-accident.zip",
+    )
+)
+@click.argument("tables", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Every kind, as JSON.")
+@click.pass_obj
+def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
+    """Estimate the share of a country's fatal crashes that can be reconstructed.
+
+    TABLES are FARS's accident tables of whole years (CSV, or ZIP archives of it). The kinds of crash are counted there,
+    and each is taken to come through as the crashes of that kind that are stored. Crashes without a map at hand say
+    nothing of a kind and are left out of its rate.
+    """
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.warehouse.national import count_kinds, national_coverage, stored_kinds
+
+    found = national_coverage(count_kinds(tables), stored_kinds(Workspace.open(root).warehouse))
+    if as_json:
+        write_json(asdict(found))
+        return
+    print_table(
+        ["kind", "national", "share", "stored", "complete", "map at hand", "mapped", "verified", "comes through"],
+        [
+            (
+                each.kind.value.replace("_", " "),
+                each.national,
+                f"{each.national / found.crashes:.1%}",
+                each.stored.registered,
+                each.stored.complete,
+                each.stored.with_map_at_hand,
+                each.stored.mapped,
+                each.stored.verified,
+                _share(each.judged, each.verified_rate),
+            )
+            for each in found.kinds
+        ],
+    )
+    low, high = found.verified_bounds
+    click.echo()
+    click.echo(f"{found.two_vehicles:.1%} of {found.crashes:,} crashes are of two vehicles alone")
+    click.echo(f"{found.judged:.1%} are of kinds that are reconstructed and judged")
+    click.echo(f"{found.verified:.1%} would be verified with a map everywhere (90 % bounds {low:.1%} to {high:.1%})")
+
+
+def _share(judged: bool, rate: float | None) -> str:
+    if not judged:
+        return "not judged"
+    return "no crash stored" if rate is None else f"{rate:.0%}"

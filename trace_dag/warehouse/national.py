@@ -1,0 +1,172 @@
+"""How much of a country's fatal crashes can be reconstructed: kinds of national tables, rates of stored crashes.
+
+A national table has every crash, but neither its sequence nor a map; the crashes of a root have both. So the kinds are
+counted in the table, and each kind is taken to come through as the stored crashes of that kind do: reports that say
+enough, of those with a map at hand the ones whose map can be used, and of these the verified. It is an estimate. It
+assumes that within a kind the stored crashes are like the country's, that OpenStreetMap covers the country as it covers
+them, and that the kind follows from the first harmful event and the number of vehicles alone.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from trace_dag.crash.kind import JUDGED_KINDS, CrashKind, kind_of_codes
+from trace_dag.errors import UserError
+from trace_dag.warehouse.query import query
+
+_COLUMNS: Final = ("HARM_EV", "VE_FORMS")
+_DRAWS: Final = 20_000
+_TAILS_PCT: Final = (5.0, 95.0)
+_RATES: Final = """
+SELECT
+    crashes.kind,
+    count(*) FILTER (final_state NOT IN ('pending', 'failed')),
+    count(*) FILTER (stage_reached != 'raw_report' AND final_state NOT IN ('pending', 'failed')
+        AND NOT (final_state = 'rejected' AND stage_reached = 'crash_record')),
+    count(*) FILTER (reason = 'no_map_coverage'),
+    count(*) FILTER (reason IN (SELECT reason FROM stage_outcomes WHERE stage = 'road_map' AND outcome = 'rejected')),
+    count(*) FILTER (final_state = 'verified')
+FROM crashes
+WHERE crashes.kind IS NOT NULL
+GROUP BY crashes.kind
+"""
+
+
+@dataclass(frozen=True)
+class StoredKind:
+    """The crashes of one kind that were worked on, and how many of them came past each step."""
+
+    registered: int = 0
+    complete: int = 0
+    with_map_at_hand: int = 0
+    mapped: int = 0
+    verified: int = 0
+
+
+@dataclass(frozen=True)
+class KindCoverage:
+    """One kind: crashes in the national tables, stored crashes, and the share of them that comes through.
+
+    The rate is None where no stored crash of a judged kind says what it is; such a kind counts as not covered.
+    """
+
+    kind: CrashKind
+    national: int
+    stored: StoredKind
+    judged: bool
+    verified_rate: float | None
+
+
+@dataclass(frozen=True)
+class NationalCoverage:
+    """Shares of all crashes of the national tables (0 to 1), and the kinds they are made of.
+
+    ``verified_bounds`` are 90 % bounds of ``verified``, from the number of stored crashes alone.
+    """
+
+    crashes: int
+    kinds: tuple[KindCoverage, ...]
+    two_vehicles: float
+    judged: float
+    verified: float
+    verified_bounds: tuple[float, float]
+
+
+def count_kinds(files: Iterable[Path]) -> Counter[CrashKind]:
+    """The crashes of national ``accident`` tables by kind.
+
+    CSV, or a ZIP archive with such a file in it. Raises :class:`UserError` for files that hold no such table.
+    """
+    counted: Counter[tuple[int, int]] = Counter()
+    for file in files:
+        table = _read(file)
+        pairs = table.group_by(list(_COLUMNS)).aggregate([([], "count_all")]).to_pylist()
+        counted.update({(row["HARM_EV"], row["VE_FORMS"]): row["count_all"] for row in pairs})
+    kinds: Counter[CrashKind] = Counter()
+    for (harm_ev, vehicles), crashes in counted.items():
+        kinds[kind_of_codes(harm_ev, vehicles, []) or CrashKind.OTHER] += crashes
+    return kinds
+
+
+def _read(file: Path) -> pa.Table:
+    expected = f"expected FARS's accident table, CSV with the columns {' and '.join(_COLUMNS)}, or a ZIP archive of it"
+    try:
+        data = file.read_bytes()
+        if zipfile.is_zipfile(io.BytesIO(data)):
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                names = [name for name in archive.namelist() if Path(name).stem.lower() == "accident"]
+                if not names:
+                    raise UserError(f"{file}: no accident.csv among {', '.join(archive.namelist())}; {expected}")
+                data = archive.read(names[0])
+        table = csv.read_csv(pa.py_buffer(data), read_options=csv.ReadOptions(encoding="latin-1"))
+        table = table.rename_columns([name.upper() for name in table.column_names])
+        return table.select(list(_COLUMNS)).cast(pa.schema([(name, pa.int64()) for name in _COLUMNS]))
+    except (OSError, KeyError, pa.ArrowException, zipfile.BadZipFile) as error:
+        raise UserError(f"{file}: {str(error).splitlines()[0]}; {expected}") from error
+
+
+def stored_kinds(warehouse: Path) -> dict[CrashKind, StoredKind]:
+    """How the stored crashes of each kind came through."""
+    _, found = query(warehouse, _RATES)
+    return {
+        CrashKind(kind): StoredKind(
+            registered=registered,
+            complete=complete,
+            with_map_at_hand=complete - no_map,
+            mapped=complete - no_map - bad_map,
+            verified=verified,
+        )
+        for kind, registered, complete, no_map, bad_map, verified in found
+    }
+
+
+def national_coverage(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
+    """The shares of all crashes that are of judged kinds, and that would be verified if mapped everywhere.
+
+    The bounds (90 %) are of sampling alone: of each step's rate after the crashes seen, with Jeffreys' prior.
+    """
+    total = sum(national.values())
+    if not total:
+        raise UserError("no crash in the national tables")
+    kinds = tuple(
+        KindCoverage(kind, count, stored.get(kind, StoredKind()), kind in JUDGED_KINDS, _rate(stored.get(kind)))
+        for kind, count in sorted(national.items(), key=lambda pair: (-pair[1], pair[0]))
+    )
+    return NationalCoverage(
+        crashes=total,
+        kinds=kinds,
+        two_vehicles=national.get(CrashKind.TWO_VEHICLES, 0) / total,
+        judged=sum(each.national for each in kinds if each.judged) / total,
+        verified=sum(each.national * (each.verified_rate or 0.0) for each in kinds if each.judged) / total,
+        verified_bounds=_bounds(kinds, total),
+    )
+
+
+def _rate(stored: StoredKind | None) -> float | None:
+    if stored is None or not stored.registered or not stored.with_map_at_hand:
+        return None
+    return stored.complete / stored.registered * stored.verified / stored.with_map_at_hand
+
+
+def _bounds(kinds: Sequence[KindCoverage], total: int) -> tuple[float, float]:
+    drawn = np.random.default_rng(1)
+    covered = np.zeros(_DRAWS)
+    for each in kinds:
+        if each.judged and each.verified_rate is not None:
+            stored = each.stored
+            complete = drawn.beta(stored.complete + 0.5, stored.registered - stored.complete + 0.5, _DRAWS)
+            verified = drawn.beta(stored.verified + 0.5, stored.with_map_at_hand - stored.verified + 0.5, _DRAWS)
+            covered += each.national / total * complete * verified
+    low, high = np.percentile(covered, _TAILS_PCT)
+    return float(low), float(high)
