@@ -1,4 +1,4 @@
-"""What the pages of the site share: the templates, and how values are written in them."""
+"""What all pages share: the templates of HTML, and how values are written in them."""
 
 from __future__ import annotations
 
@@ -57,6 +57,7 @@ def templates() -> Environment:
     environment.filters["place"] = place_in_words
     environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
     environment.filters["fixed"] = _fixed
+    environment.filters["percent"] = lambda value: "–" if value is None else f"{100 * value:.0f} %"
     environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
     environment.filters["kilobytes"] = lambda size: f"{max(1, round(size / 1024)):,} kB"
     return environment

@@ -10,8 +10,7 @@ import base64
 import io
 import json
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,12 +24,10 @@ from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
+from trace_dag.scenario.page_templates import templates
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
@@ -83,34 +80,28 @@ def write_html_player(
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
     svg = base64.b64encode(_map_svg(network, map_window)).decode("ascii")
-    page = _template().render(
-        title=f"Crash {record.key}",
-        place=_place(record),
-        classes=" · ".join(
-            value.replace("_", " ")
-            for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
-        ),
-        outcome=drive.title if drive else _outcome(verdict),
-        map_svg=f"data:image/svg+xml;base64,{svg}",
-        data=_script_safe(
-            {
-                **_data(record, network, log, windows),
-                **_ghost(drive, log),
-                "map": [round(value, 2) for value in map_window],
-            }
-        ),
+    page = (
+        templates()
+        .get_template("replay.html.jinja")
+        .render(
+            title=f"Crash {record.key}",
+            place=_place(record),
+            classes=" · ".join(
+                value.replace("_", " ")
+                for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
+            ),
+            outcome=drive.title if drive else _outcome(verdict),
+            map_svg=f"data:image/svg+xml;base64,{svg}",
+            data=_script_safe(
+                {
+                    **_data(record, network, log, windows),
+                    **_ghost(drive, log),
+                    "map": [round(value, 2) for value in map_window],
+                }
+            ),
+        )
     )
     return page.encode("utf-8")
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("trace_dag.scenario", "templates"), undefined=StrictUndefined, autoescape=True
-    )
-    return environment.get_template("replay.html.jinja")
 
 
 def _place(record: CrashRecord) -> str:
