@@ -19,7 +19,7 @@ def open(place: str | os.PathLike[str] | None = None) -> Crashes:
 
     ``place`` is a root (a folder or a URL such as ``s3://bucket/folder``), or the folder or archive of a package or a
     release; without it ``TRACE_DAG_ROOT``, else ``./trace_dag_home``. Nothing is read before it is asked for, and
-    nothing is changed. Raises :class:`trace_dag.errors.UserError` for a place that is none of these::
+    nothing is changed. Raises :class:`trace_dag.errors.UserError` for any other kind of place::
 
         import trace_dag
 

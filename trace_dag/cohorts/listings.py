@@ -1,4 +1,4 @@
-"""What the reports of crashes that have not been run say of them: enough to see which classes they would fill.
+"""What the reports of crashes say before they have been run: enough to see which classes they belong to.
 
 A look at a report takes some milliseconds, so what was seen is kept in ``ROOT/listings.json`` by the report's digest;
 the file is a cache and can be deleted. Reports of the CrashAPI are not here until the crash is run.

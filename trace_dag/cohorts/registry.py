@@ -93,7 +93,7 @@ class Cohort:
 
 @dataclass(frozen=True)
 class Registration:
-    """What registering did: keys by what became of them."""
+    """The result of registering: keys by whether they are new, known or changed."""
 
     added: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
@@ -238,7 +238,7 @@ class Registry:
 
 
 def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:
-    """The map file of a cohort that a path or a name means; None if it has none such."""
+    """The map file of a cohort with this path or name; None if there is no such file."""
     exact = [each for each in cohort.maps if each.location in (file, str(Path(file).absolute()))]
     named = exact or [each for each in cohort.maps if Path(each.location).name == Path(file).name]
     if len(named) > 1:

@@ -72,7 +72,7 @@ def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule,
 def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
     """The cohort filters that settings ask for.
 
-    Raises :class:`UserError` for a kind of crash that is none, and for an element no record holds.
+    Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
     """
     kinds = () if settings.kinds is None else (of_kinds(settings.kinds),)
     vehicles = () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
@@ -109,7 +109,7 @@ def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
 
 
 def of_kinds(names: Collection[str]) -> Rule:
-    """A crash must be of one of these kinds. Raises :class:`UserError` for a name that is none."""
+    """A crash must be of one of these kinds. Raises :class:`UserError` for an unknown name."""
     strange = [name for name in names if name not in set(CrashKind)]
     if strange:
         raise UserError(f"setting crash.kinds: {strange[0]} is no kind of crash; kinds are {', '.join(CrashKind)}")

@@ -227,7 +227,7 @@ class _Batch:
         return events
 
     def _ended_before(self, crash: _Crash, stage: Stage) -> StageEvent | None:
-        """Why a crash cannot reach a stage although this run has not ended it: an earlier stage not selected."""
+        """Why a crash cannot reach a stage that this run did not end: an earlier stage was not selected."""
         for definition in self.work.flow.stages:
             if definition.stage is stage:
                 return None
@@ -262,7 +262,7 @@ class _Batch:
         return [Chunk(self.work, tuple(tasks[key] for key in group), stages, last) for group in groups]
 
     def _groups(self, crashes: Sequence[_Crash], definition: StageDefinition) -> list[list[str]]:
-        """The groups a batch stage is best called with; none where it has no wish, or where finding them breaks."""
+        """The groups a batch stage is best called with; none if it does not say, or if finding them fails."""
         if definition.grouping is None:
             return []
         try:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
-    """What is known of a crash from above; nothing while it has no road map, be it one it is rejected for."""
+    """The crash drawn from above, with all that is known so far; nothing before it has a map, even a rejected one."""
     picture = drawn(crash)
     if picture is None:
         return {}
@@ -36,7 +36,7 @@ def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
 
 
 def drawn(crash: CrashArtefacts) -> Image | None:
-    """What is known of a crash from above; None while it has no road map, be it one it is rejected for."""
+    """The crash drawn from above, with all that is known so far; None before it has a map, even a rejected one."""
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail
         network, report = crash.load(REJECTED_MAP), crash.load(REJECTED_REPORT)

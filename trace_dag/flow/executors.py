@@ -109,7 +109,7 @@ def run_redoing_lost(
 
 
 class InProcessExecutor:
-    """One task after the other, here."""
+    """Runs one task after the other in this process."""
 
     workers = 1
     machines = 1
@@ -211,7 +211,7 @@ class ProcessExecutor:
         return list((self._pool._processes or {}).values()) if self._pool is not None else []
 
     def _end_stopped(self) -> None:
-        """Kill workers that somebody stopped some time ago: what they have in hand would never be done."""
+        """Kill workers that somebody stopped (SIGSTOP) some time ago: their tasks would never be finished."""
         stopped = [each for each in self._processes() if each.pid is not None and is_stopped(each.pid)]
         since = {worker: self._stopped.get(worker, time.monotonic()) for worker in stopped}
         self._stopped = since
@@ -220,7 +220,7 @@ class ProcessExecutor:
                 worker.kill()
 
     def _drop_pool(self, *, at_once: bool = False) -> None:
-        """End the workers when they are done with what they have in hand, or ``at_once``."""
+        """End the workers when their present tasks are done, or ``at_once``."""
         if self._pool is None or self._lifeline is None:
             return
         if at_once:

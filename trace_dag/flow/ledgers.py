@@ -33,7 +33,7 @@ Complaint = Callable[[Failure], None]
 
 
 def raised(failure: Failure) -> None:
-    """The complaint of whoever wants all or nothing."""
+    """The complaint handler for callers that need everything: it raises the error."""
     raise failure
 
 
@@ -53,7 +53,7 @@ def ledger_name(subject: str) -> str:
 def write_ledger(
     storage: Storage, subject: str, files: Iterable[StoredFile], made_of: Mapping[str, str] | None = None
 ) -> None:
-    """Store what has been written of a subject, in place of its ledger before."""
+    """Store the list of a subject's files; it replaces the subject's earlier ledger."""
     ledger = Ledger({file.name: file for file in files}, dict(made_of or {}))
     storage.write(ledger_name(subject), sealed(_ledgers().dump_json(ledger)))
 
@@ -76,7 +76,7 @@ def sound_ledger(storage: Storage, subject: str) -> Ledger:
 
 
 def read_listed(storage: Storage, subject: str, name: str, *, remedy: str) -> bytes:
-    """A file, if it is as the ledger of its subject says. Raises :class:`DamagedFile` that names the remedy."""
+    """The content of a file that agrees with its ledger; :class:`DamagedFile`, naming the remedy, if it does not."""
 
     def look() -> bytes:
         file = read_ledger(storage, subject).files.get(name)
@@ -107,7 +107,7 @@ def agreed(look: Callable[[], T], *, remedy: str) -> T:
 
 
 def subjects(storage: Storage, folder: str = "") -> list[str]:
-    """The subjects that have a ledger, of one folder or those of none."""
+    """The subjects that have a ledger: those of one folder, or those in no folder."""
     listed = storage.list(f"{FOLDER}/{folder}" if folder else FOLDER)
     return [name.removeprefix(f"{FOLDER}/").removesuffix(".json") for name in listed]
 

@@ -1,4 +1,4 @@
-"""One worker at a time on a crash, whatever runs there are on one storage root.
+"""One worker at a time on a crash, even if several runs share one storage root.
 
 Two runs may be given the same crash. Each file would still be whole, but files of one could end up beside the record
 of the other. So a worker holds the crash while it works on it, and the other waits. A lock goes with the process that
@@ -26,7 +26,7 @@ _LOCKS = 256  # files, shared by the crashes: few enough to keep, many enough th
 
 @contextmanager
 def held(storage: Storage, keys: Iterable[str]) -> Iterator[bool]:
-    """Hold some crashes; yields whether another had to be waited for, so that what was known of them may be old."""
+    """Lock some crashes. Yields whether it had to wait for another worker: then records read before may be outdated."""
     if storage.local_root is None or sys.platform == "win32":
         yield False
         return

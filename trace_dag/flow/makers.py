@@ -10,7 +10,7 @@ from trace_dag.provenance import OutcomeRecord
 
 
 class Made(NamedTuple):
-    """The estimator that made an estimate, and the one that was asked, where that is another."""
+    """The estimator that made an estimate, and the one that was asked for, if that was another."""
 
     estimator: str
     fallback_from: str | None = None

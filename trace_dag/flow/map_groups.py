@@ -13,7 +13,7 @@ from trace_dag.stage import Stage
 def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
     """Crashes that lie in the same map files together, so that a file is read once; small groups joined.
 
-    Those that lie in none have nothing to read together.
+    Crashes outside every map file share no reading and fill up the groups.
     """
     most = crashes[0].settings.execution.chunk_size
     groups: dict[tuple[tuple[RegisteredMap, ...], tuple[int, ...]], list[str]] = {}

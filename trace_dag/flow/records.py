@@ -30,7 +30,7 @@ _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the
 
 
 def log_complaint(failure: Failure) -> None:
-    """The complaint of whoever goes on without what is damaged: a line of the log."""
+    """The complaint handler for callers that go on without what is damaged: it writes a line to the log."""
     log.warning("%s", failure)
 
 

@@ -12,15 +12,15 @@ from trace_dag.sim.backends import backend_factory
 
 
 def road_map(settings: Settings, services: Services) -> None:
-    """The converter the settings name has to be installed."""
+    """Check that the converter named in the settings is installed."""
     road_converter(settings.roads).require()
 
 
 def state_estimate(settings: Settings, services: Services) -> None:
-    """The estimator the settings name has to be there, and whatever it asks has to answer."""
+    """Check that the estimator named in the settings is installed and that the services it needs answer."""
     services.estimator(settings.states).require()
 
 
 def simulation_log(settings: Settings, services: Services) -> None:
-    """The simulator the settings name has to be there."""
+    """Check that the simulator named in the settings can be used."""
     backend_factory(settings.sim).require(settings.sim)

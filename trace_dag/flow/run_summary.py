@@ -40,7 +40,7 @@ class RunSummary:
     _crashes: set[str] = field(default_factory=set)
 
     def note(self, event: StageEvent) -> None:
-        """Take in one event; what an earlier stage has ended adds nothing."""
+        """Count one event; a stage that was skipped because an earlier one ended the crash adds nothing."""
         self._crashes.add(event.key)
         if event.no_picture:
             self.without_picture[event.key] = event.no_picture

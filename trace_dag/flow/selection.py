@@ -49,7 +49,7 @@ def registered(workspace: Workspace, cohort: str | None, only: Collection[str]) 
 
 
 def not_released(storage: Storage, keys: Collection[str]) -> list[str]:
-    """Those of some crashes whose report was not released when it was last asked for."""
+    """The crashes among ``keys`` whose report had not been released when it was last requested."""
     return [
         key
         for key, records in read_records(storage, keys, [Stage.RAW_REPORT]).items()

@@ -25,7 +25,7 @@ _LATER_S = 10.0  # and so much
 
 
 class _TimeIsUpError(BaseException):
-    """No ``Exception``, which a stage's own handlers would take for one of theirs."""
+    """Not a subclass of ``Exception``: a stage's own ``except Exception`` must not catch it."""
 
 
 @contextmanager

@@ -200,7 +200,7 @@ def _pictures(records: Mapping[str, Records]) -> _Drawn:
 def _picture_disagreements(
     drawn: _Drawn, listing: Mapping[str, Entry], begun: Collection[str]
 ) -> Iterator[Disagreement]:
-    """Pictures that are not as recorded, or not recorded; crashes ``begun`` again are drawn again when they are run."""
+    """Pictures that differ from their record or have none; the next run draws those of crashes ``begun`` again."""
     for name, (key, stage, file) in drawn.items():
         entry = listing.get(name)
         if entry is None:
@@ -244,7 +244,7 @@ def _damaged(
 
 
 def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagreement]:
-    """Ledgers of results that cannot be believed, what is not as they say, and what lies there and is in none."""
+    """Damaged ledgers, files that differ from their ledger, and files that no ledger lists."""
     listed: set[str] = set()
     for subject in (each for folder in SUBJECT_FOLDERS for each in subjects(storage, folder)):
         try:

@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 
 
 def _may_pass(error: BaseException) -> bool:
-    """Whether a stage may do if it is tried again: not where whoever raised it has tried several times already."""
+    """Whether trying again may help: not if the code that raised the error has tried several times already."""
     return isinstance(error, TransientFailure) and not error.tried_again
 
 
@@ -87,7 +87,7 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
 
 @contextmanager
 def _holding(work: Work, crashes: Sequence[CrashTask]) -> Iterator[tuple[CrashTask, ...]]:
-    """Hold some crashes against other runs; where one had them, with what it has recorded meanwhile."""
+    """Lock some crashes against other runs; if another run held one, its newer records are read again."""
     keys = [crash.key for crash in crashes]
     with held(work.storage, keys) as waited:
         if waited:
@@ -182,7 +182,7 @@ class _CrashWorker:
         duration_s: float,
         attempts: int = 1,
     ) -> OutcomeRecord:
-        """Store what a stage made, then its record; the record of what it came to.
+        """Store what a stage made, then its outcome record, which is returned.
 
         A stage that fails leaves nothing but its record, or the earlier result, where that outlasts the failure.
         """
@@ -222,7 +222,7 @@ class _CrashWorker:
         return record
 
     def _begun(self, earlier: OutcomeRecord | None) -> OutcomeRecord | None:
-        """The record that stands while artefacts are replaced: one that says so, if there are any to be replaced."""
+        """The record to store while artefacts are replaced: marked as started if there are old artefacts."""
         if earlier is None or not earlier.artefacts:
             return earlier
         begun = replace(earlier.begun_again(), run_id=self.work.run_id)

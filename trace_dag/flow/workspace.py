@@ -107,13 +107,13 @@ class Workspace:
 
 
 def settings_of(root: str) -> list[DescribedSetting]:
-    """Every setting of a root as it stands, with where its value comes from."""
+    """Every setting in force for a root, with where its value comes from."""
     storage = Storage.open(root)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
 
 
 def automation_of(root: str) -> AutomationSettings:
-    """What the settings of a root say of what runs by itself; the root is only read."""
+    """The root's settings for schedules and sensors; the root is only read."""
     return _settings(Storage(root), None).automation
 
 

@@ -62,7 +62,7 @@ def check_text(path: Path) -> None:
                 length, ends = _longest(block, length, ends)
                 if length > _MAX_TOKEN:
                     raise UnreadableMapError(
-                        f"{path}: one tag or comment has more than {_MAX_TOKEN} bytes; OSM data has some hundred"
+                        f"{path}: one tag or comment has more than {_MAX_TOKEN} bytes; real OSM data has a few hundred"
                     )
     except (OSError, EOFError, zlib.error):
         return  # said by libosmium, which reads it next

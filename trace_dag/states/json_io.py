@@ -25,7 +25,7 @@ def estimate_to_json(estimate: StateEstimate) -> bytes:
 
 
 def run_to_json(run: EstimatorRun) -> bytes:
-    """How an estimate was sought where none came of it, as UTF-8 JSON, ending with a newline."""
+    """How the estimator tried to find an estimate and failed, as UTF-8 JSON, ending with a newline."""
     return _runs().dump_json(run, indent=1) + b"\n"
 
 

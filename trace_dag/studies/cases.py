@@ -49,7 +49,7 @@ class StoredCase:
 
     @property
     def fingerprint(self) -> str:
-        """Of the verdict it rests on."""
+        """The fingerprint of the verdict that the case rests on."""
         return self.files.records[Stage.VERDICT].fingerprint
 
 

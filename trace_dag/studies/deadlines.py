@@ -45,7 +45,7 @@ class Task(Generic[S]):
 
 @dataclass(frozen=True)
 class StepLost:
-    """The answer for a step that did not end well; ``detail`` says how."""
+    """The answer for a step that was not finished; ``detail`` says why."""
 
     detail: str
 

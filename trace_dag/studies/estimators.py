@@ -54,7 +54,7 @@ def settings_of(estimator: str, states: StateSettings) -> StateSettings:
 
 
 def usual_estimators(states: StateSettings) -> list[str]:
-    """What is compared where nobody says: the estimator of the settings, and all others that are installed."""
+    """The default choice: the estimator of the settings, and all others that are installed."""
     return [states.estimator, *(name for name in offered(PluginKind.ESTIMATOR) if name != states.estimator)]
 
 

@@ -144,7 +144,7 @@ def evaluate_agents(
 
 
 class _Results:
-    """Rows as they come; stored at the end, however it comes, so that an interrupted batch keeps what was done."""
+    """Rows as they come; stored at the end, also if the batch is interrupted, so that finished work is kept."""
 
     def __init__(self, storage: Storage, labels: Mapping[str, str], complain: Complaint) -> None:
         self.labels = labels
@@ -153,7 +153,7 @@ class _Results:
         self._rows: dict[str, list[Row]] = {name: [] for name in labels}
 
     def add(self, name: str, made: Row) -> None:
-        """Keep a row once: of a crash with a person two roles are the same vehicle's."""
+        """Keep each row once: in a crash with a person, two roles can mean the same vehicle."""
         if not any(_identity(each) == _identity(made) for each in self._rows[name]):
             self._rows[name].append(made)
 

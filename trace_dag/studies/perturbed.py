@@ -102,7 +102,7 @@ class Request:
     seed: int = 1
 
     def chosen(self) -> list[PerturbationKind]:
-        """The kinds asked for. Raises :class:`UserError` for a name that is none."""
+        """The kinds asked for. Raises :class:`UserError` for an unknown name."""
         for name in self.kinds:
             if not any(fnmatchcase(kind, name) for kind in KINDS):
                 raise UserError(f"{name!r} is no perturbation; there are {', '.join(KINDS)}")
@@ -181,7 +181,7 @@ def perturbed_controls(
 
 
 def _is_verified(crash: CrashFiles) -> bool:
-    """Whether it is verified, and reconstructed as what changes are made to."""
+    """Whether the crash is verified and of a kind whose reports are changed here."""
     return crash.has(VERDICT) and crash.load(VERDICT).accepted and _reconstructed(crash) in PERTURBED
 
 
@@ -283,7 +283,7 @@ class _Perturbation:
         self._row = PerturbedRow(task.crash.key, change.kind, change.draw, task.seed)
 
     def row(self) -> PerturbedRow | None:
-        """What came of it; None where the change does not apply."""
+        """The row of this change; None if the change does not apply."""
         scene = PerturbedScene(self._judged.record, self._rng, self._point())
         if scene.point is None and self._kind.needs in (Needs.OTHER_STREET, Needs.SAME_STREET):
             return None
@@ -391,7 +391,7 @@ class _Perturbation:
         return CrashSource(own.cohort, report, (RegisteredMap(path, file.sha256, file.size),))
 
     def _kept(self, stage: Stage, records: Records, storage: Storage) -> OutcomeRecord | None:
-        """The crash's own outcome of a stage, copied, where the changed report cannot have another."""
+        """Copies the crash's own outcome of a stage, if the changed report cannot give another."""
         if stage not in (Stage.OSM_EXTRACT, Stage.ROAD_MAP) or self._change.other is not None:
             return None
         before, now = self._judged.record, self._record(records, storage)
@@ -410,7 +410,7 @@ class _Perturbation:
 
 
 def _grade_of(files: CrashFiles) -> tuple[str | None, float | None]:
-    """Grade and support of a stored verdict, as far as it has them."""
+    """Grade and support of a stored verdict, None where it has none."""
     verdict = json.loads(files.load(VERDICT_JSON))
     support = verdict.get("support")
     if isinstance(support, dict):
@@ -472,6 +472,6 @@ def _for_maps(record: CrashRecord) -> tuple[CrashRecord, tuple[int, ...]]:
 
 
 def _rng(seed: int, key: str, name: str, draw: int) -> np.random.Generator:
-    """A stream of its own for every draw, so that neither the other kinds nor the workers have a part in it."""
+    """A random stream for each draw: the result does not depend on the other kinds or on the number of workers."""
     digest = hashlib.sha256(f"{seed}/{key}/{name}/{draw}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "big"))

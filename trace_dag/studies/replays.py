@@ -71,7 +71,7 @@ def replay_with(
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
-    """What came of a drive, in words."""
+    """The outcome of a drive, in words."""
     metrics = measure(case, ego, log)
     outcome = outcome_of(metrics)
     if outcome is DriveOutcome.AVOIDED:

@@ -1,4 +1,4 @@
-"""Crashes as they are stored, for whoever asks something of many of them.
+"""Reading many stored crashes, for the studies.
 
 Belongs here: which crashes, and reading them. What is read of a crash is its
 :class:`~trace_dag.flow.contract.CrashFiles`.
@@ -48,7 +48,7 @@ def cohorts_of(workspace: Workspace, cohort: str | None) -> list[str]:
 
 
 def of_each(cohorts: Iterable[str], study: Callable[[str], Found]) -> dict[str, Found]:
-    """What a study found of every cohort that has something to study; the last one's :class:`UserError` if none has."""
+    """A study's results for every cohort it can be made of; the last cohort's :class:`UserError` if there is none."""
     found: dict[str, Found] = {}
     nothing: UserError | None = None
     for name in cohorts:

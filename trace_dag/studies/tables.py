@@ -23,7 +23,7 @@ PERTURBED = "perturbed"
 
 
 def store(workspace: Workspace, kind: str, cohort: str, rows: Sequence[DataclassInstance]) -> None:
-    """Keep the rows of a comparison of a cohort, in place of those before."""
+    """Store the rows of a comparison of a cohort, replacing earlier ones."""
     judged = {"cohort": cohort, "rule_set": workspace.settings.verdict.rule_set}
     content: list[dict[str, Any]] = [{**judged, **asdict(row)} for row in rows]
     store_comparison(workspace.storage, kind, cohort, content)
@@ -33,7 +33,7 @@ _MADE_BY = {CONTROLS: "controls", PUBLISHED: "peer FOLDER", ESTIMATORS: "compare
 
 
 def comparison_is_whole(storage: Storage, name: str, complain: Complaint) -> bool:
-    """Whether a stored comparison is as it was written; if not, ``complain`` hears of it."""
+    """Whether a stored comparison is undamaged; if not, ``complain`` is called."""
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
         remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"

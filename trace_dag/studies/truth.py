@@ -156,7 +156,7 @@ class TruthSummary:
 
 @dataclass(frozen=True)
 class OutcomeRow:
-    """What was to become of a crash, and what became of it."""
+    """The final state a crash should reach, and the one it reached."""
 
     key: str
     title: str

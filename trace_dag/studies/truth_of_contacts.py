@@ -29,7 +29,7 @@ class ContactsSummary:
 
 
 def contacts_by_kind(truth: SampleTruth, rows: Iterable[TruthRow]) -> list[ContactsSummary]:
-    """What the rows amount to, a line for each kind of crash."""
+    """The summary of the rows, a line for each kind of crash."""
     kinds: Mapping[str, str] = {crash.key: crash.kind for crash in truth.crashes}
     of_kind: dict[str, list[TruthRow]] = {}
     for row in rows:

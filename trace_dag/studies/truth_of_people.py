@@ -120,7 +120,7 @@ def score_people(
 
 
 def by_kind(rows: Iterable[PersonTruthRow]) -> list[KindSummary]:
-    """What the rows amount to, a line for each kind of crash."""
+    """The summary of the rows, a line for each kind of crash."""
     of_kind: dict[str, list[PersonTruthRow]] = {}
     for row in rows:
         of_kind.setdefault(row.kind, []).append(row)

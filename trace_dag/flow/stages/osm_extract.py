@@ -65,7 +65,7 @@ def _product(extract: OsmExtract) -> StageProduct:
 def _ask(
     source: MapSource, sites: Sequence[Site], settings: OsmSettings
 ) -> dict[str, OsmExtract | Rejection | Failure]:
-    """Extracts from a public service, one by one: what it does not give for one site keeps no other from its own."""
+    """Extracts from a public service, one by one: a site without an answer does not affect the others."""
     answers: dict[str, OsmExtract | Rejection | Failure] = {}
     for site in sites:
         try:

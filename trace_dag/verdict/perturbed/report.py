@@ -35,7 +35,7 @@ class ChangedReport:
 
     # --- elements ------------------------------------------------------------------------------------------------
     def vehicle(self, number: int) -> etree._Element | None:
-        """The element of a vehicle in transport, None for a number that is none."""
+        """The element of a vehicle in transport, None if no vehicle has this number."""
         return next((each for each in self.vehicles() if code_in(each, "VEH_NO") == number), None)
 
     def vehicles(self) -> list[etree._Element]:
