@@ -120,7 +120,7 @@ summary_after_canceled_runs = _after(
     "fail in a run that gets to its end are alerted of when the warehouse is built.",
 )
 def alert_on_failed_runs(context: RunFailureSensorContext, workspace: ResourceParam[Workspace]) -> SkipReason | None:
-    """Tell of a run that did not get to its end."""
+    """Send an alert about a run that did not finish."""
     run, settings = context.dagster_run, workspace.settings.automation
     if SUMMARY_TAG in run.tags:
         return SkipReason("The run got to its end; its crashes are told of when the warehouse is built.")

@@ -47,7 +47,7 @@ class EventLog(SqliteEventLogStorage):
 
     @classmethod
     def config_type(cls) -> dict[str, Any]:
-        """What ``dagster.yaml`` may say."""
+        """The configuration that ``dagster.yaml`` may give."""
         return {"folder": Field(StringSource, is_required=False, default_value=_FOLDER)}
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What a run of planned crashes is asked for with: its tags and its configuration, whoever asks."""
+"""Tags and configuration of a run of planned crashes, the same for schedules, sensors and commands."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -118,7 +118,7 @@ class ReleaseConfig(CohortConfig):
 
 @contextmanager
 def _failing_in_a_line() -> Iterator[None]:
-    """What nobody can do anything about by trying again is the run's failure, in its own words."""
+    """Turn errors that trying again cannot mend into a failure of the run, with their message."""
     try:
         yield
     except (UserError, BrokenPart) as error:

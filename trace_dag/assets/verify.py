@@ -1,4 +1,4 @@
-"""Whether Dagster's records say what the stored records say, and telling it what it has missed.
+"""Comparing Dagster's records with the stored ones, and adding to Dagster's what they lack.
 
 A process may end between storing a result and logging it, or before the end of its run says what failed. Each
 materialization carries the fingerprint of the record it tells of as its data version, so that all of them are compared
@@ -84,7 +84,7 @@ def repair_dagster(
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:
-    """For each stage the record that speaks for it: its own, or the earlier one that ended the crash."""
+    """For each stage the record Dagster should show: its own, or that of the earlier stage that ended the crash."""
     told: dict[Stage, OutcomeRecord] = {}
     valid, ended = valid_records(records), None
     for stage in Stage:

@@ -146,7 +146,7 @@ def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
 
 
 def crash_of(name: str) -> str:
-    """The crash a file of the benchmark belongs to; something else for a file of the site."""
+    """The key of the crash that a file of the benchmark belongs to; some other word for a file of the site."""
     parts = name.split("/")
     return parts[2] if parts[1] == "files" else parts[-1].partition(".")[0]
 
@@ -285,7 +285,7 @@ def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
 
 
 def is_made_by_this_code(storage: Storage) -> bool:
-    """Whether packages and pages were last made by the code that would make them now."""
+    """Whether packages and pages were made by the present code."""
     return sound_ledger(storage, SUBJECT).made_of.get(_BY_CODE) == _code()
 
 
@@ -294,7 +294,7 @@ def _code() -> str:
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:
-    """By folder, what is of other crashes than those with these keys: packages of crashes not verified any more."""
+    """By folder, files of crashes that are not among these keys: packages of crashes that are no longer verified."""
     for folder, keys in kept.items():
         for name in storage.list(f"{FOLDER}/{folder}"):
             if Path(name).stem not in keys:
@@ -308,7 +308,7 @@ def _write_index(
     rights: Mapping[str, Rights],
     files: Mapping[str, StoredFile],
 ) -> list[StoredFile]:
-    """The pages that are of all crashes. ``files``: those of the single crashes that have been made."""
+    """The pages about all crashes together. ``files``: those of the single crashes that have been made."""
     from trace_dag.scenario.site import IndexRows, static_files, write_index
 
     names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class", "evaluations")

@@ -71,7 +71,7 @@ def unverified_files(files: CrashFiles) -> dict[str, bytes]:
 
 
 def map_attribution(records: Records) -> str:
-    """Whom the map of a crash is to be attributed to; empty where there is no map."""
+    """The attribution that a crash's map needs; empty if there is no map."""
     record = records.get(Stage.OSM_EXTRACT)
     return str(record.figures.get("attribution") or "") if record else ""
 
@@ -92,5 +92,5 @@ def published_files(files: CrashFiles) -> dict[str, bytes]:
 
 
 def published_readme() -> bytes:
-    """What explains the published layout in its folder."""
+    """The README of a folder in the published layout."""
     return resources.files("trace_dag.scenario").joinpath("templates", "published_readme.md").read_bytes()

@@ -144,7 +144,7 @@ def _bring_up_to_date(workspace: Workspace, complain: Complaint) -> set[str]:
 
 
 def _complete(folder: Path) -> dict[str, str]:
-    """The checksums of a release that was finished there; empty if none was."""
+    """The checksums of a finished release in this folder; empty if there is none."""
     sums = folder / CHECKSUMS
     try:
         return read_checksums(sums.read_bytes()) if sums.is_file() else {}

@@ -1,4 +1,4 @@
-"""Deleting what was made of crashes that are registered no more."""
+"""Deleting the files of crashes that are no longer registered."""
 
 from __future__ import annotations
 

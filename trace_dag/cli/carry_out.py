@@ -1,4 +1,4 @@
-"""What ``run``, ``rerun`` and ``demo`` share: a selection of crashes run, with what it prints."""
+"""Shared by ``run``, ``rerun`` and ``demo``: running a selection of crashes and printing the results."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
 
 @contextmanager
 def _started(workspace: Workspace) -> Iterator[Executor]:
-    """One executor for all that the command does, its workers starting while this process still reads its modules."""
+    """One executor for the whole command; its workers start while this process still imports its modules."""
     from trace_dag.flow.executors import make_executor
     from trace_dag.flow.worker import get_ready
 
@@ -107,7 +107,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
 
 
 def _damaged_warehouse(workspace: Workspace) -> str:
-    """What is wrong with the warehouse, in a sentence; nothing if it is as it was built."""
+    """What is wrong with the warehouse, in a sentence; empty if it is undamaged."""
     from trace_dag.errors import DamagedFile
     from trace_dag.warehouse.query import check_warehouse
 

@@ -68,7 +68,7 @@ def list_cohorts(root: str, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Everything, each crash and map included, as JSON.")
 @click.pass_obj
 def show(root: str, name: str, as_json: bool) -> None:
-    """Show of which kinds a cohort's crashes are, where they come from and which they are."""
+    """Show a cohort's crashes, their kinds and where they come from."""
     from trace_dag.cohorts.listings import kinds_of
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage import Storage

@@ -1,4 +1,4 @@
-"""What a command had to leave out: said once, in a line that names the remedy, when the rest is done."""
+"""Damaged crashes and files that a command left out: listed once at its end, each with its remedy."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Complaints:
         self._said: dict[str, None] = {}
 
     def hear(self, failure: Failure) -> None:
-        """Take note, once of each."""
+        """Remember a complaint, each only once."""
         self._said[str(failure)] = None
 
     def told(self) -> int:
-        """Say them; the exit code: 1 if there are any."""
+        """Print the complaints; returns the exit code, 1 if there are any."""
         for said in list(self._said)[:_SHOWN]:
             complain(f"failed: {one_line(said, _LINE)}")
         if len(self._said) > _SHOWN:

@@ -59,7 +59,7 @@ def print_standings(crashes: Mapping[str, Standing]) -> None:
 
 
 def print_stale(stale: Iterable[StaleResult]) -> None:
-    """Which stages' results do not hold any more, of how many crashes, and what has changed since they were made."""
+    """Which stages have outdated results, of how many crashes, and what has changed since they were made."""
     by_stage: dict[Stage, list[StaleResult]] = {}
     for each in stale:
         by_stage.setdefault(each.stage, []).append(each)
@@ -74,7 +74,7 @@ def print_stale(stale: Iterable[StaleResult]) -> None:
 
 
 def print_table(names: Sequence[str], rows: Sequence[Sequence[Any]], *, fit: bool = False) -> None:
-    """Columns aligned, numbers to the right; as wide as it has to be where nobody is watching.
+    """Columns aligned, numbers to the right; full width if the output is not a terminal.
 
     With ``fit``, a terminal gets each row on one line: columns of long texts last, and cut where the line ends.
     """

@@ -1,4 +1,4 @@
-"""Progress bars on the terminal's error stream, the same for every command that takes its time."""
+"""Progress bars on the terminal's error stream, for every command that may take long."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_of(what: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A bar over things known beforehand, told the name of each that is done."""
+    """A bar over a known number of things; it is called with the name of each one done."""
     with _bar() as progress:
         task = progress.add_task(what, total=total)
         yield lambda name: progress.update(task, advance=1, description=name)

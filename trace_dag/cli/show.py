@@ -1,4 +1,4 @@
-"""All there is to say of one crash: ``show``."""
+"""Everything known about one crash: ``show``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the commands share that ask something of stored crashes: cohorts, rules, and where their results go."""
+"""Shared by the commands that run studies: choosing cohorts and rules, and storing the results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def judged_by(workspace: Workspace, rules: RuleSetName | None) -> Workspace:
 def of_cohorts(
     workspace: Workspace, cohort: str | None, study: Callable[[str], Found], complaints: Complaints
 ) -> dict[str, Found]:
-    """A study of one cohort, or of each; where there is nothing to study, what was left out is said first."""
+    """A study of one cohort, or of each; if nothing can be studied, complaints are printed before the error."""
     from trace_dag.errors import UserError
     from trace_dag.studies.stored_crashes import cohorts_of, of_each
 

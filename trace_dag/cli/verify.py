@@ -109,7 +109,7 @@ def _look(
 
 
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
-    """Results that agree with everything stored, but that a run would make again: no disagreement."""
+    """Print the results that a run would make again; they are outdated but not damaged."""
     from trace_dag.errors import DamagedFile
     from trace_dag.flow.batch import stale_results
 

@@ -91,7 +91,7 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
 
 
 def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:
-    """Crashes that Dagster does not hold as materialized at every stage, with the first stage that is not."""
+    """Crashes with a stage that Dagster does not show as materialized, and the first such stage."""
     partitions = instance.get_dynamic_partitions("crashes")
     wanted = set(keys)
     found: dict[str, Stage] = {}
@@ -105,7 +105,7 @@ def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[st
 
 
 def planned(workspace: Workspace, instance: DagsterInstance, selection: Selection) -> list[PlannedBatch]:
-    """A selection as runs. Crashes that are up to date but that Dagster does not know of are run too, to be told."""
+    """A selection as runs. Crashes that are up to date but unknown to Dagster are run too, so that it records them."""
     add_partitions(instance, workspace.registry.keys())
     start = dict(selection.start)
     if not selection.exact:
@@ -207,7 +207,7 @@ def _innermost(error: Any) -> str:
 
 
 def _close_orphans(instance: DagsterInstance) -> None:
-    """Runs of killed processes of this machine would stand as running for ever."""
+    """Close runs whose process on this machine was killed: they would be shown as running for ever."""
     for run in instance.get_runs(RunsFilter(statuses=_UNFINISHED)):
         if is_gone(run.tags.get(STEP_PROCESS_TAG, "")) or is_gone(run.tags.get(PROCESS_TAG, "")):
             instance.report_run_failed(run, "The process of this run is gone; run again to finish what it had not.")

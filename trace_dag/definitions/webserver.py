@@ -52,7 +52,7 @@ class Guard:
             await send_bytes(send, 403, f"trace-dag ui: {refused}\n".encode())
 
     def _refused(self, scope: Message) -> str:
-        """Why a request is not let through; nothing if it is."""
+        """Why a request is refused; empty if it is accepted."""
         headers: dict[bytes, list[str]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.lower(), []).append(value.decode("latin-1"))
@@ -74,7 +74,7 @@ class Guard:
 
 
 def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:
-    """Why a request to GraphQL is not let through: a link or a form is not enough to ask it anything."""
+    """Why a GraphQL request is refused: one that a plain link or form could send."""
     if scope["query_string"]:
         return "questions to GraphQL are sent by POST, in the body"
     content_type = headers.get(b"content-type", [""])[0].partition(";")[0].strip().lower()
@@ -143,7 +143,7 @@ def _print_once_it_answers(host: str, port: int, greeting: str) -> None:
 
 
 def _start_daemon() -> subprocess.Popen[bytes]:
-    """What runs what is launched, in a process of its own."""
+    """The Dagster daemon, which starts launched runs, in a process of its own."""
     beside = Path(sys.executable).with_name("dagster-daemon")
     return subprocess.Popen([str(beside), "run", *_CODE, *_QUIET])  # noqa: S603 - a program of this environment
 

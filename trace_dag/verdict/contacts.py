@@ -107,7 +107,7 @@ def contact_criteria(
 
 
 def _first(contacts: Sequence[VehicleContact], seen: Contact, *, told: bool) -> VehicleContact | None:
-    """The reported contact that the first one of the simulation is, None if it can be none."""
+    """The reported contact that the simulation's first contact corresponds to; None if there is none."""
     possible = contacts[:1] if told else contacts
     return next((contact for contact in possible if contact.pair == pair_of(seen)), None)
 
@@ -198,7 +198,7 @@ def _clocks(
 
 
 def _sequence(contacts: Sequence[VehicleContact], order: ContactOrder, *, told: bool) -> list[Criterion]:
-    """Every contact comes in its turn, and nobody touches whom no event has touch by then."""
+    """Every contact comes in its turn, and no two touch earlier than the report's events say."""
     found = []
     wrong = Reason.WRONG_SEQUENCE
     for contact, seen in zip(contacts[1:], order.matched[1:], strict=True):

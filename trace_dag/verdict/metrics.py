@@ -1,4 +1,4 @@
-"""What a simulation amounts to beside its report, measured. Nothing here passes or fails: :mod:`rules` judges.
+"""Measuring a simulation against its report. Nothing here passes or fails: :mod:`rules` judges.
 
 Everything is taken from the log; of the plan only what a vehicle hit in the middle of its manoeuvre did not get to do.
 """
@@ -151,7 +151,7 @@ def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
 
 
 def compared_vehicle(seen: ObservedVehicle, reported: VehicleRecord | None, record: CrashRecord) -> VehicleMeasures:
-    """What one vehicle did beside what the report says of it."""
+    """Compare what one vehicle did with what the report says of it."""
     area = reported.impact if reported else None
     return VehicleMeasures(
         number=seen.number,
@@ -209,7 +209,7 @@ def _turn_error_deg(seen: ObservedVehicle, reported: VehicleRecord, topology: Ro
 
 @dataclass(frozen=True)
 class Side:
-    """What one body of a contact had and got."""
+    """One body of a contact: its pose and the other body's, its velocity before it and its change of velocity."""
 
     number: int
     pose: Pose

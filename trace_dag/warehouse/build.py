@@ -109,7 +109,7 @@ class BuildReport:
 
     @property
     def incomplete_crashes(self) -> set[str]:
-        """The crashes that the warehouse does not hold as far as they got."""
+        """The crashes of which the warehouse lacks some stages."""
         files = (damaged.name for damaged in self.damaged)
         return {Path(name).name.partition(".")[0] for name in files if name.partition("/")[0] in set(Stage)}
 
@@ -120,7 +120,7 @@ def warehouse_code() -> str:
 
 
 def is_built_by_this_code(path: Path) -> bool:
-    """Whether there is a warehouse and the code and the SQL that built it are those that would build it now."""
+    """Whether there is a warehouse and it was built by the present code and SQL."""
     try:
         return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [
             (warehouse_code(),)

@@ -1,4 +1,4 @@
-"""What of a warehouse that was built anew is worth an alert, against the one before: crashes that failed or fell."""
+"""Changes between two builds of the warehouse that are worth an alert: crashes that failed or lost their verdict."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def alerts_since(before: Mapping[str, tuple[str, bool]], storage: Storage, wareh
 
 
 def _for_the_budget(storage: Storage, keys: list[str]) -> set[str]:
-    """Those of some failed crashes that the budget stopped."""
+    """Of some failed crashes, those that stopped because the budget was spent."""
     found = set()
     for key, records in read_records(storage, keys).items():
         errors = [each.error for record in records.values() for each in (record, record.failed_attempt) if each]

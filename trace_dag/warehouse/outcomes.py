@@ -93,7 +93,7 @@ def _standing_row(crash: CrashSnapshot, cohort: str) -> Row:
 
 
 def _failed_attempts(crash: CrashSnapshot) -> Iterator[Row]:
-    """What broke: the stage that failed, or the new attempt at a result that stands."""
+    """What failed: a stage, or a new attempt at a stage whose earlier result still counts."""
     for stage, record in crash.valid.items():
         failed = record if record.outcome is Outcome.FAILED else record.failed_attempt
         if failed is not None:
@@ -147,7 +147,7 @@ def _artefact_rows(crash: CrashSnapshot) -> Iterator[Row]:
 
 
 def _known_rows(crash: CrashSnapshot) -> Iterator[Row]:
-    """Every outcome that is known of a crash, stage by stage in order: those replaced since, and the last."""
+    """Every known outcome of a crash, stage by stage in order: earlier ones first, then the present one."""
     for stage, record in crash.records.items():
         known: list[EarlierOutcome | OutcomeRecord] = [*record.history, record]
         known = [each for each in known if each.outcome is not Outcome.STARTED]

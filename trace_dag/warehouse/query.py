@@ -53,7 +53,7 @@ def check_warehouse(path: Path) -> None:
 
 
 def stray_log(path: Path) -> Path:
-    """Where DuckDB keeps what was written into a warehouse and is not in it yet; there is none beside one of ours."""
+    """DuckDB's write-ahead log beside a warehouse; an undamaged warehouse has none."""
     return path.with_name(f"{path.name}.wal")
 
 

@@ -1,4 +1,4 @@
-"""What is known of crashes without any stage: what reports that have not been run say, and names of states."""
+"""What is known before any stage has run: what the reports say, and the names of states."""
 
 from __future__ import annotations
 

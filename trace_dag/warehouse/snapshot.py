@@ -58,7 +58,7 @@ def read_snapshots(
 def _read(
     storage: Storage, keys: Sequence[str], documents: Collection[tuple[Stage, str]], complain: Complaint
 ) -> Iterator[tuple[CrashSnapshot, DamagedFile | None]]:
-    """Each crash up to the first document that is not the one its record lists, and what is wrong with that."""
+    """Each crash up to the first document that differs from its record, and what is wrong with that document."""
     records = read_records(storage, keys, complain=complain)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
     listed = {
