@@ -39,7 +39,8 @@ def test_help_says_what_the_command_does_and_what_each_option_means(name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_ends_with_examples_the_command_would_take(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "published").mkdir()  # a folder that has to be there for an example to be taken
+    (tmp_path / "published").mkdir()  # a folder and a file that have to be there for an example to be taken
+    (tmp_path / "FARS2015-accident.zip").touch()
     done = CliRunner().invoke(cli, [*name.split(), "--help"])
     assert done.exit_code == 0, done.output
     examples = EXAMPLE.findall(done.output.partition("\n  Example")[2])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, cast
@@ -18,6 +18,7 @@ from typing import Final, cast
 from lxml import etree
 
 from trace_dag.roads.map.arcs import along_arc
+from trace_dag.roads.map.link_rules import broken_links
 from trace_dag.roads.map.reader import parse_opendrive
 
 _POSITION_TOLERANCE_M: Final = 1e-3
@@ -113,10 +114,7 @@ def violations_of(root: etree._Element) -> list[str]:
         return found  # what follows relies on attributes being there and readable
     for rule in _RULES:
         found += rule(root)
-    ends = _Ends(root)
-    for linked_rule in _LINK_RULES:
-        found += linked_rule(ends)
-    return found
+    return [*found, *broken_links(root)]
 
 
 def _place(element: etree._Element) -> str:
@@ -315,125 +313,6 @@ def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._E
     return groups
 
 
-class _Ends:
-    """Lane ids at both ends of every road."""
-
-    def __init__(self, root: etree._Element) -> None:
-        self.lane_ids: dict[tuple[str, str], set[str]] = {}
-        self.roads = {road.get("id", ""): road for road in root.iterfind("road")}
-        self.junctions = {junction.get("id", ""): junction for junction in root.iterfind("junction")}
-        for key, road in self.roads.items():
-            sections = road.findall("lanes/laneSection")
-            if sections:
-                self.lane_ids[key, "start"] = _lane_ids(sections[0])
-                self.lane_ids[key, "end"] = _lane_ids(sections[-1])
-
-
-def _lane_ids(section: etree._Element) -> set[str]:
-    return {lane.get("id", "") for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"}
-
-
-def _road_links(ends: _Ends) -> Iterator[str]:
-    for key, road in ends.roads.items():
-        in_junction = road.get("junction", "-1") != "-1"
-        for which, own_end in (("predecessor", "start"), ("successor", "end")):
-            link = road.find(f"link/{which}")
-            if link is None:
-                continue
-            target, contact = link.get("elementId", ""), link.get("contactPoint")
-            if link.get("elementType") == "junction":
-                if target not in ends.junctions:
-                    yield f"{which} is junction {target}, which does not exist (road {key})"
-                elif in_junction:
-                    yield f"{which} of a connecting road is a junction (road {key})"
-            elif target not in ends.roads:
-                yield f"{which} is road {target}, which does not exist (road {key})"
-            elif contact is None:
-                yield f"{which} is a road without contactPoint (road {key})"
-            elif not in_junction and ends.roads[target].get("junction", "-1") == "-1":
-                back = ends.roads[target].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
-                if back is None or (back.get("elementId"), back.get("contactPoint")) != (key, own_end):
-                    yield f"{which} is the {contact} of road {target}, which does not link back (road {key})"
-
-
-def _lane_links(ends: _Ends) -> Iterator[str]:
-    for key, road in ends.roads.items():
-        sections = road.findall("lanes/laneSection")
-        ids = [_lane_ids(section) for section in sections]
-        for index, section in enumerate(sections):
-            known = {
-                which: _linked_lane_ids(ends, road, ids, index + step, which)
-                for which, step in (("predecessor", -1), ("successor", 1))
-            }
-            for lane in (lane for side in section for lane in side.iterchildren("lane") if lane.get("id") != "0"):
-                for link in (link for links in lane.iterchildren("link") for link in links):
-                    if link.tag in known and link.get("id") not in known[link.tag]:
-                        yield (
-                            f"{link.tag} of lane {lane.get('id')} is lane {link.get('id')}, which does not exist there "
-                            f"(road {key}, section {index})"
-                        )
-
-
-def _linked_lane_ids(ends: _Ends, road: etree._Element, ids: list[set[str]], index: int, which: str) -> set[str]:
-    """Lane ids a lane link at one end of a section may name."""
-    if 0 <= index < len(ids):
-        return ids[index]
-    link = road.find(f"link/{which}")
-    if link is None or link.get("elementType") != "road":
-        return set()
-    return ends.lane_ids.get((link.get("elementId", ""), link.get("contactPoint", "")), set())
-
-
-def _junctions(ends: _Ends) -> Iterator[str]:
-    used: set[str] = set()
-    for key, junction in ends.junctions.items():
-        connections = junction.findall("connection")
-        if not connections:
-            yield f"no connection (junction {key})"
-        for connection in connections:
-            used.add(connection.get("connectingRoad", ""))
-            where = f"junction {key}, connection {connection.get('id')}"
-            yield from (f"{problem} ({where})" for problem in _connection(ends, key, connection))
-    yield from _connecting_roads(ends, used)
-
-
-def _connection(ends: _Ends, junction: str, connection: etree._Element) -> Iterator[str]:
-    """A connection's two roads, whether they and the junction name each other, and its lane links."""
-    incoming, connecting = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
-    if incoming not in ends.roads or connecting not in ends.roads:
-        yield f"joins road {incoming} to road {connecting}, one of which does not exist"
-        return
-    if ends.roads[connecting].get("junction") != junction:
-        yield f"connecting road {connecting} does not belong to the junction"
-    contact = connection.get("contactPoint", "")
-    own_link = ends.roads[connecting].find(f"link/{'predecessor' if contact == 'start' else 'successor'}")
-    if own_link is None or own_link.get("elementId") != incoming:
-        yield f"connecting road {connecting} does not link back to road {incoming}"
-        return
-    at = own_link.get("contactPoint", "")
-    arm_link = ends.roads[incoming].find(f"link/{'predecessor' if at == 'start' else 'successor'}")
-    if arm_link is None or (arm_link.get("elementType"), arm_link.get("elementId")) != ("junction", junction):
-        yield f"incoming road {incoming} does not link to the junction at its {at}"
-    links = connection.findall("laneLink")
-    if not links:
-        yield "no lane link"
-    for link in links:
-        if link.get("from") not in ends.lane_ids.get((incoming, at), ()):
-            yield f"lane link from lane {link.get('from')}, which does not exist"
-        if link.get("to") not in ends.lane_ids.get((connecting, contact), ()):
-            yield f"lane link to lane {link.get('to')}, which does not exist"
-
-
-def _connecting_roads(ends: _Ends, used: Collection[str]) -> Iterator[str]:
-    """Whether every road of a junction is one that exists and is ``used`` by a connection."""
-    for key, road in ends.roads.items():
-        if road.get("junction", "-1") != "-1":
-            if road.get("junction") not in ends.junctions:
-                yield f"belongs to junction {road.get('junction')}, which does not exist (road {key})"
-            elif key not in used:
-                yield f"connecting road that no connection uses (road {key})"
-
-
 def _signals(root: etree._Element) -> Iterator[str]:
     for road in root.iterfind("road"):
         length = _float(road, "length")
@@ -483,4 +362,3 @@ _RULES: Final[tuple[Callable[[etree._Element], Iterator[str]], ...]] = (
     _objects,
     _controllers,
 )
-_LINK_RULES: Final[tuple[Callable[[_Ends], Iterator[str]], ...]] = (_road_links, _lane_links, _junctions)
