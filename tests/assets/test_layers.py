@@ -40,6 +40,7 @@ LAYERS = (
     {"warehouse"},
     {"benchmark"},
     {"reading"},
+    {"gym"},
     # Dagster and the command line
     {"assets"},
     {"definitions"},

@@ -65,8 +65,13 @@ def write_animation(
     frame_s = _VIDEO_FRAME_S if image_format == "mp4" else _FRAME_S
     times = _frame_times(log, frame_s)
     windows = replay_windows(log, from_s=times[0][0])
+<<<<<<< HEAD
     views = [_View(network, window, panel_px) for window in (windows.overview, windows.impact)]
     frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
+=======
+    views = [View(network, window, panel_px) for window in (windows.overview, windows.impact)]
+    frames = (_frame(record, log, verdict, views, time_s, rate) for time_s, rate in times)
+>>>>>>> 158af9c (Crashes as environments for learning: Gymnasium and PettingZoo)
     if image_format == "mp4":
         return encode_mp4(_staying(frames, round(_LAST_FRAME_S / frame_s)), round(1 / frame_s))
     return _encode_picture(list(frames), image_format)
@@ -111,7 +116,7 @@ def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]
     return times
 
 
-class _View:
+class View:
     """A window of the map as a picture, and where points of the local frame lie on it."""
 
     def __init__(self, network: RoadNetwork, window: Window, size_px: int) -> None:
@@ -141,8 +146,12 @@ def _frame(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
+<<<<<<< HEAD
     drive: Drive | None,
     views: list[_View],
+=======
+    views: list[View],
+>>>>>>> 158af9c (Crashes as environments for learning: Gymnasium and PettingZoo)
     time_s: float,
     rate: float,
 ) -> Image:
@@ -174,7 +183,7 @@ def _frame(
     return picture
 
 
-def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, time_s: float) -> None:
+def _draw_vehicle(draw: ImageDraw, view: View, log: SimulationLog, index: int, time_s: float) -> None:
     vehicle = log.vehicles[index]
     body = log.bodies[vehicle.number]
     colour = vehicle_colour(index)
@@ -198,7 +207,7 @@ def _draw_vehicle(draw: ImageDraw, view: _View, log: SimulationLog, index: int, 
     draw.line(windscreen, fill="white", width=max(_SMOOTHING, round(0.35 * view.px_per_m)))
 
 
-def _draw_person(draw: ImageDraw, view: _View, shape: PersonShape, colour: str) -> None:
+def _draw_person(draw: ImageDraw, view: View, shape: PersonShape, colour: str) -> None:
     """To scale, with a rim that parts it from what lies below, in a ring that is seen in the wider view."""
     scale = view.px_per_m
     ((x, y),) = view.px(shape.torso.mean(axis=0))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
-from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT, XODR
+from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
 from trace_dag.flow.records import log_complaint
@@ -19,6 +20,11 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.stored_variations import families, read_variation
+
+if TYPE_CHECKING:
+    from trace_dag.settings import SimSettings
+    from trace_dag.sim.types import SimulationLog
+    from trace_dag.states.types import Hypothesis
 
 
 class AgentRole(StrEnum):
@@ -55,29 +61,43 @@ class StoredCase:
 
 def load_case(stored: StoredCase) -> Case:
     """A case as it is evaluated."""
-    from trace_dag.sim.run import participants, surface_friction
 
     files = stored.files.unread()
-    network, xodr = files.load(ROAD_MAP), files.load(XODR)
-    if stored.variation is not None:
-        varied = read_variation(files.storage, stored.variation)
-        hypothesis, log, friction = varied.hypothesis, varied.log, varied.about.friction
-    else:
-        verdict = files.load(VERDICT)
-        hypothesis = files.load(ESTIMATE).hypotheses[verdict.hypothesis]
-        log = files.load(LOGS)[verdict.hypothesis]
-        friction = surface_friction(files.settings.sim, files.load(RECORD))
+    if stored.variation is None:
+        return case_of(files, files.settings.sim)
+    varied = read_variation(files.storage, stored.variation)
+    return _case(stored.case_id, files, varied.hypothesis, varied.log, varied.about.friction)
+
+
+def case_of(crash: CrashArtefacts, settings: SimSettings) -> Case:
+    """A verified crash as it is evaluated, stored in a root or in a package."""
+    from trace_dag.sim.run import surface_friction
+
+    hypothesis = crash.load(ESTIMATE).hypotheses[crash.load(VERDICT).hypothesis]
+    log = crash.shown_log()
+    assert log is not None, "a crash with a verdict was simulated"
+    return _case(crash.key, crash, hypothesis, log, surface_friction(settings, crash.load(RECORD)))
+
+
+def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: SimulationLog, friction: float) -> Case:
+    from trace_dag.sim.run import participants
+
     return Case(
-        case_id=stored.case_id,
-        key=stored.key,
-        network=network,
-        xodr=xodr,
+        case_id=case_id,
+        key=crash.key,
+        network=crash.load(ROAD_MAP),
+        xodr=crash.load(XODR),
         friction=friction,
         participants=participants(hypothesis),
         impact_time_s=hypothesis.impact_time_s,
         recorded=log,
-        parked=frozenset(each.number for each in files.load(RECORD).vehicles if not each.in_transport),
+        parked=frozenset(each.number for each in crash.load(RECORD).vehicles if not each.in_transport),
     )
+
+
+def somebody_met(crash: CrashArtefacts) -> bool:
+    """Whether anybody met somebody in a crash: a vehicle that left the road by itself had nobody to react to."""
+    return reconstruction_of(crash.load(RECORD)) not in (Reconstruction.DEPARTURE, Reconstruction.OVERTURN)
 
 
 def number_of(case: Case, role: AgentRole) -> int:
@@ -117,8 +137,7 @@ def verified_cases(
         raise UserError(
             f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
         )
-    alone = (Reconstruction.DEPARTURE, Reconstruction.OVERTURN)
-    met = [case for case in cases if reconstruction_of(case.files.load(RECORD)) not in alone]
+    met = [case for case in cases if somebody_met(case.files)]
     if not met:
         raise UserError(
             f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "

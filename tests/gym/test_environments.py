@@ -1,0 +1,159 @@
+"""Crashes as environments: what Gymnasium and PettingZoo ask of one, and that it is the crash that was simulated."""
+
+from __future__ import annotations
+
+import warnings
+import webbrowser
+
+import gymnasium
+import numpy as np
+import pytest
+import sample_runs
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import trace_dag
+import trace_dag.gym
+from trace_dag.errors import UserError
+from trace_dag.evaluation.baselines import Replay
+from trace_dag.evaluation.evaluate import Conditions, evaluate
+from trace_dag.evaluation.observation import Sensing
+from trace_dag.gym.acting import MANOEUVRES
+from trace_dag.gym.parallel import ParallelCrashEnv
+
+KEY = "2023-319003"
+RECORDED, BRAKE_HARD = (
+    next(number for number, (name, _, _) in enumerate(MANOEUVRES) if name == wanted)
+    for wanted in ("recorded", "brake_hard")
+)
+
+
+@pytest.fixture(scope="module")
+def home():
+    return trace_dag.open(sample_runs.finished())
+
+
+def make(home, **arguments):
+    return gymnasium.make(trace_dag.gym.ENVIRONMENT, home=home, **{"key": KEY, **arguments})
+
+
+def driven(env, action, **reset):
+    """Everything an episode gives with one action throughout."""
+    given = [env.reset(**reset)]
+    while True:
+        given.append(env.step(action))
+        if given[-1][2] or given[-1][3]:
+            return given
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+def test_gymnasium_finds_nothing_to_warn_of(home, actions):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make(home, actions=actions, render_mode="rgb_array").unwrapped)
+
+
+def test_pettingzoo_finds_nothing_wrong():
+    root = sample_runs.finished()
+    parallel_api_test(ParallelCrashEnv(root, KEY), num_cycles=70)
+    parallel_seed_test(lambda: ParallelCrashEnv(root, KEY), num_cycles=10)
+
+
+def test_the_recorded_driver_has_the_recorded_crash(home):
+    env = make(home, actions="discrete")
+    *_, (_, _, terminated, truncated, info) = driven(env, RECORDED, seed=1)
+    track = env.unwrapped.tracks[KEY]
+    assert (terminated, truncated, info["outcome"]) == (True, False, "same")
+    same = evaluate(track.case, info["ego"], Replay(), Conditions(), track.simulation)
+    assert info["metrics"]["contact_time_s"] == same.metrics.contact_time_s
+    assert info["metrics"]["contact_shift_m"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_who_stands_still_in_time_avoids_the_crash_and_gets_nothing_for_the_way(home):
+    *steps, (_, _, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
+    assert (terminated, truncated, info["outcome"]) == (False, True, "avoided")
+    driving = driven(make(home, actions="discrete"), RECORDED, seed=1)
+    count = len(driving) - 2
+    assert sum(step[1] for step in steps[1:][:count]) < sum(step[1] for step in driving[1:-1])
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_other_noise(home):
+    noisy = make(home, sensing=Sensing(noise_m=0.5))
+    one, again, other = (driven(noisy, np.array([0.1, 0.0], np.float32), seed=seed) for seed in (7, 7, 8))
+    for (seen, *said), (seen_again, *said_again) in zip(one, again, strict=True):
+        assert all(np.array_equal(seen[name], seen_again[name]) for name in seen)
+        assert said == said_again
+    assert not np.array_equal(one[0][0]["others"], other[0][0]["others"])
+
+
+def test_environments_run_in_processes_of_their_own():
+    root = str(sample_runs.finished())
+    apart = gymnasium.make_vec(
+        trace_dag.gym.ENVIRONMENT, num_envs=2, vectorization_mode="async", home=root, key=KEY, actions="discrete"
+    )
+    try:
+        seen, _ = apart.reset(seed=3)
+        assert seen["own"].shape == (2, 6)
+        np.testing.assert_array_equal(seen["route"][0], seen["route"][1])
+        _, rewards, *_ = apart.step(np.array([RECORDED, BRAKE_HARD]))
+        assert rewards.shape == (2,)
+    finally:
+        apart.close()
+
+
+def test_what_is_seen_is_in_the_vehicles_own_axes(home):
+    env = make(home)
+    seen, about = env.reset(seed=1)
+    episode = env.unwrapped._episode
+    own = episode.moment.states[about["ego"]]
+    (other,) = (state for number, state in episode.moment.states.items() if number != about["ego"])
+    apart_m = np.hypot(other.x_m - own.x_m, other.y_m - own.y_m)
+    assert seen["others_mask"].tolist() == [1] + [0] * 11
+    assert np.hypot(*seen["others"][0, :2]) == pytest.approx(apart_m, rel=1e-5)
+    assert np.hypot(*seen["others"][0, 2:4]) == pytest.approx(1.0, abs=1e-6)
+    assert seen["own"][0] == pytest.approx(own.speed_mps, rel=1e-5)
+    assert abs(seen["route"][0, 0] - 5.0) < 1.0, "the first point of the route is five metres ahead"
+
+
+def test_reset_takes_a_crash_of_those_there_are(home):
+    env = make(home, key=(), actions="discrete")
+    keys = sorted(env.unwrapped.tracks)
+    assert len(keys) > 1
+    assert env.reset(options={"key": keys[1]})[1]["case_id"] == keys[1]
+    assert {env.reset(seed=seed)[1]["case_id"] for seed in range(20)} == set(keys)
+    with pytest.raises(UserError, match="no crash 2023-1"):
+        env.reset(options={"key": "2023-1"})
+    with pytest.raises(UserError, match="nobody drives that"):
+        make(home, ego=9).reset()
+
+
+def test_a_package_is_enough(home):
+    package = sample_runs.finished() / "benchmark" / "packages" / f"{KEY}.zip"
+    *_, (_, _, _, _, info) = driven(make(package, actions="discrete"), RECORDED, seed=1)
+    *_, (_, _, _, _, stored) = driven(make(home, actions="discrete"), RECORDED, seed=1)
+    assert info["metrics"]["contact_time_s"] == pytest.approx(stored["metrics"]["contact_time_s"], abs=0.01)
+
+
+def test_all_drivers_at_once_have_the_recorded_crash(home):
+    env = ParallelCrashEnv(home, KEY, actions="discrete")
+    _, about = env.reset(seed=1)
+    assert sorted(about) == ["V1", "V2"]
+    while env.agents:
+        _, _, terminated, _, info = env.step(dict.fromkeys(env.agents, RECORDED))
+    assert terminated == {"V1": True, "V2": True}
+    assert {each["outcome"] for each in info.values()} == {"same"}
+
+
+def test_pictures_show_bodies_that_move_and_pages_open_at_the_end(home, monkeypatch):
+    env = make(home, actions="discrete", render_mode="rgb_array")
+    env.reset(seed=1)
+    before = env.render()
+    for _ in range(20):
+        env.step(RECORDED)
+    assert before.shape == (480, 480, 3)
+    changed = (before != env.render()).any(axis=2).mean()
+    assert 0 < changed < 0.2, "bodies are small, and only they move"
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    driven(make(home, actions="discrete", render_mode="human"), RECORDED, seed=1)
+    assert [page.startswith("file://") for page in opened] == [True]

@@ -1,0 +1,51 @@
+"""A crash as it is being driven, from above: a picture for ``rgb_array``, a page for ``human``."""
+
+from __future__ import annotations
+
+import tempfile
+import webbrowser
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trace_dag.evaluation.cases import Case
+from trace_dag.flow.artefacts import RECORD
+from trace_dag.geometry import Pose, rectangle_corners
+from trace_dag.gym.episode import Moment
+from trace_dag.gym.pool import Track
+from trace_dag.scenario.animation import View
+from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.replay import replay_windows, write_html_player
+from trace_dag.sim.types import SimulationLog
+
+_SIZE_PX = 480
+
+
+class Camera:
+    """Looks at one case from above, on all that happened in the recorded crash."""
+
+    def __init__(self, case: Case) -> None:
+        self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
+        self._bodies = {each.number: each.body for each in case.participants}
+
+    def picture(self, moment: Moment) -> NDArray[np.uint8]:
+        """The bodies at a moment, shape (480, 480, 3)."""
+        from PIL import Image, ImageDraw
+
+        drawn = self._view.background.copy()
+        draw = ImageDraw.Draw(drawn)
+        for index, (number, body) in enumerate(self._bodies.items()):
+            state = moment.states[number]
+            corners = rectangle_corners(Pose(state.x_m, state.y_m, state.heading_rad), body.length_m, body.width_m)
+            draw.polygon(self._view.px(corners), fill=vehicle_colour(index), outline="white")
+        return np.asarray(drawn.resize((_SIZE_PX, _SIZE_PX), Image.Resampling.BOX), np.uint8)
+
+
+def show_page(track: Track, log: SimulationLog) -> Path:
+    """Write a run as a page and open it in a browser; where it is."""
+    page = write_html_player(track.crash.load(RECORD), track.case.network, log)
+    with tempfile.NamedTemporaryFile(prefix=f"crash-{track.case_id}-", suffix=".html", delete=False) as file:
+        file.write(page)
+    webbrowser.open(Path(file.name).as_uri())
+    return Path(file.name)

@@ -1,0 +1,156 @@
+"""One run of a crash, taken step by step from outside.
+
+A back-end runs a simulation to its end and asks its drivers as it goes. Here it runs in a greenlet: a driver that is
+asked hands over to whoever called :meth:`Episode.step`, and goes on when there is an answer. So every back-end can be
+stepped, in one thread, and the same actions give the same bits as in an evaluation.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from greenlet import GreenletExit, getcurrent, greenlet
+
+from trace_dag.evaluation.agents import Motion, Observation, Recorded, Scenario
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.control import MotionController
+from trace_dag.evaluation.observation import Sensing, Sensor
+from trace_dag.sim.driving import BodyState, Pedals
+from trace_dag.sim.types import Simulation, SimulationLog
+
+AFTER_CONTACT_S = 0.5
+"""A run goes on for so long after the first contact: its delta-v is known a quarter of a second after it."""
+
+Act = Motion | Recorded
+States = Mapping[int, BodyState]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The time since the scenario began (s), and the true state of everybody by number."""
+
+    time_s: float
+    states: States
+
+
+class _Seat:
+    """A driver's place; a :class:`trace_dag.sim.driving.Driver`."""
+
+    def __init__(self, episode: Episode, number: int, scenario: Scenario, sensor: Sensor) -> None:
+        self.period_s = scenario.period_s
+        self.scenario = scenario
+        self.sensor = sensor
+        self._episode = episode
+        self._number = number
+        self._controller = MotionController(scenario)
+        self.seen: tuple[float, Observation] | None = None
+
+    def drive(self, time_s: float, states: States) -> Pedals | None:
+        """See :class:`trace_dag.sim.driving.Driver`."""
+        act = self._episode.asked(Moment(time_s, dict(states)))[self._number]
+        if isinstance(act, Recorded):
+            return None
+        return self._controller.pedals(act, self.observe(Moment(time_s, states)).own)
+
+    def observe(self, moment: Moment) -> Observation:
+        """What is seen at a moment, once: a sensor's noise is drawn once for each."""
+        if self.seen is None or self.seen[0] != moment.time_s:
+            self.seen = moment.time_s, self.sensor.observe(moment.time_s, moment.states)
+        return self.seen[1]
+
+
+class Episode:
+    """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'."""
+
+    def __init__(
+        self, case: Case, egos: tuple[int, ...], simulation: Simulation, *, period_s: float, sensing: Sensing, seed: int
+    ) -> None:
+        self.case = case
+        self.log: SimulationLog | None = None
+        self.moment: Moment | None = None
+        bodies = {each.number: each.body for each in case.participants}
+        self._simulation = simulation
+        self._acts: Mapping[int, Act] = {}
+        self._seats = {
+            number: _Seat(
+                self,
+                number,
+                case.scenario(number, period_s=period_s, seed=seed),
+                Sensor(number, bodies, sensing, zlib.crc32(f"{seed}:{number}".encode())),
+            )
+            for number in egos
+        }
+        self._running = greenlet(self._simulate)
+        self._resume()
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has ended; :attr:`log` is there then."""
+        return self.log is not None
+
+    def scenario(self, ego: int) -> Scenario:
+        """What the driver of a vehicle is told before."""
+        return self._seats[ego].scenario
+
+    def observe(self, ego: int) -> Observation:
+        """What the driver of a vehicle sees now."""
+        assert self.moment is not None
+        return self._seats[ego].observe(self.moment)
+
+    def step(self, acts: Mapping[int, Act]) -> None:
+        """Go on with these acts, by vehicle, until the drivers are asked again or the run ends."""
+        self._acts = acts
+        self._resume()
+
+    def close(self) -> None:
+        """Give up a run that has not ended."""
+        if self._running:
+            self._running.parent = getcurrent()
+            self._running.throw(GreenletExit)
+
+    def asked(self, moment: Moment) -> Mapping[int, Act]:
+        """Called by a seat, in the run: the acts for a moment. The first seat asked hands over."""
+        if self.moment is None or moment.time_s != self.moment.time_s:
+            self.moment = moment
+            caller = self._running.parent
+            assert caller is not None, "a run is resumed by somebody"
+            caller.switch()
+        return self._acts
+
+    def _resume(self) -> None:
+        self._running.parent = getcurrent()
+        self._running.switch()
+        if self.log is not None:
+            self.moment = _last_moment(self.log)
+
+    def _simulate(self) -> None:
+        self.log = self._simulation.run(
+            self.case.going_on(),
+            time_limit_s=self.case.end_s,
+            drivers=dict(self._seats),
+            after_contact_s=AFTER_CONTACT_S,
+        )
+
+
+def _last_moment(log: SimulationLog) -> Moment:
+    states = {
+        each.number: BodyState(
+            each.number,
+            *(
+                float(values[-1])
+                for values in (
+                    each.x_m,
+                    each.y_m,
+                    each.z_m,
+                    each.heading_rad,
+                    each.velocity_x_mps,
+                    each.velocity_y_mps,
+                    each.yaw_rate_rps,
+                )
+            ),
+        )
+        for each in log.vehicles
+    }
+    return Moment(log.duration_s, states)

@@ -1,0 +1,160 @@
+"""What a driver sees, as arrays of fixed shapes in the vehicle's own axes: x ahead, y to the left, metres.
+
+Everything is ``float32``, clipped to the bounds of its space; rows that are not there are 0, and the mask beside says
+which are. Nothing tells an agent that or where the crash happened.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from trace_dag.evaluation.agents import Observation, OwnState, Scenario
+from trace_dag.evaluation.lane_map import PathFollower
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.sim.types import BodyKind
+
+Seen = dict[str, NDArray[Any]]
+
+OTHERS: Final = 12
+"""Road users in an observation, the nearest ones."""
+ROUTE_POINTS, ROUTE_STEP_M = 20, 5.0
+"""Points of the route ahead, and how far apart they are."""
+LANE_POINTS: Final = 48
+"""Points of lane centres in an observation, the nearest ones."""
+
+_LANE_STEP_M = 5.0
+_REACH_M, _FASTEST_MPS, _LONGEST_M, _YAW_RPS = 300.0, 100.0, 40.0, 10.0
+
+_OWN = (  # speed ahead and to the left, yaw rate, length, width, friction of the road
+    (-_FASTEST_MPS, _FASTEST_MPS),
+    (-_FASTEST_MPS, _FASTEST_MPS),
+    (-_YAW_RPS, _YAW_RPS),
+    (0.0, _LONGEST_M),
+    (0.0, _LONGEST_M),
+    (0.0, 2.0),
+)
+_PLACE = ((-_REACH_M, _REACH_M), (-_REACH_M, _REACH_M), (-1.0, 1.0), (-1.0, 1.0))  # x, y, cosine and sine of heading
+_OTHER = (
+    *_PLACE,
+    (-_FASTEST_MPS, _FASTEST_MPS),  # velocity ahead and to the left, over the ground
+    (-_FASTEST_MPS, _FASTEST_MPS),
+    (0.0, _LONGEST_M),  # length, width
+    (0.0, _LONGEST_M),
+    (0.0, 1.0),  # 1 for a person, on foot or riding
+)
+_LANE = (*_PLACE, (0.0, 30.0), (0.0, _FASTEST_MPS))  # width, speed limit (0 where the map has none)
+
+
+def observation_space() -> spaces.Space[Seen]:
+    """The space of :func:`as_seen`."""
+    made: spaces.Space[Any] = spaces.Dict(
+        {
+            "own": _box(_OWN),
+            "others": _box(_OTHER, OTHERS),
+            "others_mask": spaces.MultiBinary(OTHERS),
+            "route": _box(_PLACE, ROUTE_POINTS),
+            "lanes": _box(_LANE, LANE_POINTS),
+            "lanes_mask": spaces.MultiBinary(LANE_POINTS),
+        }
+    )
+    return made
+
+
+def _box(columns: tuple[tuple[float, float], ...], rows: int | None = None) -> spaces.Box:
+    low, high = (np.array(bounds, np.float32) for bounds in zip(*columns, strict=True))
+    if rows is not None:
+        low, high = np.tile(low, (rows, 1)), np.tile(high, (rows, 1))
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+class LanePoints:
+    """Points on the centres of all lanes of a map, five metres apart, with heading, width and limit; made once."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        rows = []
+        for ref in network.drivable_lanes():
+            line = network.centreline(ref, _LANE_STEP_M)
+            geometry, lane = network.geometry(ref), network.lane(ref)
+            width = geometry.width.at((geometry.begin_m + geometry.end_m) / 2)
+            limit = lane.speed_mps or network.road_by_id[ref.road_id].speed_mps or 0.0
+            rows.append(np.column_stack([line[:, [0, 1, 3]], np.full(len(line), width), np.full(len(line), limit)]))
+        self.table = np.concatenate(rows) if rows else np.zeros((0, 5))
+        """Shape (n, 5): x, y (m), heading (rad), width (m), speed limit (m/s)."""
+
+    def nearest(self, x_m: float, y_m: float, count: int) -> NDArray[np.float64]:
+        """Those nearest to a place, nearest first, shape (up to ``count``, 5)."""
+        square = (self.table[:, 0] - x_m) ** 2 + (self.table[:, 1] - y_m) ** 2
+        near = np.argpartition(square, count)[:count] if len(square) > count else np.arange(len(square))
+        near = near[np.argsort(square[near], kind="stable")]
+        return np.asarray(self.table[near])
+
+
+class Eyes:
+    """Turns what one driver sees in one scenario into arrays."""
+
+    def __init__(self, scenario: Scenario, lanes: LanePoints) -> None:
+        self._scenario = scenario
+        self._route = PathFollower(scenario.route)
+        self._lanes = lanes
+
+    def as_seen(self, seen: Observation) -> Seen:
+        """An observation in :func:`observation_space`."""
+        own, body = seen.own, self._scenario.body
+        c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)
+        sideways = own.velocity_y_mps * c - own.velocity_x_mps * s
+        me = (own.speed_mps, sideways, own.yaw_rate_rps, body.length_m, body.width_m, self._scenario.friction)
+        others, others_mask = _padded(_others(seen, c, s), _OTHER, OTHERS)
+        near = self._lanes.nearest(own.x_m, own.y_m, LANE_POINTS)
+        lanes = np.column_stack([_placed(near[:, 0], near[:, 1], near[:, 2], own), near[:, 3:]])
+        shown, lanes_mask = _padded(lanes, _LANE, LANE_POINTS)
+        at_m, _ = self._route.locate(own.x_m, own.y_m)
+        x, y, heading = self._scenario.route.plan(at_m + ROUTE_STEP_M * np.arange(1.0, ROUTE_POINTS + 1))
+        route, _ = _padded(_placed(x, y, heading, own), _PLACE, ROUTE_POINTS)
+        return {
+            "own": _clipped(np.array(me), _OWN),
+            "others": others,
+            "others_mask": others_mask,
+            "route": route,
+            "lanes": shown,
+            "lanes_mask": lanes_mask,
+        }
+
+
+def _others(seen: Observation, c: float, s: float) -> NDArray[np.float64]:
+    own = seen.own
+    near = sorted(seen.others, key=lambda each: (each.x_m - own.x_m) ** 2 + (each.y_m - own.y_m) ** 2)[:OTHERS]
+    if not near:
+        return np.zeros((0, len(_OTHER)))
+    x, y, heading, vx, vy, length, width = np.array(
+        [(e.x_m, e.y_m, e.heading_rad, e.velocity_x_mps, e.velocity_y_mps, e.length_m, e.width_m) for e in near]
+    ).T
+    person = np.array([each.kind is not BodyKind.MOTOR_VEHICLE for each in near], float)
+    return np.column_stack([_placed(x, y, heading, own), vx * c + vy * s, vy * c - vx * s, length, width, person])
+
+
+def _placed(
+    x_m: NDArray[np.float64], y_m: NDArray[np.float64], heading_rad: NDArray[np.float64], own: OwnState
+) -> NDArray[np.float64]:
+    """Places in the vehicle's axes, shape (n, 4): x, y, cosine and sine of the heading."""
+    c, s = math.cos(own.heading_rad), math.sin(own.heading_rad)
+    dx, dy, turned = x_m - own.x_m, y_m - own.y_m, heading_rad - own.heading_rad
+    return np.column_stack([dx * c + dy * s, dy * c - dx * s, np.cos(turned), np.sin(turned)])
+
+
+def _padded(
+    rows: NDArray[np.float64], columns: tuple[tuple[float, float], ...], count: int
+) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    out, mask = np.zeros((count, len(columns)), np.float32), np.zeros(count, np.int8)
+    out[: len(rows)] = _clipped(rows, columns)
+    mask[: len(rows)] = 1
+    return out, mask
+
+
+def _clipped(values: NDArray[np.float64], columns: tuple[tuple[float, float], ...]) -> NDArray[np.float32]:
+    low, high = np.array(columns).T
+    return np.clip(values, low, high).astype(np.float32)

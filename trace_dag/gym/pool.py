@@ -1,0 +1,84 @@
+"""Which crashes an environment drives in, loaded when first driven."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from trace_dag.errors import UserError
+from trace_dag.evaluation.cases import Case
+from trace_dag.flow.artefacts import CrashArtefacts
+from trace_dag.gym.observing import LanePoints
+from trace_dag.reading.crashes import Crashes, Home
+from trace_dag.reading.opening import open_place
+from trace_dag.settings import SimSettings
+from trace_dag.sim.backends import backend
+from trace_dag.sim.types import Simulation
+from trace_dag.studies.cases import case_of, load_case, somebody_met, stored_variations, verified_cases
+
+Place = str | os.PathLike[str] | Crashes
+
+
+@dataclass(frozen=True)
+class Track:
+    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash."""
+
+    case_id: str
+    crash: CrashArtefacts
+    load: Callable[[], Case]
+    settings: SimSettings
+
+    @property
+    def key(self) -> str:
+        """The crash's key."""
+        return self.crash.key
+
+    @cached_property
+    def case(self) -> Case:
+        """The case."""
+        return self.load()
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """What runs it."""
+        return backend(self.settings).load(self.case.network, self.case.xodr, friction=self.case.friction)
+
+    @cached_property
+    def lanes(self) -> LanePoints:
+        """The lanes of its map."""
+        return LanePoints(self.case.network)
+
+
+def tracks(home: Place | None, keys: Sequence[str], *, variations: bool) -> dict[str, Track]:
+    """The verified crashes of a place in which somebody met somebody, all or those of ``keys``, by case id.
+
+    ``variations``: with the stored variations of each, which only a root has. Raises :class:`UserError` where there
+    are none.
+    """
+    crashes = home if isinstance(home, Crashes) else open_place(home)
+    if isinstance(crashes, Home):
+        found = _of_root(crashes, keys, variations=variations)
+    elif variations:
+        raise UserError(f"{crashes.place}: variations are stored in a root; this is a package or a release")
+    else:
+        settings, stored = SimSettings(), [crashes[key].stored for key in keys or crashes]
+        found = [
+            Track(crash.key, crash, lambda crash=crash: case_of(crash, settings), settings)  # type: ignore[misc]
+            for crash in stored
+            if somebody_met(crash)
+        ]
+    if not found:
+        raise UserError(f"{crashes.place}: no crash in which anybody met somebody; an agent has nobody to react to")
+    return {track.case_id: track for track in found}
+
+
+def _of_root(home: Home, keys: Sequence[str], *, variations: bool) -> list[Track]:
+    cases = verified_cases(home.workspace, None, keys)
+    if variations:
+        cases += stored_variations(home.workspace, cases)
+    return [
+        Track(each.case_id, each.files, lambda each=each: load_case(each), home.workspace.settings.sim)  # type: ignore[misc]
+        for each in cases
+    ]

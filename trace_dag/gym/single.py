@@ -1,0 +1,204 @@
+"""The environment of one driver: ``gymnasium.make("trace_dag/Crash-v0", home=..., key=..., ego=...)``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+
+from trace_dag.errors import UserError
+from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.metrics import Metrics, measure, outcome_of
+from trace_dag.evaluation.observation import Sensing
+from trace_dag.gym.acting import ActionKind, Hands, action_space
+from trace_dag.gym.drawing import Camera, show_page
+from trace_dag.gym.episode import Episode
+from trace_dag.gym.observing import Eyes, LanePoints, Seen, observation_space
+from trace_dag.gym.pool import Place, Track, tracks
+from trace_dag.gym.rewards import Reward
+from trace_dag.studies.cases import AgentRole, number_of
+
+RenderMode = Literal["rgb_array", "human"]
+_SEEDS = 2**31
+
+
+class Driver:
+    """One driver of an episode: eyes, hands, and how far it has driven of what was recorded."""
+
+    def __init__(self, episode: Episode, ego: int, lanes: LanePoints, actions: ActionKind, reward: Reward) -> None:
+        scenario = episode.scenario(ego)
+        self.ego = ego
+        self.hands = Hands(scenario, actions)
+        self._eyes = Eyes(scenario, lanes)
+        self._episode = episode
+        self._reward = reward
+        self._period_s = scenario.period_s
+        self._driven_m = 0.0
+        self._recorded_m = recorded_m(episode.case, ego)
+
+    def look(self) -> Seen:
+        """What is seen now."""
+        return self._eyes.as_seen(self._episode.observe(self.ego))
+
+    def rewarded(self) -> tuple[float, dict[str, Any]]:
+        """The reward of the last step, and what there is to say about it: the measures of a run that has ended."""
+        assert self._episode.moment is not None
+        state, before_m = self._episode.moment.states[self.ego], self._driven_m
+        self._driven_m += max(state.speed_mps, 0.0) * self._period_s
+        reward = self._reward.on_the_way(self._driven_m, before_m, self._recorded_m)
+        if self._episode.log is None:
+            return reward, {}
+        metrics = measure(self._episode.case, self.ego, self._episode.log)
+        return reward + self._reward.in_the_end(metrics), told(metrics)
+
+
+def told(metrics: Metrics) -> dict[str, Any]:
+    """What ``info`` says at the end: ``outcome``, and every measure."""
+    return {"outcome": str(outcome_of(metrics)), "metrics": asdict(metrics)}
+
+
+def recorded_m(case: Case, ego: int) -> float:
+    """How far a participant was going to drive by the end of a case, m."""
+    own = next(each.trajectory for each in case.going_on() if each.number == ego)
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(own.x_m), np.diff(own.y_m)))])
+    return float(np.interp(case.end_s, own.time_s, driven))
+
+
+class CrashEnv(gymnasium.Env[Seen, Any]):
+    """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit.
+
+    Args:
+        home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does.
+        key: one crash or several; all in which somebody met somebody by default.
+        ego: whose place, as ``trace-dag evaluate --ego`` has it, or a vehicle's number.
+        variations: with the stored variations of the crashes.
+        actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`.
+        rate_hz: steps per second, 1 to 100.
+        sensing: how well it sees.
+        reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
+        render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
+
+    ``reset(seed=..., options={"key": ..., "variation": ...})`` chooses crash and variation; without options the seed
+    draws one of all. The same seed, options and actions give the same bits. An episode is terminated by the first
+    contact of anybody with anybody, and truncated five seconds after the recorded impact. ``info`` has ``case_id`` and
+    ``ego``, and in the end ``outcome`` and ``metrics``. Raises :class:`trace_dag.errors.UserError` for what is not
+    there.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 - as its base
+
+    def __init__(
+        self,
+        home: Place | None = None,
+        key: str | Sequence[str] = (),
+        ego: str | int = "striking",
+        *,
+        variations: bool = False,
+        actions: ActionKind = "continuous",
+        rate_hz: float = 10.0,
+        sensing: Sensing | None = None,
+        reward: Reward | None = None,
+        render_mode: RenderMode | None = None,
+    ) -> None:
+        if not 1.0 <= rate_hz <= 100.0:
+            raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
+        self.tracks = tracks(home, [key] if isinstance(key, str) else list(key), variations=variations)
+        self.observation_space = observation_space()
+        self.action_space = action_space(actions)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(rate_hz)}
+        self._ego = ego
+        self._actions: ActionKind = actions
+        self._period_s = 1.0 / rate_hz
+        self._sensing = sensing or Sensing()
+        self._reward = reward or Reward()
+        self._episode: Episode | None = None
+        self._camera: tuple[str, Camera] | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
+        """See :meth:`gymnasium.Env.reset`."""
+        super().reset(seed=seed)
+        track = chosen(self.tracks, options, self.np_random)
+        self.close()
+        self._track = track
+        ego = ego_of(track.case, self._ego)
+        self._episode = Episode(
+            track.case,
+            (ego,),
+            track.simulation,
+            period_s=self._period_s,
+            sensing=self._sensing,
+            seed=int(self.np_random.integers(_SEEDS)),
+        )
+        self._driver = Driver(self._episode, ego, track.lanes, self._actions, self._reward)
+        return self._driver.look(), {"case_id": track.case_id, "ego": ego}
+
+    def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
+        """See :meth:`gymnasium.Env.step`."""
+        episode, driver = self._running(), self._driver
+        if episode.over:
+            raise UserError("the episode is over; reset begins another one")
+        episode.step({driver.ego: driver.hands.act(action)})
+        reward, info = driver.rewarded()
+        info |= {"case_id": episode.case.case_id, "ego": driver.ego}
+        touched = episode.log is not None and episode.log.first_contact is not None
+        if episode.log is not None and self.render_mode == "human":
+            show_page(self._track, episode.log)
+        return driver.look(), reward, touched, episode.log is not None and not touched, info
+
+    def render(self) -> Any:
+        """The picture of now for ``rgb_array``; ``human`` shows whole episodes by itself."""
+        if self.render_mode != "rgb_array":
+            return None
+        episode = self._running()
+        assert episode.moment is not None
+        if self._camera is None or self._camera[0] != episode.case.case_id:
+            self._camera = episode.case.case_id, Camera(episode.case)
+        return self._camera[1].picture(episode.moment)
+
+    def close(self) -> None:
+        """Give up the episode that is under way."""
+        if self._episode is not None:
+            self._episode.close()
+
+    def _running(self) -> Episode:
+        if self._episode is None:
+            raise UserError("no episode has begun; call reset first")
+        return self._episode
+
+
+def chosen(tracks: Mapping[str, Track], options: Mapping[str, Any] | None, random: np.random.Generator) -> Track:
+    """What ``options`` name, or one drawn of all that they leave; options of others are left alone.
+
+    Raises :class:`UserError` for a crash that is not there.
+    """
+    asked = options or {}
+    variation, key = asked.get("variation"), asked.get("key")
+    left = [
+        each
+        for each in tracks.values()
+        if (variation is None or each.case_id == variation) and (key is None or each.key == key)
+    ]
+    if not left:
+        raise UserError(f"reset: no crash {variation or key} among the {len(tracks)} of this environment")
+    return left[int(random.integers(len(left)))]
+
+
+def ego_of(case: Case, ego: str | int) -> int:
+    """The number of the vehicle in a role, or of that number. Raises :class:`UserError` for who drives nothing."""
+    if isinstance(ego, str):
+        try:
+            return number_of(case, AgentRole(ego))
+        except ValueError as error:
+            raise UserError(f"ego {ego!r}: expected {', '.join(AgentRole)}, or a vehicle's number") from error
+    if ego not in drivers_of(case):
+        raise UserError(f"ego {ego}: nobody drives that in {case.case_id}; drivers are {drivers_of(case)}")
+    return ego
+
+
+def drivers_of(case: Case) -> list[int]:
+    """Numbers of the vehicles that somebody drives."""
+    return [each.number for each in case.participants if not each.body.is_person and each.number not in case.parked]
