@@ -1,4 +1,5 @@
-"""What installed packages offer by name: back-ends, converters, estimators, agents, sources of reports and maps.
+"""What installed packages offer by name: back-ends, converters, estimators, agents, exporters, sources of
+reports and maps.
 
 Each kind is a group of entry points (``trace_dag.backends``); what this package offers is registered in the same way.
 What a plugin of a kind has to be is said where it is used; see the page on extending in the documentation.
@@ -19,6 +20,7 @@ class PluginKind(StrEnum):
     """The kinds of plugins; the value is the last part of the group of entry points."""
 
     AGENT = "agents"
+    EXPORTER = "exporters"
     BACKEND = "backends"
     CONVERTER = "converters"
     ESTIMATOR = "estimators"

@@ -39,6 +39,7 @@ LAYERS = (
     {"studies"},
     {"warehouse"},
     {"benchmark"},
+    {"formats"},
     {"reading"},
     {"gym"},
     # Dagster and the command line

@@ -165,7 +165,7 @@ def test_only_verified_crashes_are_exported(root: Path) -> None:
 
 
 def test_the_published_layout_gives_the_same_verdicts(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:
-    done = trace_dag(root, "export", "--layout", "published", "--output", str(tmp_path))
+    done = trace_dag(root, "export", "--format", "published", "--output", str(tmp_path))
     assert done.returncode == 0, done.stderr
     cases = {key.partition("-")[2] for key in packages}
     for name in (

@@ -1,4 +1,4 @@
-"""Verified crashes written out for use elsewhere: packages as folders, or the published benchmark's layout.
+"""Verified crashes written out for use elsewhere, by an exporter (:mod:`trace_dag.formats`).
 
 One crash at a time, whatever their number; a file that is already there as it should be is left alone, so an
 interrupted export goes on where it stopped.
@@ -8,19 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal
 
-from trace_dag.benchmark.packaging import package_of, published_files, published_readme
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
 from trace_dag.flow.records import log_complaint, read_records
 from trace_dag.flow.standing import FinalState, standing
 from trace_dag.flow.workspace import Workspace
+from trace_dag.plugins import PluginKind, load
 from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import crash_files
-
-Layout = Literal["packages", "published"]
 
 _AT_A_TIME = 200  # crashes whose records are read together
 
@@ -54,29 +51,23 @@ def export(
     workspace: Workspace,
     keys: Sequence[str],
     folder: Path,
-    layout: Layout,
+    export_format: str,
     *,
     told: Callable[[str], None] = lambda _key: None,
     complain: Complaint = raised,
     left_out: Callable[[str], None] = lambda _why: None,
 ) -> int:
-    """Write verified crashes below ``folder``; how many files were written or replaced. ``told`` hears of each crash,
-    ``complain`` of each that cannot be written because something stored of it is damaged, ``left_out`` of each that the
-    layout has no words for.
+    """Write verified crashes below ``folder`` in a format that an installed exporter writes; how many files were
+    written or replaced.
 
-    Packages lie in a folder per key. In the published layout crashes are known by their case number alone, which is
-    unique only within a year: crashes of several years lie in a folder per year.
+    ``told`` hears of each crash, ``complain`` of each that cannot be written because something stored of it is damaged,
+    ``left_out`` of each that the format has no words for. Raises :class:`UserError` for a format that nobody offers.
     """
+    exporter = load(PluginKind.EXPORTER, export_format)(keys)
     target, written = Storage.open(folder), 0
-    years = {key.partition("-")[0] for key in keys}
     for files in _crashes(workspace, keys):
-        year = files.key.partition("-")[0]
         try:
-            if layout == "packages":
-                contents = {f"{files.key}/{name}": data for name, data in package_of(files).items()}
-            else:
-                below = f"{year}/" if len(years) > 1 else ""
-                contents = {below + name: data for name, data in published_files(files).items()}
+            contents = exporter.of_crash(files)
         except Failure as failure:
             complain(failure)
             continue
@@ -85,9 +76,7 @@ def export(
             continue
         written += sum(write_if_changed(target, name, data) for name, data in contents.items())
         told(files.key)
-    if layout == "published":
-        written += write_if_changed(target, "README.md", published_readme())
-    return written
+    return written + sum(write_if_changed(target, name, data) for name, data in exporter.beside().items())
 
 
 def write_if_changed(target: Storage, name: str, data: bytes) -> bool:

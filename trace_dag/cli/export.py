@@ -4,36 +4,34 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.progress import progress_of
 
-if TYPE_CHECKING:
-    from trace_dag.benchmark.export import Layout
-
 
 @click.command(
     cls=ManyValuesCommand,
     epilog=examples(
         "trace-dag export --output packages/",
-        "trace-dag export --layout published --only 2023-510179",
+        "trace-dag export --format commonroad --only 2023-510179",
     ),
 )
 @click.option(
-    "--layout",
-    type=click.Choice(["packages", "published"]),
+    "--format",
+    "export_format",
+    metavar="NAME",
     default="packages",
     show_default=True,
-    help="A scenario package per crash, as a folder; or the published benchmark's layout, for scripts written for it.",
+    help="packages (a folder per crash), commonroad, points (GeoParquet and GPX), published (the published benchmark's "
+    "layout), or what another package offers: trace-dag plugins.",
 )
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")
-@click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Where to; else ./LAYOUT.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Where to; else ./NAME.")
 @click.pass_obj
-def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...], output: Path | None) -> None:
+def export(root: str, export_format: str, cohort: str | None, only: tuple[str, ...], output: Path | None) -> None:
     """Write the verified crashes out, for use without this program.
 
     Exported again, only what has changed is written.
@@ -43,7 +41,7 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
     from trace_dag.cli.complaints import Complaints
     from trace_dag.flow.workspace import Workspace
 
-    workspace, folder = Workspace.open(root), output or Path(layout)
+    workspace, folder = Workspace.open(root), output or Path(export_format)
     complaints, exported = Complaints(), 0
     keys = verified_keys(workspace, cohort, only, complain=complaints.hear)
     with progress_of("crashes", len(keys)) as told:
@@ -54,7 +52,9 @@ def export(root: str, layout: Layout, cohort: str | None, only: tuple[str, ...],
             told(key)
 
         left_out: list[str] = []
-        written = write(workspace, keys, folder, layout, told=tell, complain=complaints.hear, left_out=left_out.append)
+        written = write(
+            workspace, keys, folder, export_format, told=tell, complain=complaints.hear, left_out=left_out.append
+        )
     click.echo(f"{folder}  {exported} crashes, {written} files written")
     for why in left_out:
         click.echo(f"left out  {why}")

@@ -1,0 +1,112 @@
+"""What exporters write says what the crash says, by the standards of each form."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import sample_runs
+import shapely
+from lxml import etree
+
+import trace_dag
+from trace_dag.benchmark.export import export
+from trace_dag.errors import UserError
+from trace_dag.formats.commonroad import STEP_S
+
+KEY = "2023-319003"
+GPX = "{http://www.topografix.com/GPX/1/1}"
+
+
+@pytest.fixture(scope="module")
+def home():
+    return trace_dag.open(sample_runs.finished())
+
+
+@pytest.fixture(scope="module")
+def commonroad(home, tmp_path_factory):
+    """The CommonRoad files of one crash, parsed, by name."""
+    folder = tmp_path_factory.mktemp("commonroad")
+    assert export(home.workspace, [KEY], folder, "commonroad") == 2
+    return {file.stem: etree.parse(file).getroot() for file in folder.iterdir()}
+
+
+def points(element):
+    return np.array([[float(point.findtext(axis)) for axis in "xy"] for point in element.iterfind("point")])
+
+
+def number(element, path):
+    return float(element.findtext(path))
+
+
+def test_there_is_a_planning_problem_for_each_driver_and_the_others_are_obstacles(commonroad, home):
+    log = home[KEY].log
+    assert sorted(commonroad) == [f"{KEY}_V1", f"{KEY}_V2"]
+    for name, root in commonroad.items():
+        ego = int(name[-1])
+        (problem,), (obstacle,) = root.findall("planningProblem"), root.findall("dynamicObstacle")
+        own, other = (next(v for v in log.vehicles if (v.number == ego) is mine) for mine in (True, False))
+        for element, vehicle in ((problem, own), (obstacle, other)):
+            initial = element.find("initialState")
+            np.testing.assert_allclose(points(initial.find("position"))[0], (vehicle.x_m[0], vehicle.y_m[0]), atol=0.01)
+            assert number(initial, "velocity/exact") == pytest.approx(vehicle.speed_mps[0], abs=0.01)
+        assert number(obstacle, "shape/rectangle/length") == pytest.approx(log.bodies[other.number].length_m, abs=1e-3)
+
+
+def test_obstacles_drive_as_recorded_until_the_crash_and_on_as_if_there_were_none(commonroad, home):
+    crash = home[KEY]
+    contact_s = crash.log.first_contact.time_s
+    obstacle = commonroad[f"{KEY}_V1"].find("dynamicObstacle")
+    states = obstacle.findall("trajectory/state")
+    assert [int(state.findtext("time/exact")) for state in states] == list(range(1, len(states) + 1))
+    other = next(vehicle for vehicle in crash.log.vehicles if vehicle.number == 2)
+    places = np.array([points(state.find("position"))[0] for state in states])
+    before = np.arange(1, len(states) + 1) * STEP_S < contact_s
+    times = np.arange(1, len(states) + 1)[before] * STEP_S
+    logged = np.column_stack([np.interp(times, other.time_s, values) for values in (other.x_m, other.y_m)])
+    assert np.hypot(*(places[before] - logged).T).max() < 0.5, "what a driver plans and what the wheels do"
+    assert len(states) * STEP_S > contact_s + 4.0
+
+
+def test_lanelets_meet_and_refer_to_what_is_there(commonroad):
+    root = commonroad[f"{KEY}_V1"]
+    lanelets = {element.get("id"): element for element in root.iterfind("lanelet")}
+    everything = [element.get("id") for element in root.iter() if element.get("id")]
+    assert len(everything) == len(set(everything))
+    links = 0
+    for lanelet in lanelets.values():
+        left, right = points(lanelet.find("leftBound")), points(lanelet.find("rightBound"))
+        assert left.shape == right.shape
+        along, across = left[1] - left[0], left[0] - right[0]
+        assert along[0] * across[1] - along[1] * across[0] > 0, "the left border is on the left"
+        for successor in lanelet.iterfind("successor"):
+            after = lanelets[successor.get("ref")]
+            assert lanelet.get("id") in [each.get("ref") for each in after.iterfind("predecessor")]
+            assert np.hypot(*(points(after.find("leftBound"))[0] - left[-1])) < 0.6
+            links += 1
+    assert links > len(lanelets) / 2
+
+
+def test_points_lie_where_the_reports_say(home, tmp_path):
+    keys = sorted(home.crashes.query("final_state == 'verified'").index)
+    assert export(home.workspace, keys, tmp_path, "points") == 2
+    data = (tmp_path / "crashes.parquet").read_bytes()
+    table = pq.read_table(io.BytesIO(data))
+    about = json.loads(table.schema.metadata[b"geo"])
+    assert (about["version"], about["primary_column"]) == ("1.1.0", "geometry")
+    assert about["columns"]["geometry"]["encoding"] == "WKB"
+    waypoints = etree.parse(tmp_path / "crashes.gpx").getroot().findall(f"{GPX}wpt")
+    assert table.column("key").to_pylist() == keys == [point.findtext(f"{GPX}name") for point in waypoints]
+    for key, wkb, point in zip(keys, table.column("geometry").to_pylist(), waypoints, strict=True):
+        record = home[key].record
+        place = shapely.from_wkb(wkb)
+        assert (place.x, place.y) == (record.longitude_deg, record.latitude_deg)
+        assert float(point.get("lat")) == pytest.approx(record.latitude_deg, abs=1e-7)
+
+
+def test_a_format_that_nobody_offers_is_said(home, tmp_path):
+    with pytest.raises(UserError, match="no exporter 'nonsense' is installed; expected one of commonroad"):
+        export(home.workspace, [KEY], tmp_path, "nonsense")

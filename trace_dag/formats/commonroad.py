@@ -1,0 +1,229 @@
+"""CommonRoad scenarios (format 2020a): the road as lanelets, and a planning problem for each driver.
+
+A file per driver. Its planning problem starts as that driver did and has to reach where the vehicle would have been
+without the crash; everybody else is an obstacle that drives as recorded, without the crash: what agents are evaluated
+in. Times are steps of a tenth of a second, places are in the crash's local frame, as in its OpenDRIVE map.
+
+Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
+documentation of the XML format 2020a.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import date
+from typing import Final
+
+import numpy as np
+from lxml import etree
+
+from trace_dag.crash.record import CrashRecord, VehicleClass
+from trace_dag.errors import UserError
+from trace_dag.evaluation.cases import Case
+from trace_dag.flow.artefacts import RECORD
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.formats.exporter import as_driven
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.sim.types import Body, BodyKind, Participant
+from trace_dag.version import __version__
+
+STEP_S: Final = 0.1
+
+_TYPES: Final[Mapping[VehicleClass, str]] = {
+    VehicleClass.MOTORCYCLE: "motorcycle",
+    VehicleClass.BUS: "bus",
+    VehicleClass.TRUCK: "truck",
+    VehicleClass.LIGHT_TRUCK: "truck",
+    VehicleClass.TRACTOR_TRAILER: "truck",
+}
+_PEOPLE: Final = {BodyKind.PEDESTRIAN: "pedestrian", BodyKind.CYCLIST: "bicycle", BodyKind.CONVEYANCE: "pedestrian"}
+_GOAL_S: Final = 1.0  # a goal is to be reached within so much of the end
+_GOAL_LENGTH_M, _GOAL_WIDTH_M = 20.0, 4.0
+_GOAL_HEADING_RAD: Final = 0.5
+_UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
+
+
+class CommonRoad:
+    """``<key>_V<number>.xml`` for each driver of a crash."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        """Nothing to prepare."""
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.formats.exporter.Exporter`."""
+        case, record = as_driven(crash), crash.load(RECORD)
+        drivers = [each for each in case.participants if not each.body.is_person and each.number not in case.parked]
+        if not drivers:
+            raise UserError("nobody drives in it")
+        road = _Lanelets(case.network)
+        return {f"{crash.key}_V{each.number}.xml": _scenario(case, record, road, each.number) for each in drivers}
+
+    def beside(self) -> Mapping[str, bytes]:
+        """Each file explains itself."""
+        return {}
+
+
+class _Lanelets:
+    """The drivable lanes as lanelets; ids from 1 on."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
+        self._ids = {shape.ref: number for number, shape in enumerate(self._shapes, 1)}
+        self.next_id = len(self._shapes) + 1
+
+    def write_into(self, root: etree._Element) -> None:
+        """Add an element for each lanelet."""
+        for shape in self._shapes:
+            self._write(root, shape)
+
+    def _write(self, root: etree._Element, shape: LaneShape) -> None:
+        lanelet = etree.SubElement(root, "lanelet", id=str(self._ids[shape.ref]))
+        for side, border in (("leftBound", shape.left_m), ("rightBound", shape.right_m)):
+            bound = etree.SubElement(lanelet, side)
+            for point in border:
+                _add_point(bound, point)
+        for name, others in (("predecessor", shape.predecessors), ("successor", shape.successors)):
+            for other in self._known(others):
+                etree.SubElement(lanelet, name, ref=str(other))
+        for name, beside, same_way in (
+            ("adjacentLeft", shape.left, shape.left_same_way),
+            ("adjacentRight", shape.right, shape.right_same_way),
+        ):
+            for other in self._known([beside] if beside else []):
+                etree.SubElement(lanelet, name, ref=str(other), drivingDir="same" if same_way else "opposite")
+        _add(lanelet, "laneletType", "intersection" if shape.junction_id is not None else "urban")
+        _add(lanelet, "userOneWay", "vehicle")
+
+    def _known(self, refs: Iterable[LaneRef]) -> list[int]:
+        return [self._ids[ref] for ref in refs if ref in self._ids]
+
+
+def _scenario(case: Case, record: CrashRecord, road: _Lanelets, ego: int) -> bytes:
+    year, _, number = record.key.partition("-")
+    root = etree.Element(
+        "commonRoad",
+        timeStepSize=f"{STEP_S:g}",
+        commonRoadVersion="2020a",
+        author="trace-dag",
+        affiliation="",
+        source=f"trace-dag {__version__}, FARS case {record.key}, {case.network.attribution}",
+        benchmarkID=f"USA_Fars{year}x{number}V{ego}-1_1_T-1",
+        date=date(record.year or record.case_year, record.month or 1, record.day or 1).isoformat(),
+    )
+    location = etree.SubElement(root, "location")
+    _add(location, "geoNameId", _UNKNOWN_PLACE)
+    _add(location, "gpsLatitude", f"{record.latitude_deg:.7f}")
+    _add(location, "gpsLongitude", f"{record.longitude_deg:.7f}")
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
+    road.write_into(root)
+    next_id = road.next_id
+    for each in case.going_on():
+        if each.number != ego:
+            _add_obstacle(root, next_id, each, case)
+            next_id += 1
+    own = next(each for each in case.going_on() if each.number == ego)
+    _add_problem(root, next_id, own, case)
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def course(participant: Participant, end_s: float) -> FloatArray:
+    """Where a participant is every tenth of a second up to a time, without the crash, shape (n, 4): x, y (m, its
+    centre), heading (rad, within half a turn), speed (m/s). Who stands stays where they are."""
+    t = participant.trajectory
+    times = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
+    columns = (t.x_m, t.y_m, np.unwrap(t.heading_rad), t.speed_mps)
+    if len(t.time_s) < 2:
+        pose = participant.initial_pose
+        return np.tile([pose.x_m, pose.y_m, pose.heading_rad, 0.0], (len(times), 1))
+    table = np.column_stack([np.interp(times, t.time_s, values) for values in columns])
+    table[:, 2] = np.remainder(table[:, 2] + math.pi, math.tau) - math.pi
+    return table
+
+
+def _add_obstacle(root: etree._Element, number: int, participant: Participant, case: Case) -> None:
+    obstacle = etree.SubElement(root, "dynamicObstacle", id=str(number))
+    body = participant.body
+    _add(obstacle, "type", _type_of(body, parked=participant.number in case.parked))
+    _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
+    states = course(participant, case.end_s)
+    initial = etree.SubElement(obstacle, "initialState")
+    _add_state(initial, 0, states[0])
+    trajectory = etree.SubElement(obstacle, "trajectory")
+    for step, state in enumerate(states[1:], 1):
+        _add_state(etree.SubElement(trajectory, "state"), step, state)
+
+
+def _type_of(body: Body, *, parked: bool) -> str:
+    if body.is_person:
+        return _PEOPLE[body.kind]
+    return "parkedVehicle" if parked else _TYPES.get(body.vehicle_class, "car")
+
+
+def _add_problem(root: etree._Element, number: int, own: Participant, case: Case) -> None:
+    problem = etree.SubElement(root, "planningProblem", id=str(number))
+    states = course(own, case.end_s)
+    initial = etree.SubElement(problem, "initialState")
+    _add_position(initial, states[0])
+    for name, value in (("orientation", states[0, 2]), ("time", 0), ("velocity", states[0, 3])):
+        _add_exact(initial, name, value)
+    for name in ("yawRate", "slipAngle"):
+        _add_exact(initial, name, 0.0)
+    goal = etree.SubElement(problem, "goalState")
+    x, y, heading, _ = states[-1]
+    where = etree.SubElement(etree.SubElement(goal, "position"), "rectangle")
+    _add(where, "length", _number(_GOAL_LENGTH_M))
+    _add(where, "width", _number(_GOAL_WIDTH_M))
+    _add(where, "orientation", _number(heading))
+    centre = etree.SubElement(where, "center")
+    _add(centre, "x", _number(x))
+    _add(centre, "y", _number(y))
+    _add_interval(goal, "orientation", heading - _GOAL_HEADING_RAD, heading + _GOAL_HEADING_RAD)
+    last = len(states) - 1
+    time = etree.SubElement(goal, "time")
+    _add(time, "intervalStart", str(max(last - round(_GOAL_S / STEP_S), 1)))
+    _add(time, "intervalEnd", str(last))
+
+
+def _add_state(element: etree._Element, step: int, state: FloatArray) -> None:
+    _add_position(element, state)
+    _add_exact(element, "orientation", state[2])
+    _add_exact(element, "time", step)
+    _add_exact(element, "velocity", state[3])
+
+
+def _add_position(element: etree._Element, state: FloatArray) -> None:
+    _add_point(etree.SubElement(element, "position"), state[:2])
+
+
+def _add_point(element: etree._Element, place: FloatArray) -> None:
+    point = etree.SubElement(element, "point")
+    for name, value in zip("xyz", place, strict=False):
+        _add(point, name, _number(value))
+
+
+def _add_rectangle(element: etree._Element, length_m: float, width_m: float) -> None:
+    rectangle = etree.SubElement(element, "rectangle")
+    _add(rectangle, "length", _number(length_m))
+    _add(rectangle, "width", _number(width_m))
+
+
+def _add_exact(element: etree._Element, name: str, value: float) -> None:
+    _add(etree.SubElement(element, name), "exact", _number(value))
+
+
+def _add_interval(element: etree._Element, name: str, low: float, high: float) -> None:
+    interval = etree.SubElement(element, name)
+    _add(interval, "intervalStart", _number(low))
+    _add(interval, "intervalEnd", _number(high))
+
+
+def _add(element: etree._Element, name: str, text: str) -> None:
+    etree.SubElement(element, name).text = text
+
+
+def _number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{round(float(value), 4) + 0.0:.4f}"
