@@ -121,11 +121,11 @@ def _scenario(case: Case, record: CrashRecord, road: _Lanelets, ego: int) -> byt
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
     next_id = road.next_id
-    for each in case.going_on():
-        if each.number != ego:
-            _add_obstacle(root, next_id, each, case)
-            next_id += 1
-    own = next(each for each in case.going_on() if each.number == ego)
+    others = [each for each in case.going_on if each.number != ego]
+    for each in sorted(others, key=lambda each: each.number not in case.parked):  # those that stand come first
+        _add_obstacle(root, next_id, each, case)
+        next_id += 1
+    own = next(each for each in case.going_on if each.number == ego)
     _add_problem(root, next_id, own, case)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
@@ -145,22 +145,25 @@ def course(participant: Participant, end_s: float) -> FloatArray:
 
 
 def _add_obstacle(root: etree._Element, number: int, participant: Participant, case: Case) -> None:
-    obstacle = etree.SubElement(root, "dynamicObstacle", id=str(number))
-    body = participant.body
-    _add(obstacle, "type", _type_of(body, parked=participant.number in case.parked))
+    stands, body = participant.number in case.parked, participant.body
+    obstacle = etree.SubElement(root, "staticObstacle" if stands else "dynamicObstacle", id=str(number))
+    _add(obstacle, "type", "parkedVehicle" if stands else _type_of(body))
     _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
     states = course(participant, case.end_s)
     initial = etree.SubElement(obstacle, "initialState")
+    if stands:
+        _add_position(initial, states[0])
+        _add_exact(initial, "orientation", states[0, 2])
+        _add_exact(initial, "time", 0)
+        return
     _add_state(initial, 0, states[0])
     trajectory = etree.SubElement(obstacle, "trajectory")
     for step, state in enumerate(states[1:], 1):
         _add_state(etree.SubElement(trajectory, "state"), step, state)
 
 
-def _type_of(body: Body, *, parked: bool) -> str:
-    if body.is_person:
-        return _PEOPLE[body.kind]
-    return "parkedVehicle" if parked else _TYPES.get(body.vehicle_class, "car")
+def _type_of(body: Body) -> str:
+    return _PEOPLE[body.kind] if body.is_person else _TYPES.get(body.vehicle_class, "car")
 
 
 def _add_problem(root: etree._Element, number: int, own: Participant, case: Case) -> None:

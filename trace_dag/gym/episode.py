@@ -127,7 +127,7 @@ class Episode:
 
     def _simulate(self) -> None:
         self.log = self._simulation.run(
-            self.case.going_on(),
+            self.case.going_on,
             time_limit_s=self.case.end_s,
             drivers=dict(self._seats),
             after_contact_s=AFTER_CONTACT_S,

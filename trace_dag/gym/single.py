@@ -62,7 +62,7 @@ def told(metrics: Metrics) -> dict[str, Any]:
 
 def recorded_m(case: Case, ego: int) -> float:
     """How far a participant was going to drive by the end of a case, m."""
-    own = next(each.trajectory for each in case.going_on() if each.number == ego)
+    own = next(each.trajectory for each in case.going_on if each.number == ego)
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(own.x_m), np.diff(own.y_m)))])
     return float(np.interp(case.end_s, own.time_s, driven))
 

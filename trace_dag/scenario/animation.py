@@ -65,13 +65,8 @@ def write_animation(
     frame_s = _VIDEO_FRAME_S if image_format == "mp4" else _FRAME_S
     times = _frame_times(log, frame_s)
     windows = replay_windows(log, from_s=times[0][0])
-<<<<<<< HEAD
-    views = [_View(network, window, panel_px) for window in (windows.overview, windows.impact)]
-    frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
-=======
     views = [View(network, window, panel_px) for window in (windows.overview, windows.impact)]
-    frames = (_frame(record, log, verdict, views, time_s, rate) for time_s, rate in times)
->>>>>>> 158af9c (Crashes as environments for learning: Gymnasium and PettingZoo)
+    frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
     if image_format == "mp4":
         return encode_mp4(_staying(frames, round(_LAST_FRAME_S / frame_s)), round(1 / frame_s))
     return _encode_picture(list(frames), image_format)
@@ -146,12 +141,8 @@ def _frame(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
-<<<<<<< HEAD
     drive: Drive | None,
-    views: list[_View],
-=======
     views: list[View],
->>>>>>> 158af9c (Crashes as environments for learning: Gymnasium and PettingZoo)
     time_s: float,
     rate: float,
 ) -> Image:

@@ -61,7 +61,6 @@ class StoredCase:
 
 def load_case(stored: StoredCase) -> Case:
     """A case as it is evaluated."""
-
     files = stored.files.unread()
     if stored.variation is None:
         return case_of(files, files.settings.sim)
