@@ -19,17 +19,14 @@ import shapely
 from trace_dag.geometry import FloatArray, arc_lengths
 from trace_dag.osm.types import OsmExtract
 from trace_dag.osm.walkways import is_crossing
+from trace_dag.roads.from_osm.beside_tags import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside
+from trace_dag.roads.from_osm.carriageways import on_carriageways
 from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
-from trace_dag.roads.from_osm.tags import parse_length_m
-from trace_dag.roads.map.arcs import along_arcs
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView, plan_pose
 from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road, RoadMark
 
-SIDEWALK_WIDTH_M: Final = 1.5  # 5 ft (FHWA, Designing Sidewalks and Trails for Access, 1999, 4.3.1)
-CYCLE_LANE_WIDTH_M: Final = 1.5  # 5 ft (AASHTO, Guide for the Development of Bicycle Facilities, 2012, 4.6.4)
-_WIDTHS_M: Final = (0.9, 4.5)  # a tagged width outside of it is a slip of the keyboard
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
 _LEAST_M: Final = 8.0  # a shorter one is left out
 _STEP_M: Final = 4.0  # between places at which a sidewalk is compared with the roads
@@ -37,64 +34,8 @@ _SAME_WALK_M: Final = 15.0  # places of one sidewalk are no further apart: it go
 _FARTHEST_M: Final = 16.0  # of a sidewalk's way from the middle of its street
 _WIDEST_VERGE_M: Final = 6.0
 _PARALLEL: Final = math.cos(math.radians(20))
-_BESIDE_LENGTH_M: Final = 3.0  # half the length of road that a place of its reference line stands for
-_CLEAR_M: Final = 0.1
 _NO_MARK: Final = RoadMark("none", "standard", "none")
 _EDGE: Final = RoadMark("solid", "white", "none")
-
-
-class Beside(NamedTuple):
-    """Widths (m) of what the tags of a way have beside it, seen along the way; None where there is none."""
-
-    sidewalk_left_m: float | None = None
-    sidewalk_right_m: float | None = None
-    cycle_left_m: float | None = None
-    cycle_right_m: float | None = None
-
-    def reversed(self) -> Beside:
-        """Seen against the way."""
-        return Beside(self.sidewalk_right_m, self.sidewalk_left_m, self.cycle_right_m, self.cycle_left_m)
-
-
-_NOTHING: Final = Beside()
-
-
-def read_beside(tags: Mapping[str, str], *, oneway: bool, against_way: bool = False) -> Beside:
-    """What ``sidewalk`` and ``cycleway`` tags of a road say, seen along the OSM way.
-
-    A cycle lane of a one-way road without a side is on the right of its traffic, which goes ``against_way`` for
-    ``oneway=-1``. Sidewalks tagged ``separate`` are ways of their own.
-    """
-    if not any(key.startswith(("sidewalk", "cycleway")) for key in tags):
-        return _NOTHING
-    walk, cycle = tags.get("sidewalk", ""), tags.get("cycleway", "")
-    lanes = cycle in ("lane", "track")
-    driven_right = "left" if against_way else "right"
-
-    def width(key: str, side: str, usual_m: float) -> float:
-        tagged = parse_length_m(
-            tags.get(f"{key}:{side}:width") or tags.get(f"{key}:both:width") or tags.get(f"{key}:width")
-        )
-        return min(max(tagged or usual_m, _WIDTHS_M[0]), _WIDTHS_M[1])
-
-    def sidewalk(side: str) -> float | None:
-        own = (
-            tags.get(f"sidewalk:{side}")
-            or tags.get("sidewalk:both")
-            or ("yes" if walk in ("both", "yes", side) else "no")
-        )
-        return width("sidewalk", side, SIDEWALK_WIDTH_M) if own == "yes" else None
-
-    def cycle_lane(side: str) -> float | None:
-        own = tags.get(f"cycleway:{side}") or tags.get("cycleway:both")
-        if own is None and oneway:
-            opposite = cycle in ("opposite_lane", "opposite_track") and side != driven_right
-            own = "lane" if opposite or (lanes and side == driven_right) else "no"
-        elif own is None:
-            own = cycle
-        return width("cycleway", side, CYCLE_LANE_WIDTH_M) if own in ("lane", "track") else None
-
-    return Beside(sidewalk("left"), sidewalk("right"), cycle_lane("left"), cycle_lane("right"))
 
 
 class _Strip(NamedTuple):
@@ -155,7 +96,7 @@ def _tagged(
                 against = tags.get("oneway") in ("-1", "reverse")
                 said[way_id] = read_beside(tags, oneway=span.profile.oneway, against_way=against)
             beside = said[way_id].reversed() if span.profile.against_way else said[way_id]
-            if beside == _NOTHING:
+            if beside == NOTHING:
                 continue
             begin_m, end_m = (plans[index].vertex_s_m[k] for k in (span.first, span.last))
             for lane_type, side, width_m in (
@@ -458,11 +399,11 @@ def _clear_of_roads(strips: _Strips, chains: Mapping[int, _Chain], roads: Sequen
     if not samples:
         return {}
     own = {index: {road.id for road in chain.roads} for index, chain in chains.items()}
-    level = {index: _level(chain.roads[0]) for index, chain in chains.items()}
+    level = {index: chain.roads[0].level for index, chain in chains.items()}
     blocked = [False] * len(samples)
-    for edge, road in _on_carriageways(np.array(edges), roads):
+    for edge, road in on_carriageways(np.array(edges), roads):
         sample = samples[edge // 2]
-        if road.id not in own[sample.street] and _level(road) == level[sample.street]:
+        if road.id not in own[sample.street] and road.level == level[sample.street]:
             blocked[edge // 2] = True
     places: dict[tuple[int, int], list[list[float]]] = defaultdict(list)
     last: tuple[int, int] | None = None
@@ -482,52 +423,3 @@ def _clear_of_roads(strips: _Strips, chains: Mapping[int, _Chain], roads: Sequen
                 strip = strips[index][number]
                 clear.setdefault(index, []).append(strip._replace(begin_m=run[0], end_m=run[-1]))
     return clear
-
-
-def _level(road: Road) -> int:
-    return road.layer or (1 if road.bridge else -1 if road.tunnel else 0)
-
-
-def _on_carriageways(points: FloatArray, roads: Sequence[Road]) -> Iterator[tuple[int, Road]]:
-    """Which of the points, (n, 2), may lie on the lanes of which roads: nothing that does is left out.
-
-    Each short piece of a reference line stands for a box about it as wide as the lanes get anywhere on the road.
-    """
-    pieces = [
-        (number, each.x_m, each.y_m, each.heading_rad, each.length_m, each.curvature_1pm)
-        for number, road in enumerate(roads)
-        for each in road.plan
-    ]
-    owner, x, y, heading, length, curvature = np.array(pieces).T
-    parts = np.maximum(np.ceil(length / (2 * _BESIDE_LENGTH_M)), 1).astype(int)
-    rank = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    owner, x, y, heading, length, curvature, count = (
-        np.repeat(values, parts) for values in (owner, x, y, heading, length, curvature, parts)
-    )
-    owner = owner.astype(int)
-    half = length / count / 2
-    x, y, heading = along_arcs(x, y, heading, (rank + 0.5) * 2 * half, curvature)
-    extents = np.array([_extent_m(road) for road in roads])[owner]
-    tree = shapely.STRtree(np.asarray(shapely.points(points)))
-    reach = np.hypot(np.maximum(np.abs(extents[:, 0]), np.abs(extents[:, 1])) + _CLEAR_M, half + _CLEAR_M)
-    box, point = tree.query(shapely.points(x, y), predicate="dwithin", distance=reach)
-    dx, dy = (points[point] - np.stack([x[box], y[box]], axis=1)).T
-    cosine, sine = np.cos(heading[box]), np.sin(heading[box])
-    ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine
-    inside = np.abs(ahead) <= half[box] + _CLEAR_M
-    inside &= (left < extents[box, 0] + _CLEAR_M) & (left > extents[box, 1] - _CLEAR_M)
-    for number, k in zip(point[inside].tolist(), owner[box[inside]].tolist(), strict=True):
-        yield number, roads[k]
-
-
-def _extent_m(road: Road) -> tuple[float, float]:
-    """How far left and right of the reference line its lanes to drive in reach, at most, left positive."""
-    offsets = [cubic.a for cubic in road.lane_offset] or [0.0]
-    reach = {1: 0.0, -1: 0.0}
-    for section in road.lane_sections:
-        for side in (1, -1):
-            widths = (
-                max(c.a for c in lane.widths) for lane in section.lanes if lane.id * side > 0 and lane.type.drivable
-            )
-            reach[side] = max(reach[side], sum(widths))
-    return max(offsets) + reach[1], min(offsets) - reach[-1]

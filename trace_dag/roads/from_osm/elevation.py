@@ -100,11 +100,6 @@ def _half_width_m(road: Road) -> float:
     return max(sides)
 
 
-def _level(road: Road) -> int:
-    """Storey as tagged; a bridge without a layer is one up, a tunnel one down."""
-    return road.layer or (1 if road.bridge else -1 if road.tunnel else 0)
-
-
 def _stations(road: Road, marks: Sequence[tuple[float, float]]) -> list[float]:
     """Stations of a road's height nodes: even, and closer about its crossings."""
     pieces = max(1, math.ceil(road.length_m / _NODE_SPACING_M))
@@ -141,12 +136,12 @@ def _pair(
     graph: HeightGraph, crossing: Separation, marks: Mapping[str, Sequence[tuple[float, float]]], tight: bool
 ) -> _Pair:
     (upper, upper_s), (lower, lower_s) = sorted(
-        zip(crossing.roads, crossing.s_m, strict=True), key=lambda place: -_level(place[0])
+        zip(crossing.roads, crossing.s_m, strict=True), key=lambda place: -place[0].level
     )
     return _Pair(
         _nodes_near(graph, upper, upper_s, marks[upper.id], tight),
         _nodes_near(graph, lower, lower_s, marks[lower.id], tight),
-        _level(upper) > 0,
+        upper.level > 0,
     )
 
 

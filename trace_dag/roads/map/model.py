@@ -184,6 +184,11 @@ class Road:
     turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
     inferred: str = ""  # why it is there, if it is not OpenStreetMap's but drawn because the crash report asks for it
 
+    @property
+    def level(self) -> int:
+        """Storey as tagged; a bridge without a layer is one up, a tunnel one down."""
+        return self.layer or (1 if self.bridge else -1 if self.tunnel else 0)
+
 
 @dataclass(frozen=True)
 class Connection:

@@ -1,0 +1,66 @@
+"""What the ``sidewalk`` and ``cycleway`` tags of an OpenStreetMap road say is beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from trace_dag.roads.from_osm.tags import parse_length_m
+
+SIDEWALK_WIDTH_M: Final = 1.5  # 5 ft (FHWA, Designing Sidewalks and Trails for Access, 1999, 4.3.1)
+CYCLE_LANE_WIDTH_M: Final = 1.5  # 5 ft (AASHTO, Guide for the Development of Bicycle Facilities, 2012, 4.6.4)
+_WIDTHS_M: Final = (0.9, 4.5)  # a tagged width outside of it is a slip of the keyboard
+
+
+class Beside(NamedTuple):
+    """Widths (m) of what the tags of a way have beside it, seen along the way; None where there is none."""
+
+    sidewalk_left_m: float | None = None
+    sidewalk_right_m: float | None = None
+    cycle_left_m: float | None = None
+    cycle_right_m: float | None = None
+
+    def reversed(self) -> Beside:
+        """Seen against the way."""
+        return Beside(self.sidewalk_right_m, self.sidewalk_left_m, self.cycle_right_m, self.cycle_left_m)
+
+
+NOTHING: Final = Beside()
+
+
+def read_beside(tags: Mapping[str, str], *, oneway: bool, against_way: bool = False) -> Beside:
+    """What ``sidewalk`` and ``cycleway`` tags of a road say, seen along the OSM way.
+
+    A cycle lane of a one-way road without a side is on the right of its traffic, which goes ``against_way`` for
+    ``oneway=-1``. Sidewalks tagged ``separate`` are ways of their own.
+    """
+    if not any(key.startswith(("sidewalk", "cycleway")) for key in tags):
+        return NOTHING
+    walk, cycle = tags.get("sidewalk", ""), tags.get("cycleway", "")
+    lanes = cycle in ("lane", "track")
+    driven_right = "left" if against_way else "right"
+
+    def width(key: str, side: str, usual_m: float) -> float:
+        tagged = parse_length_m(
+            tags.get(f"{key}:{side}:width") or tags.get(f"{key}:both:width") or tags.get(f"{key}:width")
+        )
+        return min(max(tagged or usual_m, _WIDTHS_M[0]), _WIDTHS_M[1])
+
+    def sidewalk(side: str) -> float | None:
+        own = (
+            tags.get(f"sidewalk:{side}")
+            or tags.get("sidewalk:both")
+            or ("yes" if walk in ("both", "yes", side) else "no")
+        )
+        return width("sidewalk", side, SIDEWALK_WIDTH_M) if own == "yes" else None
+
+    def cycle_lane(side: str) -> float | None:
+        own = tags.get(f"cycleway:{side}") or tags.get("cycleway:both")
+        if own is None and oneway:
+            opposite = cycle in ("opposite_lane", "opposite_track") and side != driven_right
+            own = "lane" if opposite or (lanes and side == driven_right) else "no"
+        elif own is None:
+            own = cycle
+        return width("cycleway", side, CYCLE_LANE_WIDTH_M) if own in ("lane", "track") else None
+
+    return Beside(sidewalk("left"), sidewalk("right"), cycle_lane("left"), cycle_lane("right"))
