@@ -261,6 +261,7 @@ _CRITERIA = {
     "relation_error": "angle between the courses as reported",
     "departure": "left the carriageway",
     "departure_side": "left the road where the report says",
+    "departed_street": "left a street that the report names",
     "station_distance": "distance of the first contact from the reported place, along the road",
     "object_order": "objects struck in the reported order",
     "zone_error": "struck in the part of the road that the report says",

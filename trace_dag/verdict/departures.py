@@ -27,6 +27,7 @@ from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.types import Hypothesis
+from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street, street_criterion
 from trace_dag.verdict.metrics import (
     ObservedVehicle,
     VehicleMeasures,
@@ -80,6 +81,7 @@ class ObservedDeparture:
     objects: tuple[ObservedObject, ...]
     vehicle: ObservedVehicle
     overturned_s: float | None = None  # when it has overturned, if it does
+    street: DepartedStreet = NO_STREET
 
     @property
     def first(self) -> ObservedObject:
@@ -104,7 +106,9 @@ def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: Simulat
     left_s, sides = left_road(network, driven, body, first.time_s)
     objects = tuple(_object(network, contact, body) for contact in struck if contact.number_1 == number)
     over = overturned_at(driven)
-    return ObservedDeparture(left_s, sides, objects, vehicle, None if over is None else float(driven.time_s[over]))
+    overturned_s = None if over is None else float(driven.time_s[over])
+    street = departed_street(network, driven, first.time_s if left_s is None else left_s)
+    return ObservedDeparture(left_s, sides, objects, vehicle, overturned_s, street)
 
 
 def _object(network: RoadNetwork, contact: Contact, body: Body) -> ObservedObject:
@@ -185,6 +189,7 @@ def departure_criteria(
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION, "", number, event),
         *_party(observed, log, first, number),
         *departing(observed.left_s, observed.sides, observed.first.place, departure, record, settings),
+        street_criterion(observed.street, record, number, event),
         at_most(
             "station_distance",
             observed.first.along_m,

@@ -18,6 +18,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, roadside_at
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog, overturned_at
+from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street, street_criterion
 from trace_dag.verdict.departures import along_road_m, departing, left_road
 from trace_dag.verdict.metrics import speed_error_rel
 from trace_dag.verdict.rules import RULE_SETS, at_most, shown
@@ -38,6 +39,7 @@ class ObservedOverturn:
     speed_mps: float
     slid_m: float
     quarter_turns: int
+    street: DepartedStreet = NO_STREET
 
 
 def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOverturn | None:
@@ -60,6 +62,7 @@ def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOvertu
         speed_mps=float(speeds[k]),
         slid_m=math.hypot(float(vehicle.x_m[-1]) - x, float(vehicle.y_m[-1]) - y),
         quarter_turns=round(abs(float(vehicle.roll_rad[-1])) / (math.pi / 2)),
+        street=departed_street(network, vehicle, float(vehicle.time_s[k]) if left_s is None else left_s),
     )
 
 
@@ -82,6 +85,7 @@ def overturn_criteria(
     return (
         Criterion("overturn", 1.0, 1.0, "", True, Reason.NO_OVERTURN, "", vehicle.number, event),
         *departing(observed.left_s, observed.sides, observed.place, departure, record, settings),
+        street_criterion(observed.street, record, vehicle.number, event),
         at_most("station_distance", distance, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION, None, event),
         at_most("initial_speed_error", error, limits.max_speed_error_rel, "rel", wrong_speed, vehicle.number, event),
         *(

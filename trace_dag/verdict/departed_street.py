@@ -1,0 +1,75 @@
+"""The street that a vehicle left, beside those that the report names.
+
+Where the vehicle leaves the road the map may have several streets, as at the corner of two. A motion along one that the
+report does not name is not what it tells of, if one that it does name is there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Reason
+from trace_dag.roads.crash_site.near_streets import joined_by, roads_near
+from trace_dag.roads.crash_site.street_names import SAME_STREET, similarity
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.sim.types import VehicleLog
+from trace_dag.verdict.types import Criterion
+
+_REACH_M: Final = 100.0
+_STEP_S: Final = 0.1
+_ALONG: Final = math.cos(math.radians(35))  # a lane that turns farther from the course is one that is crossed
+
+
+@dataclass(frozen=True)
+class DepartedStreet:
+    """Names of the street that a vehicle drove on when it left the road, and of all streets within 100 m of there."""
+
+    names: frozenset[str] = frozenset()
+    near: frozenset[str] = frozenset()
+
+
+NO_STREET: Final = DepartedStreet()
+
+
+def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) -> DepartedStreet:
+    """The street under a vehicle when it was last on a lane that goes its way, before a time.
+
+    Within a junction it is both the street that the vehicle comes from and the one that it goes to.
+    """
+    time_s = until_s
+    while time_s >= float(driven.time_s[0]):
+        columns = (driven.x_m, driven.y_m, driven.z_m, driven.velocity_x_mps, driven.velocity_y_mps)
+        x, y, z, vx, vy = (float(np.interp(time_s, driven.time_s, values)) for values in columns)
+        course = math.atan2(vy, vx)
+        names: set[str] = set()
+        for match in network.nearest_lanes(x, y, 0.0, z_m=z):
+            road = network.road_by_id[match.lane.road_id]
+            if abs(math.cos(network.pose(match.lane, match.s_m).heading_rad - course)) >= _ALONG:
+                owners = (road,) if road.junction_id is None else joined_by(network, road)
+                names.update(name for owner in owners for name in owner.names)
+        if names:
+            around = roads_near(network, x, y, _REACH_M)
+            near = {name for road_id in around for name in network.road_by_id[road_id].names}
+            return DepartedStreet(frozenset(names), frozenset(near))
+        time_s -= _STEP_S
+    return NO_STREET
+
+
+def street_criterion(street: DepartedStreet, record: CrashRecord, number: int, event: int) -> Criterion:
+    """Whether the vehicle left a street that the report names; not evaluated where none of them is on the map there."""
+    reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
+    likeness, best_near = (
+        max((value for each in reported if (value := similarity(each, names)) is not None), default=None)
+        for names in (street.names, street.near)
+    )
+    if likeness is None or best_near is None or best_near < SAME_STREET:
+        return Criterion("departed_street", likeness, SAME_STREET, "", None, Reason.WRONG_LOCATION, "", number, event)
+    held = likeness >= SAME_STREET
+    said = f"the vehicle leaves {', '.join(sorted(street.names))}, reported is {' / '.join(reported)}"
+    detail = "" if held else said
+    return Criterion("departed_street", likeness, SAME_STREET, "", held, Reason.WRONG_LOCATION, detail, number, event)
