@@ -20,6 +20,7 @@ from trace_dag.flow.artefacts import (
     VERDICT,
     VERDICT_JSON,
     XODR,
+    surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.records import Records
@@ -51,6 +52,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
             estimate=files.load(ESTIMATE),
             log=files.load(LOGS)[verdict.hypothesis],
             verdict=verdict,
+            surroundings=surroundings_of(files),
         )
     )
 

@@ -97,3 +97,8 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "logs": LOGS,
 }
 """The artefacts that stages are made from, by the name of the parameter that asks for them."""
+
+
+def surroundings_of(crash: CrashArtefacts) -> tuple[OsmFeature, ...]:
+    """What is beside the roads around a crash; nothing where that was not kept."""
+    return crash.load(SURROUNDINGS) if crash.has(SURROUNDINGS) else ()

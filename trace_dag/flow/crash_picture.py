@@ -14,6 +14,7 @@ from trace_dag.flow.artefacts import (
     ROAD_MAP,
     VERDICT,
     CrashArtefacts,
+    surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
@@ -40,10 +41,19 @@ def drawn(crash: CrashArtefacts) -> Image | None:
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail
         network, report = crash.load(REJECTED_MAP), crash.load(REJECTED_REPORT)
-        return draw_rejected_map(crash.load(RECORD), network, crash.load(EXTRACT), report, why)
+        around = surroundings_of(crash)
+        return draw_rejected_map(crash.load(RECORD), network, crash.load(EXTRACT), report, why, surroundings=around)
     if not crash.has(ROAD_MAP):
         return None
     estimate = crash.load(ESTIMATE) if crash.has(ESTIMATE) else None
     judged = crash.load(VERDICT) if crash.has(VERDICT) else None
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)
-    return draw_crash(record, network, crash.load(MAP_REPORT), estimate, crash.shown_log(), judged)
+    return draw_crash(
+        record,
+        network,
+        crash.load(MAP_REPORT),
+        estimate,
+        crash.shown_log(),
+        judged,
+        surroundings=surroundings_of(crash),
+    )

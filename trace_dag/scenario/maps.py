@@ -22,9 +22,12 @@ from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, Window
 from trace_dag.scenario.map_signs import Signs
 from trace_dag.scenario.map_surfaces import Shade, Surfaces, height_shades
+from trace_dag.scenario.scenery import Scenery, draw_fading, draw_night, map_reach_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from trace_dag.osm.types import OsmFeature
 
 GROUND: Final = "#EFEDE4"
 _ARROWS_UP_TO_M: Final = 350.0  # in wider windows arrows are specks
@@ -37,11 +40,20 @@ class MapDrawing:
     """A map ready to be drawn in any windows inside an extent (m).
 
     ``legal_marks`` shows what the law paints, else what the reconstruction needs is written in the map. ``heights``
-    colours the surfaces by height where they differ.
+    colours the surfaces by height where they differ. ``surroundings`` lie behind the roads, ``dark`` is the night,
+    ``fading`` lets a map that was cut out around its origin fade at its edge.
     """
 
     def __init__(
-        self, network: RoadNetwork, extent_m: Window, *, legal_marks: bool = True, heights: bool = False
+        self,
+        network: RoadNetwork,
+        extent_m: Window,
+        *,
+        legal_marks: bool = True,
+        heights: bool = False,
+        surroundings: Sequence[OsmFeature] = (),
+        dark: bool = False,
+        fading: bool = False,
     ) -> None:
         scene = MapScene(network, extent_m)
         self.shade: Shade | None = height_shades(scene) if heights else None
@@ -52,6 +64,9 @@ class MapDrawing:
         self._crosswalks = Crosswalks(scene)
         self._signs = Signs(scene)
         self._names = Names(scene)
+        self._scenery = Scenery(surroundings, network.frame, extent_m)
+        self._dark = dark
+        self._reach_m = map_reach_m(network) if fading else 0.0
 
     def draw(self, panel: Panel, *, names: bool = True) -> None:
         """Draw what lies in a panel's window."""
@@ -59,6 +74,11 @@ class MapDrawing:
 
         west, south, east, north = panel.window
         panel.add(Rectangle((west, south), east - west, north - south, facecolor=GROUND, zorder=0))
+        self._scenery.draw(panel)
+        if self._reach_m:
+            draw_fading(panel, self._reach_m, GROUND)
+        if self._dark:
+            draw_night(panel)
         for level, (bridge, surfaces, marks, arrows) in enumerate(self._layers):
             z = 1.0 + min(level, _HIGHEST_LEVEL)
             surfaces.draw(panel, z, bridge=bridge)

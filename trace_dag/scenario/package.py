@@ -12,13 +12,14 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.rights import Rights
+from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.json_io import map_report_to_json
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
@@ -49,7 +50,8 @@ _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
 class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
-    ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read. ``variation`` says
+    ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
+    behind its roads. ``variation`` says
     what was changed, as JSON, where this is not the crash itself.
     """
 
@@ -64,6 +66,7 @@ class PackageInput:
     log: SimulationLog
     verdict: Verdict
     variation: Mapping[str, object] | None = None
+    surroundings: Sequence[OsmFeature] = ()
 
     @property
     def rights(self) -> Rights:
@@ -173,8 +176,16 @@ def _left_free(log: SimulationLog) -> list[int]:
 
 
 def _results(crash: PackageInput) -> list[_File]:
-    picture = draw_crash(crash.record, crash.network, crash.map_report, crash.estimate, crash.log, crash.verdict)
-    replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict)
+    picture = draw_crash(
+        crash.record,
+        crash.network,
+        crash.map_report,
+        crash.estimate,
+        crash.log,
+        crash.verdict,
+        surroundings=crash.surroundings,
+    )
+    replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings)
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
         _File(

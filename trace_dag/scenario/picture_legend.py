@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from trace_dag.crash.conditions import conditions_in_words
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.report import MapReport
@@ -96,7 +97,8 @@ def place_line(record: CrashRecord) -> Words:
     classes = ", ".join(
         value.replace("_", " ") for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
     )
-    return headline_words(0, f"{record.key}   {place}   ({classes})")
+    described = "; ".join(filter(None, (classes, conditions_in_words(record))))
+    return headline_words(0, f"{record.key}   {place}   ({described})")
 
 
 def headline_words(line: int, text: str) -> Words:

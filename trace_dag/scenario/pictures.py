@@ -8,10 +8,12 @@ any stage from ``road_map`` on.
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.parties import is_vehicle
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
@@ -27,6 +29,8 @@ from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+    from trace_dag.osm.types import OsmFeature
 
 _IMPACT_HALF_WINDOW_M: Final = 16.0
 _STRIKE_HALF_WINDOW_M: Final = 8.0  # of a person, who is smaller
@@ -45,15 +49,19 @@ def draw_crash(
     log: SimulationLog | None = None,
     verdict: Verdict | None = None,
     *,
+    surroundings: Sequence[OsmFeature] = (),
     dpi: int = 90,
 ) -> Image:
     """The picture, 13 by 7.2 inches. ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's
-    best)."""
+    best). ``surroundings`` lie behind the roads."""
     hypothesis = _shown_hypothesis(estimate, verdict)
     sheet = Sheet(dpi)
     approach = _approach_window(hypothesis, log)
     impact = _impact_window(hypothesis, log)
-    drawing, motion = MapDrawing(network, around(approach, impact)), DrawnMotion(hypothesis, log)
+    drawing = MapDrawing(
+        network, around(approach, impact), surroundings=surroundings, dark=is_dark(record), fading=True
+    )
+    motion = DrawnMotion(hypothesis, log)
     sheet.words += headline(record, verdict)
     for column, title, window in ((0, "Approach", approach), (1, "Impact", impact)):
         panel = sheet.panel(column, title, window)

@@ -6,13 +6,14 @@ the map that was made of them, so that a map that is not what they say shows it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.drivable import is_drivable
-from trace_dag.osm.types import OsmExtract
+from trace_dag.osm.types import OsmExtract, OsmFeature
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import NearStreet, RejectedMapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR
@@ -41,6 +42,7 @@ def draw_rejected_map(
     report: RejectedMapReport,
     why: str,
     *,
+    surroundings: Sequence[OsmFeature] = (),
     dpi: int = 90,
 ) -> Image:
     """The picture, 13 by 7.2 inches; ``why`` the crash is rejected is its second line."""
@@ -50,7 +52,8 @@ def draw_rejected_map(
     farthest_m = max((street.distance_m for street in pointed_at), default=0.0)
     wide = square((0.0, 0.0), max(_MARGIN * max(farthest_m, report.max_move_m), _LEAST_HALF_WINDOW_M))
     close = square((0.0, 0.0), _MARGIN * report.max_move_m)
-    drawing, lines = MapDrawing(network, around(wide, close)), _osm_lines(network, extract)
+    drawing = MapDrawing(network, around(wide, close), surroundings=surroundings, fading=True)
+    lines = _osm_lines(network, extract)
     for column, title, window in ((0, "Streets around", wide), (1, "Reported point", close)):
         panel = sheet.panel(column, title, window)
         drawing.draw(panel)

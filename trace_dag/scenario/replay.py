@@ -9,11 +9,13 @@ from __future__ import annotations
 import base64
 import io
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
@@ -28,6 +30,9 @@ from trace_dag.scenario.page_templates import templates
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
+
+if TYPE_CHECKING:
+    from trace_dag.osm.types import OsmFeature
 
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
@@ -69,6 +74,8 @@ def write_html_player(
     log: SimulationLog,
     verdict: Verdict | None = None,
     drive: Drive | None = None,
+    *,
+    surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
     """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
@@ -79,7 +86,7 @@ def write_html_player(
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
-    svg = base64.b64encode(_map_svg(network, map_window)).decode("ascii")
+    svg = base64.b64encode(_map_svg(network, map_window, surroundings, dark=is_dark(record))).decode("ascii")
     page = (
         templates()
         .get_template("replay.html.jinja")
@@ -90,6 +97,8 @@ def write_html_player(
                 value.replace("_", " ")
                 for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
             ),
+            conditions=conditions_in_words(record),
+            dark=is_dark(record),
             outcome=drive.title if drive else _outcome(verdict),
             map_svg=f"data:image/svg+xml;base64,{svg}",
             data=_script_safe(
@@ -117,14 +126,15 @@ def _outcome(verdict: Verdict | None) -> str:
     return f"not verified: {(verdict.reason or '').replace('_', ' ')} ({verdict.detail})"
 
 
-def _map_svg(network: RoadNetwork, window: Window) -> bytes:
+def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> bytes:
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_MAP_INCHES * _MAP_WIDER, _MAP_INCHES))
     FigureCanvasSVG(figure)
-    MapDrawing(network, window).draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
+    drawing = MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True)
+    drawing.draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
     stream = io.BytesIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trace-dag"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})

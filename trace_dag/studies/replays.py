@@ -13,7 +13,7 @@ from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome, measure, outcome_of
 from trace_dag.evaluation.registry import resolve
 from trace_dag.evaluation.traffic import Traffic
-from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts
+from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts, surroundings_of
 from trace_dag.flow.workspace import Workspace
 from trace_dag.sim.backends import backend
 from trace_dag.sim.types import SimulationLog
@@ -37,7 +37,7 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
     if replay_format == "html":
-        return write_html_player(record, network, log, verdict)
+        return write_html_player(record, network, log, verdict, surroundings=surroundings_of(crash))
     return write_animation(record, network, log, verdict, image_format=replay_format)
 
 
@@ -66,7 +66,7 @@ def replay_with(
     record = stored.files.load(RECORD)
     drive = Drive(agent, ego, _outcome(case, ego, log), case.recorded)
     if replay_format == "html":
-        return write_html_player(record, case.network, log, drive=drive)
+        return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings_of(stored.files))
     return write_animation(record, case.network, log, drive=drive, image_format=replay_format)
 
 

@@ -1,0 +1,24 @@
+"""Light and weather of a crash as the report has them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trace_dag.crash.codes.crash import LGT_COND, WEATHER
+from trace_dag.crash.record import CrashRecord
+
+_DARK: Final = frozenset({2, 3, 6})  # LGT_COND: not lit, lit, dark without more
+
+
+def is_dark(record: CrashRecord) -> bool:
+    """Whether it was dark, lit or not (``LGT_COND``)."""
+    return record.light_code in _DARK
+
+
+def conditions_in_words(record: CrashRecord) -> str:
+    """Light and weather, what the report says of them: "in daylight, in rain"; empty where it says nothing."""
+    said = []
+    for table, code in ((LGT_COND, record.light_code), (WEATHER, record.weather_code)):
+        if code is not None and code not in table.unknown and table.meaning(code):
+            said.append(table.meaning(code))
+    return ", ".join(said)
