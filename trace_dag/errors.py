@@ -201,8 +201,8 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.WRONG_LOCATION: _ReasonFacts(
         Stage.VERDICT,
         _PAPER.NOT_REPRODUCED,
-        "The first contact is too far from the reported point, along the road where it is beside the road; or the vehicle "
-        "leaves a street that the report does not name.",
+        "The first contact is too far from the reported point, along the road where it is beside the road; or the "
+        "vehicle leaves a street that the report does not name.",
         "See the criterion contact_distance, station_distance (verdict.max_contact_distance_m is the limit) or "
         "departed_street.",
     ),
