@@ -64,6 +64,7 @@ TABLES = (
     "verdicts",
     "support",
     "verdict_changes",
+    "fatality_plausibility",
     "failures",
     "funnel",
     "cohort_funnel",

@@ -1,0 +1,46 @@
+-- Verified crashes of vehicles beside what their simulated violence can do. Every crash of FARS killed somebody; where the
+-- change of velocity says harmless, what killed is not in the simulation: a later event, an overturn, age, no belt. The
+-- risk is Joksch's rule of thumb for occupants of cars, (delta-v / 71 mph) to the fourth (Joksch, Velocity Change and
+-- Fatality Risk in a Crash, Accident Analysis and Prevention 25, 1993); below 8 km/h no recorder records (49 CFR 563.5).
+CREATE VIEW fatality_plausibility AS
+WITH violence AS (
+    SELECT
+        verdicts.key,
+        coalesce(max(greatest(contacts.delta_v_1_mps, contacts.delta_v_2_mps)), 0) AS delta_v_mps
+    FROM verdicts
+    LEFT JOIN contacts ON contacts.key = verdicts.key AND contacts.hypothesis = verdicts.hypothesis
+    WHERE verdicts.accepted
+    GROUP BY verdicts.key
+),
+
+reported AS (
+    SELECT key, count(*) AS events FROM events GROUP BY key
+)
+
+SELECT
+    key,
+    crashes.kind,
+    delta_v_mps,
+    least((delta_v_mps / (71 * 0.44704)) ** 4, 1) AS fatality_risk,
+    delta_v_mps * 3.6 < 8 AS harmless,
+    coalesce(events, 0) AS events,
+    CASE
+        WHEN delta_v_mps * 3.6 >= 8 THEN ''
+        WHEN crashes.kind = 'overturn' THEN 'the overturn'
+        WHEN events > 1 THEN 'a later event, which is not simulated'
+        ELSE 'age, no belt, illness, or a harder impact than the report says'
+    END AS explained_by
+FROM violence
+JOIN crashes USING (key)
+LEFT JOIN reported USING (key)
+WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'overturn')
+ORDER BY delta_v_mps, key;
+
+COMMENT ON VIEW fatality_plausibility IS 'Verified crashes of vehicles, and whether their simulated change of velocity can have killed';
+COMMENT ON COLUMN fatality_plausibility.key IS 'Key of the crash';
+COMMENT ON COLUMN fatality_plausibility.kind IS 'Kind of crash';
+COMMENT ON COLUMN fatality_plausibility.delta_v_mps IS 'Largest change of velocity of any vehicle in any simulated contact, m/s';
+COMMENT ON COLUMN fatality_plausibility.fatality_risk IS 'Risk of death of an occupant of a car at that change, 0 to 1 (Joksch 1993)';
+COMMENT ON COLUMN fatality_plausibility.harmless IS 'Whether it is below the 8 km/h from which recorders record';
+COMMENT ON COLUMN fatality_plausibility.events IS 'Events that the report lists';
+COMMENT ON COLUMN fatality_plausibility.explained_by IS 'What of the report would explain a harmless one; empty for others';
