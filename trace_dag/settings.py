@@ -173,8 +173,14 @@ class SimSettings(_Section):
         description="Of tyres beyond the carriageway, on grass, earth or gravel (0.4 to 0.7: Fricke, Traffic Crash "
         "Reconstruction, 2010); scaled by VSURCOND.",
     )
-    restitution: float = Field(0.1, ge=0, le=1, description="Between bodies, along the contact normal.")
-    contact_friction: float = Field(0.5, ge=0, description="Between bodies, along the contact; 0.3 to 0.6 in tests.")
+    restitution: float | None = Field(
+        None, ge=0, le=1, description="Between vehicles, along the contact normal. Unset: falls with the closing speed."
+    )
+    contact_friction: float = Field(
+        0.5,
+        ge=0,
+        description="Between vehicles, along the contact; 0.3 to 0.6 in sideswipes, more the deeper the crush.",
+    )
     locked_wheels: float = Field(
         0.5, ge=0, le=1, description="After the impact: share of a vehicle's weight on locked wheels, the rest rolls."
     )

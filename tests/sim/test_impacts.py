@@ -69,8 +69,8 @@ def spin_and_velocity(log: SimulationLog, index: int, when: int) -> tuple[np.nda
     return position, velocity, rate
 
 
-INERTIA = CAR.mass_kg * (CAR.length_m**2 + CAR.width_m**2) / 12
-ON_ICE = {"friction": 1e-4, "step_s": 0.005, "log_step_s": 0.005, "time_limit_s": 4.0}
+INERTIA = (1.03 * CAR.mass_kg / 0.45359237 - 1206) * 1.3558179  # Garrott, SAE 930897: slug ft2 by lb
+ON_ICE = {"friction": 1e-9, "step_s": 0.005, "log_step_s": 0.005, "time_limit_s": 4.0}
 """Without tyre forces nothing but the contact acts on the two bodies."""
 
 
@@ -114,8 +114,8 @@ def test_oblique_impacts_conserve_momentum_and_never_gain_energy(
     momentum_0, angular_0, energy_0 = totals(log, before)
     momentum_1, angular_1, energy_1 = totals(log, after)
     scale = CAR.mass_kg * (speed_1 + speed_2)
-    assert np.linalg.norm(momentum_1 - momentum_0) < 0.01 * scale
-    assert abs(angular_1 - angular_0) < 0.01 * scale * 2.5  # a car's reach
+    assert np.linalg.norm(momentum_1 - momentum_0) < 1e-6 * scale
+    assert abs(angular_1 - angular_0) < 1e-6 * scale * 2.5  # a car's reach
     assert energy_1 <= energy_0 * (1 + 1e-4)
 
 
@@ -145,7 +145,7 @@ def test_what_a_contact_records_is_what_the_bodies_did(case: tuple[float, float,
 def test_bodies_that_slide_past_each_other_are_pushed_apart_no_more_than_the_closed_form_says(friction: float) -> None:
     """A sideswipe: sliding does not stop, so that Coulomb's law fixes the tangential impulse and, with the restitution,
     the normal one (planar impact of rigid bodies with friction: Brach, Mechanical Impact Dynamics). The closed form is
-    of an instant; here the point of contact moves a third of a metre meanwhile, hence the tolerance."""
+    of an instant; here the cars slide past each other by more than a metre while they press, hence the tolerance."""
     restitution = 0.1
     settings = SimSettings(restitution=restitution, contact_friction=friction, **ON_ICE)
     contact = run(meeting(-0.25, 30.0, 15.0, 1.7), settings).contacts[0]
@@ -162,8 +162,8 @@ def test_bodies_that_slide_past_each_other_are_pushed_apart_no_more_than_the_clo
     sense = -math.copysign(friction, float(past @ tangent))
     expected = (1 + restitution) * -float(past @ normal) / (yielding + sense * coupling)
     impulse = CAR.mass_kg * np.array(contact.delta_v_2_mps)
-    assert impulse @ tangent == pytest.approx(sense * (impulse @ normal), rel=0.01)
-    assert impulse @ normal == pytest.approx(expected, rel=0.1)
+    assert impulse @ tangent == pytest.approx(sense * (impulse @ normal), rel=0.1)
+    assert impulse @ normal == pytest.approx(expected, rel=0.35)
 
 
 CASES = {
@@ -181,6 +181,33 @@ def test_halving_the_step_changes_little(case: str) -> None:
     assert math.hypot(coarse.x_m - fine.x_m, coarse.y_m - fine.y_m) < 0.05
     for one, two in ((coarse.delta_v_1_mps, fine.delta_v_1_mps), (coarse.delta_v_2_mps, fine.delta_v_2_mps)):
         assert math.hypot(one[0] - two[0], one[1] - two[1]) < 0.03 * math.hypot(*two)
+
+
+@pytest.mark.parametrize("delta_v_kmh", [30.0, 50.0, 70.0])
+def test_cars_crush_each_other_as_deep_and_as_long_as_in_tests(delta_v_kmh: float) -> None:
+    """Head-on into its like each car is in a barrier test: at 56 km/h 0.5 to 0.65 m of dynamic crush (NHTSA's frontal
+    tests at 35 mph), which grows with the speed; pulses last 70 to 150 ms."""
+    speed = delta_v_kmh / 3.6
+    pair = participant(1, straight(-20.0, 0.0, 0.0, speed)), participant(2, straight(20.0, 0.0, math.pi, speed))
+    contact = run(pair).contacts[0]
+    assert 0.07 < contact.duration_s < 0.15
+    assert contact.crush_1_m == pytest.approx(contact.crush_2_m)
+    assert 0.5 * delta_v_kmh / 56 < contact.crush_1_m < 0.65 * delta_v_kmh / 56
+
+
+def test_the_side_is_pressed_in_deeper_than_the_front_that_strikes_it() -> None:
+    contact = run(meeting(math.pi / 2, 15.0, 0.0)).contacts[0]
+    assert contact.crush_2_m > 1.2 * contact.crush_1_m
+
+
+def test_less_comes_back_the_faster_they_meet() -> None:
+    """0.2 to 0.4 at 2 m/s, about 0.1 at medium and high speeds (SAE 931842)."""
+    found = []
+    for speed in (1.0, 8.0, 16.0):
+        pair = participant(1, straight(-4.0, 0.0, 0.0, speed)), participant(2, straight(4.0, 0.0, math.pi, speed))
+        found.append(-run(pair, SimSettings(**ON_ICE)).contacts[0].delta_v_1_mps[0] / speed - 1)
+    assert 0.2 < found[0] < 0.45
+    assert 0.02 < found[2] < found[1] < 0.15
 
 
 def test_the_first_touch_is_where_geometry_puts_it() -> None:

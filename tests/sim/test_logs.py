@@ -91,7 +91,7 @@ def test_the_log_is_on_its_own_clock_and_ends_at_the_end() -> None:
 
 
 def test_the_deepest_overlap_of_each_tenth_of_a_second_is_in_the_log() -> None:
-    """The bodies are rigid: they are driven into each other by centimetres, within a few hundredths of a second."""
+    """While the bodies press each other: what lies in a dent later is no deeper contact."""
     log = two_logs()[0]
     contact = log.contacts[0]
     one, two = log.vehicles
@@ -101,7 +101,9 @@ def test_the_deepest_overlap_of_each_tenth_of_a_second_is_in_the_log() -> None:
     tenths = np.floor(one.time_s[beside_the_clock] / 0.1)
     assert len(set(tenths)) == len(tenths)  # one state in each
     for k in np.flatnonzero(beside_the_clock):
-        assert apart[k] == min(a for a, t in zip(apart, one.time_s, strict=True) if t // 0.1 == one.time_s[k] // 0.1)
+        pressing = one.time_s <= contact.time_s + contact.duration_s
+        same = pressing & (one.time_s // 0.1 == one.time_s[k] // 0.1)
+        assert apart[k] <= min(np.array(apart)[same], default=0.0)
         assert apart[k] < 0
     first = int(np.flatnonzero(beside_the_clock)[0])
     assert 0 < one.time_s[first] - contact.time_s < contact.duration_s

@@ -157,7 +157,7 @@ def test_vehicles_that_overlap_at_the_start_are_said_to() -> None:
 
 
 def test_the_time_limit_ends_a_run() -> None:
-    log = run(*meeting(math.pi, 30.0, 30.0), settings=SimSettings(time_limit_s=2.5))
+    log = run(*meeting(math.pi / 2, 30.0, 30.0), settings=SimSettings(time_limit_s=2.5))
     assert log.termination is Termination.TIME_LIMIT
     assert log.duration_s == pytest.approx(2.5)
 

@@ -77,8 +77,9 @@ def test_a_crash_of_two_recorders_is_compared_in_both_vehicles(tmp_path: Path) -
     closing_kmh = math.sqrt(65.0**2 + 25.76**2 - 2 * 65.0 * 25.76 * math.cos(math.radians(110)))
     assert one["plastic_delta_v_kmh"] == pytest.approx(closing_kmh * 1608 / 2863, abs=0.01)
     assert two["plastic_delta_v_kmh"] == pytest.approx(closing_kmh * 1255 / 2863, abs=0.01)
-    # Newton's third law, whatever the contact.
-    assert one["simulated_delta_v_kmh"] * 1255 == pytest.approx(two["simulated_delta_v_kmh"] * 1608, rel=0.01)
+    # Newton's third law, whatever the contact; a recorder feels the tyres, too.
+    assert one["simulated_delta_v_kmh"] * 1255 == pytest.approx(two["simulated_delta_v_kmh"] * 1608, rel=0.1)
+    assert one["simulated_delta_v_kmh"] == pytest.approx(one["measured_delta_v_kmh"], rel=0.12)
     assert one["reason"] is None
 
 

@@ -65,7 +65,7 @@ def test_a_head_on_crash_as_reported_is_accepted() -> None:
     for number in (1, 2):
         assert verdict.criterion("clock_error", number).value < 0.6
         assert min(verdict.criterion("pdof", number).value, 360 - verdict.criterion("pdof", number).value) < 30.0
-    assert verdict.criterion("delta_v", 1).value == pytest.approx(35.0 * 1.1 / 2, rel=0.05)
+    assert 35.0 / 2 <= verdict.criterion("delta_v", 1).value < 35.0 * 1.1 / 2  # little comes back at 35 m/s
 
 
 def test_a_side_impact_as_reported_is_accepted() -> None:

@@ -24,6 +24,9 @@ INTO_EACH_OTHER_S = 0.001
 PLAYER_STEP_S = 0.02
 """The longest step with which players are to see every contact: bodies overlap a little longer."""
 
+_CLEAR_M = 0.02
+"""Bodies that overlap by as much are seen to, whatever a player rounds; those that crush each other soon do."""
+
 SAME_TIME_S = 1e-5  # moments closer together than this are one
 
 
@@ -123,15 +126,16 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
 
 
 def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
-    """The logged moments soon after a first touch in which players may see the two bodies overlap: the deepest on a
-    step of theirs, and the deepest; none if they overlap in none."""
+    """The logged moments soon after a first touch in which players may see the two bodies overlap clearly: the first on
+    a step of theirs, and the first; none if they overlap in none."""
     one, two = (vehicle for vehicle in log.vehicles if vehicle.number in (contact.number_1, contact.number_2))
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)
     overlaps = {
         float(one.time_s[k]): -separation(_outline(log, one, k), _outline(log, two, k))[0]
         for k in np.flatnonzero(soon).tolist()
     }
-    overlapping = sorted((time_s for time_s in overlaps if overlaps[time_s] > 0), key=lambda time_s: -overlaps[time_s])
+    clear_m = min(_CLEAR_M, max(overlaps.values(), default=0.0) / 2)
+    overlapping = [time_s for time_s in sorted(overlaps) if overlaps[time_s] > clear_m > 0]
     on_a_step = [time_s for time_s in overlapping if abs(math.remainder(time_s, PLAYER_STEP_S)) < SAME_TIME_S]
     return list(dict.fromkeys([*on_a_step[:1], *overlapping[:1]]))
 

@@ -135,7 +135,8 @@ class Vehicle:
         self._along_n = 0.0
 
     def stand_on(self, friction: float) -> None:
-        """Tyres are on ground of this friction from now on."""
+        """Tyres are on ground of this friction, that of a car's, from now on."""
+        friction *= self.model.tyre_grip
         if friction == self._friction:
             return
         self._friction = friction

@@ -4,8 +4,8 @@ MuJoCo moves the vehicle; the force of the object is added here, since a contact
 and knows no crush that stays. The body is pressed in along the face that was struck first, with a stiffness by class,
 comes back with the share of speed that the restitution says, and rubs along the object. The stiffness is proportional
 to the mass, so that the depth depends on the speed alone: a car that strikes a pole at 14 m/s is pressed in by some
-0.8 m (Nystrom and Kost, SAE 920605), one that strikes a wall squarely at 15.6 m/s by 0.65 m (NHTSA's frontal tests
-at 35 mph). An object that yields moves away under the most it bears, and is gone once its energy is spent.
+0.8 m (Nystrom and Kost, SAE 920605), one that strikes a wall squarely as :mod:`trace_dag.sim.crush` has it. An object
+that yields moves away under the most it bears, and is gone once its energy is spent.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Final
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
+from trace_dag.sim.crush import WALL_CRUSH_M, WALL_TEST_MPS, restitution_at
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, contact_point, overlap_polygon, separation
 from trace_dag.sim.types import PULSE_S, Contact
@@ -23,18 +24,17 @@ from trace_dag.states.objects import FixedObject, Resistance
 from trace_dag.units import GRAVITY_MPS2
 
 POLE_TEST_MPS: Final = 14.0
-_WALL_TEST_MPS: Final = 15.6
-_CRUSH_M: Final = {  # into a pole at POLE_TEST_MPS, into a wall at _WALL_TEST_MPS
-    VehicleClass.CAR: (0.80, 0.65),
-    VehicleClass.SUV: (0.75, 0.62),
-    VehicleClass.PICKUP: (0.75, 0.65),
-    VehicleClass.VAN: (0.65, 0.55),
-    VehicleClass.LIGHT_TRUCK: (0.65, 0.55),
-    VehicleClass.TRUCK: (0.60, 0.50),
-    VehicleClass.TRACTOR_TRAILER: (0.60, 0.50),
-    VehicleClass.BUS: (0.60, 0.50),
-    VehicleClass.MOTORCYCLE: (0.40, 0.40),
-    VehicleClass.OTHER: (0.75, 0.65),
+_POLE_CRUSH_M: Final = {  # at that speed
+    VehicleClass.CAR: 0.80,
+    VehicleClass.SUV: 0.75,
+    VehicleClass.PICKUP: 0.75,
+    VehicleClass.VAN: 0.65,
+    VehicleClass.LIGHT_TRUCK: 0.65,
+    VehicleClass.TRUCK: 0.60,
+    VehicleClass.TRACTOR_TRAILER: 0.60,
+    VehicleClass.BUS: 0.60,
+    VehicleClass.MOTORCYCLE: 0.40,
+    VehicleClass.OTHER: 0.75,
 }
 _FRICTION: Final = 0.3  # of sheet metal along steel, concrete or wood: judgement within 0.2 to 0.5
 _SLIDES_MPS: Final = 0.5  # slower than this, friction along the object fades
@@ -44,7 +44,7 @@ _SHRUB_N: Final = 2000.0
 
 def crush_m(vehicle_class: VehicleClass) -> float:
     """How deep a pole presses the class in at :data:`POLE_TEST_MPS`."""
-    return _CRUSH_M[vehicle_class][0]
+    return _POLE_CRUSH_M[vehicle_class]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +69,10 @@ class Obstacle:
 class Struck:
     """A vehicle and an object that touch or touched: the crush so far, and the contact as it will be logged."""
 
-    def __init__(self, vehicle: Vehicle, obstacle: Obstacle, time_s: float, restitution: float) -> None:
+    def __init__(self, vehicle: Vehicle, obstacle: Obstacle, time_s: float, restitution: float | None) -> None:
         self.obstacle = obstacle
         self.last_s = self._start_s = time_s
         self._vehicle = vehicle
-        self._restitution = max(restitution, 0.01)
         self._moved_m = self._spent_j = 0.0
         self._deepest_m: dict[tuple[bool, bool], float] = {}  # by the corner that is pressed in, ahead and left
         self._gone = False
@@ -91,6 +90,7 @@ class Struck:
         self._pose = Pose(outline.x_m, outline.y_m, math.remainder(outline.heading_rad, math.tau), vehicle.z)
         self._velocity = vehicle.vx, vehicle.vy
         self._closing_mps = vx * self._nx + vy * self._ny
+        self._restitution = max(restitution_at(self._closing_mps) if restitution is None else restitution, 0.01)
         self._impulse = [0.0, 0.0]
 
     @property
@@ -150,6 +150,7 @@ class Struck:
             velocity_2_mps=(0.0, 0.0),
             delta_v_1_mps=(px / mass, py / mass),
             delta_v_2_mps=(0.0, 0.0),
+            crush_1_m=self.crush_m,
         )
 
     # --- forces ------------------------------------------------------------------------------------------------
@@ -209,13 +210,13 @@ class Struck:
     def _stiffness(self, outline: Outline) -> float:
         """By the vehicle's class and mass, and by how much of its face the object takes: a pole or a wall."""
         body, item = self._vehicle.model.body, self.obstacle.outline
-        pole_m, wall_m = _CRUSH_M[body.vehicle_class]
+        pole_m, wall_m = crush_m(body.vehicle_class), WALL_CRUSH_M[body.vehicle_class]
         tx, ty = -self._ny, self._nx
         along = abs((item.x_m - outline.x_m) * tx + (item.y_m - outline.y_m) * ty)
         own_m, its_m = _support_m(outline, tx, ty), _support_m(item, tx, ty)
         shared_m = max(min(own_m, along + its_m) - max(-own_m, along - its_m), 0.0)
         share = min(shared_m / (2 * own_m), 1.0)
-        rate = (1 - share) * POLE_TEST_MPS / pole_m + share * _WALL_TEST_MPS / wall_m
+        rate = (1 - share) * POLE_TEST_MPS / pole_m + share * WALL_TEST_MPS / wall_m
         return body.mass_kg * rate * rate
 
 

@@ -127,6 +127,7 @@ class ContactEpisode:
     longest_gap_s: float = _LONGEST_GAP_S
     impulse_x_ns: float = 0.0
     impulse_y_ns: float = 0.0
+    crush_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def over_s(self) -> float:
@@ -137,6 +138,11 @@ class ContactEpisode:
     def pulse_end_s(self) -> float:
         """Until when its impulse is counted."""
         return self.start_s + PULSE_S
+
+    @property
+    def ends_s(self) -> float:
+        """Until when its pulse is under way."""
+        return min(self.over_s, self.pulse_end_s)
 
     def add(self, force_x_n: float, force_y_n: float, time_s: float, step_s: float) -> None:
         """Count the force on the second body over a step that ends at ``time_s``."""
@@ -167,6 +173,8 @@ class ContactEpisode:
             velocity_2_mps=self.velocities[1],
             delta_v_1_mps=(-px / m1, -py / m1),
             delta_v_2_mps=(px / m2, py / m2),
+            crush_1_m=self.crush_m[0],
+            crush_2_m=self.crush_m[1],
         )
 
 

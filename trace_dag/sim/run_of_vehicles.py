@@ -13,6 +13,7 @@ import numpy as np
 
 from trace_dag.settings import SimSettings
 from trace_dag.sim.commanded import CommandedVehicle
+from trace_dag.sim.crush import Crush
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
@@ -26,7 +27,7 @@ from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 
 BACKEND_NAME, VERSION = "embedded", "3"
-_CONTACT_STEP_S = 0.0005
+_CONTACT_STEP_S = 0.001
 BOUND, BOUND_MPS = 1.5, 10.0
 """A closing speed may grow by so much until it is looked at again."""
 _MAX_SPEED_MPS = 150.0
@@ -86,6 +87,8 @@ class VehicleRun:
         self._recorder = StateRecorder(self._movers)
         self._open: dict[tuple[int, int], ContactEpisode] = {}
         self._closed: list[ContactEpisode] = []
+        self._crushed: dict[tuple[int, int], Crush] = {}  # of those that overlap
+        self._pressed: dict[tuple[int, int], tuple[float, float]] = {}  # force x, y on the second, in this part
         self._state: BodyStates | None = None  # as MuJoCo has it; None while bodies move by themselves
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
@@ -96,7 +99,7 @@ class VehicleRun:
 
     def _make_bodies(self) -> RigidBodies:
         models = [v.model for v in self._vehicles]
-        return RigidBodies(models, self._settings.restitution, self._settings.contact_friction)
+        return RigidBodies(models)
 
     def log(self) -> SimulationLog:
         self._bodies.set_heights([v.z for v in self._vehicles])
@@ -159,7 +162,7 @@ class VehicleRun:
         """Take one step under the road's forces on each vehicle."""
         if self._contact_possible(step):
             self._step_in_parts(step, [value for force in forces for value in force], self._parts)
-        elif self._open:
+        elif self._open or self._crushed:
             self._step_leaning(step, [value for force in forces for value in force])
         else:
             self._move_alone(forces)
@@ -187,6 +190,8 @@ class VehicleRun:
             return (Termination.NO_CONTACT, self._no_contact_reason()) if step > last_plan_step else None
         if self._after_contact_s is not None and step * self._step_s >= first_s + self._after_contact_s:
             return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
+        if any(step * self._step_s < episode.ends_s for episode in self._open.values()):
+            return None  # bodies that stand still at their deepest crush come back
         if all(v.at_rest and (v.crashed or v.stops or step > last_plan_step) for v in self._movers):
             return Termination.AT_REST, f"all {self._everybody} at rest after {step * self._step_s:.2f} s"
         return None
@@ -252,7 +257,7 @@ class VehicleRun:
             one, two = self._vehicles[i], self._vehicles[j]
             episode = self._open.get((i, j))
             if episode is not None:
-                if now_s < episode.pulse_end_s:
+                if now_s < episode.ends_s:
                     return True
                 apart_s = 0.0
                 continue
@@ -262,6 +267,8 @@ class VehicleRun:
                 apart_s = min(apart_s, between_m / (BOUND * closing + BOUND_MPS))
                 continue
             apart_s = 0.0
+            if (i, j) in self._crushed:
+                continue
             turning = abs(one.yaw_rate) * one.reach_m + abs(two.yaw_rate) * two.reach_m
             travel = (closing + turning) * self._step_s * BOUND
             if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= travel:
@@ -271,8 +278,31 @@ class VehicleRun:
         return False
 
     def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
-        """The forces on the vehicles in a part of a step: those of the road alone."""
-        return forces
+        """The forces on the vehicles in a part of a step: those of the road, and of each other's crush."""
+        self._pressed = {}
+        total = list(forces)
+        for pair in self._pairs:
+            i, j = pair
+            one, two = self._vehicles[i], self._vehicles[j]
+            near = math.hypot(one.x - two.x, one.y - two.y) <= one.reach_m + two.reach_m
+            outlines = (one.outline(), two.outline()) if near and self._same_level(one, two) else None
+            if outlines is None or separation(*outlines)[0] >= 0:
+                self._crushed.pop(pair, None)
+                continue
+            if pair not in self._crushed:
+                settings = self._settings
+                self._crushed[pair] = Crush(one, two, settings.restitution, settings.contact_friction)
+            pressed = self._crushed[pair].press(outlines, now_s, part_s)
+            if pressed is None:
+                continue
+            self._pressed[pair] = pressed.fx, pressed.fy
+            for k, value in zip(
+                (3 * i, 3 * i + 1, 3 * i + 2, 3 * j, 3 * j + 1, 3 * j + 2),
+                (-pressed.fx, -pressed.fy, pressed.moment_1, pressed.fx, pressed.fy, pressed.moment_2),
+                strict=True,
+            ):
+                total[k] += value
+        return total
 
     def _place_people(self, time_s: float) -> None:
         """Put everybody whom no vehicle has touched where the plan has them."""
@@ -283,24 +313,27 @@ class VehicleRun:
             start_s = step * self._step_s + part * part_s
             self._place_people(start_s)
             now = self._taken_over()
-            for pair, (fx, fy) in self._bodies.step(self._forces_now(forces, start_s, part_s), part_s).items():
+            strikes = self._bodies.step(self._forces_now(forces, start_s, part_s), part_s)
+            for pair, (fx, fy) in (*strikes.items(), *self._pressed.items()):
                 if pair not in self._open:
-                    # MuJoCo finds contacts in the state a step begins with: this one came about in the part before.
+                    # Found in the state a part begins with: this one came about in the part before.
                     self._open[pair] = self._begin(pair, self._before or now, now, start_s - part_s, part_s)
                 self._open[pair].add(fx, fy, start_s + part_s, part_s)
+                if pair in self._crushed:
+                    self._open[pair].crush_m = self._crushed[pair].depths_m
             self._before = now
             self._update(*self._bodies.state)
             self._watch_contacts(start_s + part_s)
         self._close_ended((step + 1) * self._step_s)
 
     def _step_leaning(self, step: int, forces: list[float]) -> None:
-        """Bodies that lean on each other: the contact needs its short steps, but nobody needs to look at each."""
+        """Bodies that lean on each other, or lie in each other's dents: whole steps are short enough."""
         self._before = None
         self._taken_over()
-        touching = self._bodies.step(forces, self._step_s / self._parts, self._parts)
+        self._bodies.step(self._forces_now(forces, step * self._step_s, self._step_s), self._step_s)
         self._update(*self._bodies.state)
         end_s = (step + 1) * self._step_s
-        for pair in touching:
+        for pair in self._pressed:
             if pair in self._open:
                 self._open[pair].last_s = end_s
         self._watch_contacts(end_s)

@@ -153,7 +153,7 @@ class RoadsideRun(VehicleRun):
 
     def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """The forces on the vehicles with those of the objects they touch."""
-        total = list(forces)
+        total = super()._forces_now(forces, now_s, part_s)
         for i, vehicle in enumerate(self._vehicles):
             for j, obstacle in enumerate(self._obstacles):
                 struck = self._touching.get((i, j))

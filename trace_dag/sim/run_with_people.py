@@ -19,6 +19,7 @@ from trace_dag.sim.recorder import ContactEpisode, begin_strike
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleRun
 from trace_dag.sim.scene import Scene
 from trace_dag.sim.types import AfterStriking, party_name
+from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.units import GRAVITY_MPS2
 
 _STRIKE_STEP_S = 0.00125
@@ -41,12 +42,14 @@ class PeopleRun(VehicleRun):
         self._near_in_parts = max(1, math.ceil(self._step_s / _NEAR_STEP_S - 1e-9))
         self._flight_in_parts = max(1, math.ceil(self._step_s / _FLIGHT_STEP_S - 1e-9))
         self._responses: dict[int, AfterStriking] = {}
-        grip_mps2 = self._friction * GRAVITY_MPS2
-        default = AfterStriking(self._settings.reaction_s, self._settings.braking_share * grip_mps2)
+        braking_mps2 = self._settings.braking_share * self._friction * GRAVITY_MPS2
         people = []
         for participant in self._participants:
             if not participant.body.is_person:
-                self._responses[participant.number] = participant.after_striking or default
+                grip = vehicle_model(participant.body).tyre_grip
+                self._responses[participant.number] = participant.after_striking or AfterStriking(
+                    self._settings.reaction_s, braking_mps2 * grip
+                )
                 continue
             if participant.number in self._drivers:
                 who = party_name(participant.body, participant.number)
@@ -60,8 +63,6 @@ class PeopleRun(VehicleRun):
         scene = Scene(
             [v.model for v in self._vehicles],
             self._people,
-            restitution=settings.restitution,
-            friction=settings.contact_friction,
             person_friction=min(settings.person_friction, self._friction / settings.friction),
         )
         self._chances = list(product(range(len(self._vehicles)), range(len(self._people))))
@@ -89,7 +90,7 @@ class PeopleRun(VehicleRun):
             self._step_in_parts(step, flat, self._parts)
         elif parts := self._strike_parts(step):
             self._step_of_people(step, flat, parts)
-        elif self._vehicles_lean():
+        elif self._crushed or self._vehicles_lean():
             self._bodies.carry(step * self._step_s)
             self._step_leaning(step, flat)
         elif any(person.crashed and not person.at_rest for person in self._people):
@@ -115,7 +116,7 @@ class PeopleRun(VehicleRun):
             if not all(person.crashed for person in self._people):
                 self._bodies.carry(start_s)
                 self._update(*self._bodies.state)
-            for pair, (fx, fy) in self._bodies.step(forces, part_s).items():
+            for pair, (fx, fy) in self._bodies.step(self._forces_now(forces, start_s, part_s), part_s).items():
                 if pair not in self._open:
                     now = self._state or self._bodies.state
                     self._open[pair] = self._begin(pair, now, now, start_s - part_s, part_s)

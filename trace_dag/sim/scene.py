@@ -15,7 +15,7 @@ down turning about the vertical and the limbs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.figures import DEGREES, LANDMARKS, RIDDEN_LANDMARKS, figure_mjcf
 from trace_dag.sim.fronts import ShellBox, shell
 from trace_dag.sim.people import Person, PersonTouch
-from trace_dag.sim.rigid import RigidBodies, Touch, vehicle_bodies
+from trace_dag.sim.rigid import RigidBodies, vehicle_bodies
 from trace_dag.sim.types import BodyKind
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.units import GRAVITY_MPS2
@@ -63,14 +63,12 @@ class Scene(RigidBodies):
         models: list[VehicleModel],
         people: list[Person],
         *,
-        restitution: float,
-        friction: float,
         person_friction: float,
     ) -> None:
         self._people = people
         self._person_friction = person_friction
         self._segments: list[tuple[list[str], list[str]]] = []
-        super().__init__(models, restitution, friction)
+        super().__init__(models)
         mujoco, model = self._mujoco, self._model
         self._fast, self._implicit = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICIT
         self._last_step_s = 0.0
@@ -84,7 +82,7 @@ class Scene(RigidBodies):
         def geom(name: str) -> int:
             return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name))
 
-        self._owner = {geom(f"v{i}"): i for i in range(len(models))}
+        self._owner: dict[int, int] = {}
         for i, vehicle in enumerate(models):
             self._owner |= {geom(f"v{i}_{k}"): i for k in range(len(shell(vehicle.body)))}
         for j, (segments, parts) in enumerate(self._segments):
@@ -151,7 +149,7 @@ class Scene(RigidBodies):
             figure.look(person, time_s)
 
     # --- contact -----------------------------------------------------------------------------------------------
-    def step(self, forces: list[float], step_s: float, count: int = 1) -> dict[tuple[int, int], tuple[float, float]]:
+    def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
         """As that of vehicles alone, with the forces on people among them."""
         self.touches, self.seen = {}, set()
         if step_s != self._last_step_s:
@@ -160,17 +158,20 @@ class Scene(RigidBodies):
         self._carried.clear()
         self._pushed.clear()
         self._pressed.clear()
-        total = super().step(forces, step_s, count)
-        self._let_up(count * step_s)
+        super().step(forces, step_s)
+        if self._data.ncon:
+            self._note_touches()
+        self._let_up(step_s)
         if self._rolled_ns:
             self._roll_over()
-        self._settle_velocities(step_s, count)
-        for pair, touches in self.touches.items():
-            total[pair] = (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
-        return total
+        self._settle_velocities(step_s)
+        return {
+            pair: (sum(t.force[0] for t in touches), sum(t.force[1] for t in touches))
+            for pair, touches in self.touches.items()
+        }
 
-    def _touching(self) -> Iterator[Touch]:
-        """Those between vehicles; those of people are kept on the way."""
+    def _note_touches(self) -> None:
+        """Keep what vehicles and the road do to people in this step."""
         contacts: Any = self._data.contact
         over_s = self._last_step_s
         forces = self._data.efc_force
@@ -190,9 +191,6 @@ class Scene(RigidBodies):
                     carried_n = float(forces[row])
                     self._carried[tree] = self._carried.get(tree, 0.0) + carried_n
                     self._push(tree, (carried_n * frame[0], carried_n * frame[1], carried_n * frame[2]))
-                continue
-            if one < vehicles and two < vehicles:
-                yield (one, two), row, frame, point
                 continue
             sense = 1.0 if one < vehicles else -1.0  # the frame's normal points to the second
             pair = (one, two) if one < vehicles else (two, one)
@@ -259,24 +257,21 @@ class Scene(RigidBodies):
     def _lies(self, tree: _Tree) -> bool:
         return bool(self._data.subtree_com[tree.body_id][2] - tree.person.z < _LIES_BELOW_M)
 
-    def _settle_velocities(self, step_s: float, count: int) -> None:
+    def _settle_velocities(self, step_s: float) -> None:
         """Give every centre of mass the velocity that the forces on it say, which limbs that whirl about would be
         integrated away from (by 2 % of a strike at 30 m/s), and add the road's friction as an impulse now."""
         mujoco, model, data = self._mujoco, self._model, self._data
         free = [tree for tree in self._trees if tree.person.crashed or tree in self._pushed]
         if not free:
             return
-        over_s = count * step_s
         wanted = []
         self._measure()
         for tree in free:
-            x, y, z = data.subtree_linvel[tree.body_id].tolist()
-            if count == 1:
-                push_x, push_y, push_z = self._pushed.get(tree, (0.0, 0.0, 0.0))
-                per_mass = step_s / tree.mass_kg
-                x, y = tree.velocity[0] + push_x * per_mass, tree.velocity[1] + push_y * per_mass
-                z = tree.velocity[2] + push_z * per_mass - GRAVITY_MPS2 * step_s
-            lost = self._person_friction * self._carried.get(tree, 0.0) * over_s / tree.mass_kg
+            push_x, push_y, push_z = self._pushed.get(tree, (0.0, 0.0, 0.0))
+            per_mass = step_s / tree.mass_kg
+            x, y = tree.velocity[0] + push_x * per_mass, tree.velocity[1] + push_y * per_mass
+            z = tree.velocity[2] + push_z * per_mass - GRAVITY_MPS2 * step_s
+            lost = self._person_friction * self._carried.get(tree, 0.0) * per_mass
             if lost:
                 sliding = math.hypot(x, y)
                 share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
@@ -303,8 +298,8 @@ class Scene(RigidBodies):
         mujoco.mj_subtreeVel(model, data)
 
     # --- the model ---------------------------------------------------------------------------------------------
-    def _mjcf(self, models: list[VehicleModel], restitution: float) -> str:
-        vehicles = vehicle_bodies(models, restitution, _shell_mjcf)
+    def _mjcf(self, models: list[VehicleModel]) -> str:
+        vehicles = vehicle_bodies(models, _shell_mjcf)
         roads, figures, pairs = "", "", ""
         for j, person in enumerate(self._people):
             roads += f'<geom name="road{j}" type="plane" size="0 0 1" contype="0" conaffinity="0"/>'

@@ -149,7 +149,7 @@ class Contact:
     ``normal`` is a unit vector from body 1 to body 2; poses are of the bodies' centres and, like the velocities of
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
     gravity) are what the contact did within :data:`PULSE_S` of its first moment; ``duration_s`` is how long the two
-    touched.
+    pressed each other, ``crush_*_m`` how deep each was pressed in at most; persons and rigid objects are not.
     """
 
     time_s: float
@@ -169,6 +169,8 @@ class Contact:
     velocity_2_mps: tuple[float, float]
     delta_v_1_mps: tuple[float, float]
     delta_v_2_mps: tuple[float, float]
+    crush_1_m: float = 0.0
+    crush_2_m: float = 0.0
 
     def along_m(self, course_rad: float) -> float:
         """How far it is ahead of the frame's origin, seen along a course."""
