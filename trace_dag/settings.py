@@ -353,7 +353,7 @@ def described_settings(toml: bytes = b"", *, name: str = "settings.toml") -> lis
 def _from_file(toml: bytes, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(toml.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         raise UserError(f"{name}: not TOML ({error}); mend it or delete it to use the defaults") from error
 
 

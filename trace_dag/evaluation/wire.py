@@ -145,7 +145,7 @@ class AnswerReader:
             speed, acceleration, steer = (None if math.isnan(number) else number for number in numbers)
             return Motion(speed, acceleration, steer, self._path_of(how, rest[_MOTION.size :]))
         if kind == b"F":
-            raise AgentFault(one_line(rest.decode(errors="replace")))
+            raise AgentFault(one_line(rest.decode(errors="replace")) or "failed and did not say why")
         raise AgentFault("answered bytes that are no answer")
 
     def _path_of(self, how: int, data: bytes) -> FloatArray | None:

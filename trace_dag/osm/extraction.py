@@ -13,6 +13,7 @@ What is kept of the lines is :mod:`trace_dag.osm.collecting`'s task, cutting the
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import tempfile
@@ -135,15 +136,19 @@ def _one_pass(
             )
             # The order matters: locations are looked up only for ways that have passed the filter before them, and
             # every node is located before most of them are dropped.
-            osmium.apply(
-                osmium.io.Reader(str(path), kinds, thread_pool=threads),
-                _only_with(kept_ways, osmium.osm.WAY),
-                _only_with(("restriction",), osmium.osm.RELATION),
-                locations,
-                _only_with(kept_nodes, osmium.osm.NODE),
-                writer,
-            )
-            writer.close()
+            try:
+                osmium.apply(
+                    osmium.io.Reader(str(path), kinds, thread_pool=threads),
+                    _only_with(kept_ways, osmium.osm.WAY),
+                    _only_with(("restriction",), osmium.osm.RELATION),
+                    locations,
+                    _only_with(kept_nodes, osmium.osm.NODE),
+                    writer,
+                )
+                writer.close()
+            except BaseException:
+                _keep_for_ever(writer)
+                raise
             return copy
 
         collector.read(copy_roads("first.opl", osmium.osm.ALL))
@@ -152,6 +157,11 @@ def _one_pass(
             collector.forget_ways()
             collector.read(copy_roads("again.opl", osmium.osm.WAY))
         return collector.found(), collector.negative
+
+
+def _keep_for_ever(writer: Any) -> None:
+    """libosmium ends the whole process where a writer that has failed is destructed, so that it must never be."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer))
 
 
 def _check_room(path: Path) -> None:

@@ -160,7 +160,7 @@ class _Reader:
     # --- header ----------------------------------------------------------------------------------------------
     def frame(self, header: etree._Element) -> LocalFrame:
         reference = header.findtext("geoReference") or ""
-        values = dict(re.findall(r"\+(lat_0|lon_0)=(-?[\d.]+(?:[eE][-+]?\d+)?)", reference))
+        values = dict(re.findall(r"\+(lat_0|lon_0)=(-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=\s|$)", reference))
         if len(values) < 2:
             raise UserError(
                 f"{self.name}: no origin in <geoReference> ({reference.strip()[:80]!r}); expected a PROJ string with "

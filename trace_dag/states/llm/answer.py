@@ -117,7 +117,7 @@ def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
 def _is_json(text: str) -> bool:
     try:
         json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):  # nested deeper than anybody answers
         return False
     return True
 

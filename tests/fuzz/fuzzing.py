@@ -1,0 +1,93 @@
+"""A target, many damaged inputs: nothing but what it may raise, and in long runs nothing that takes too long."""
+
+from __future__ import annotations
+
+import random
+import signal
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from hypothesis import HealthCheck, given, seed, settings
+
+from tests.fuzz.damage import damaged, damaged_at_random
+from tests.fuzz.targets import Target, with_right_checksums
+
+
+class TookTooLongError(Exception):
+    """An input over its time limit."""
+
+
+def fuzz_briefly(target: Target, inputs: int, folder: Path) -> Counter[str]:
+    """What came of so many inputs. Raises what the target must not raise, for the least input that shows it."""
+    found: Counter[str] = Counter()
+
+    @seed(1)
+    @settings(max_examples=inputs, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(damaged(target.seeds))
+    def one(data: bytes) -> None:
+        found[_tried(target, data, folder)] += 1
+
+    one()
+    return found
+
+
+@dataclass
+class LongRun:
+    """What came of many inputs by name, the longest that one took (s), and an input for each fault by what it was."""
+
+    found: Counter[str] = field(default_factory=Counter)
+    slowest_s: float = 0.0
+    faults: dict[str, bytes] = field(default_factory=dict)
+
+
+def fuzz_long(target: Target, inputs: int, folder: Path, *, beginning: int, until_s: float) -> LongRun:
+    """So many inputs at random, or as many as there is time for (``time.monotonic()``)."""
+    run, rng = LongRun(), random.Random(beginning)
+    for _ in range(inputs):
+        began = time.monotonic()
+        if began > until_s:
+            break
+        data = damaged_at_random(target.seeds, rng)
+        try:
+            with _at_most(target.most_s):
+                run.found[_tried(target, data, folder)] += 1
+        except Exception as error:
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            run.found["FAULT"] += 1
+            run.faults.setdefault(
+                f"{type(error).__name__} in {frame.filename}:{frame.lineno}: {str(error)[:200]}", data
+            )
+        run.slowest_s = max(run.slowest_s, time.monotonic() - began)
+    return run
+
+
+def _tried(target: Target, data: bytes, folder: Path) -> str:
+    for left in folder.iterdir():
+        left.unlink()
+    try:
+        target.read(with_right_checksums(data) if data[:2] == b"PK" else data, folder)
+    except target.raises as error:
+        if not str(error):
+            raise AssertionError("said nothing") from error
+        return type(error).__name__
+    return "read"
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    def ring(_: int, __: FrameType | None) -> None:
+        raise TookTooLongError(f"took longer than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

@@ -1,0 +1,53 @@
+"""Inputs that fuzzing found, as small as they went."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cases import SAMPLE
+from tests.fuzz.targets import pbf
+from tests.verdict.crashes import STREET
+from trace_dag.errors import UserError
+from trace_dag.evaluation.agents import AgentFault
+from trace_dag.evaluation.wire import AnswerReader
+from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.settings import load_settings
+from trace_dag.states.llm.answer import WrongAnswer, parse
+
+
+def test_a_number_of_thousands_of_digits_is_no_setting() -> None:
+    with pytest.raises(UserError, match=r"settings.toml: not TOML"):
+        load_settings(b"[osm]\nradius_m = " + 5000 * b"9")
+
+
+@pytest.mark.parametrize("text", [2000 * "[", 2000 * "[" + json.dumps({"vehicles": []})])
+def test_an_answer_nested_without_end_is_no_answer(text: str) -> None:
+    with pytest.raises(WrongAnswer):
+        parse(text, "segments")
+
+
+def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:
+    with pytest.raises(AgentFault, match="did not say why"):
+        AnswerReader().from_bytes(b"F")
+
+
+def test_a_map_with_text_that_is_none_does_not_end_the_process(tmp_path: Path) -> None:
+    right = pbf((SAMPLE / "osm" / "quill.osm").read_bytes())
+    path = tmp_path / "map.osm.pbf"
+    path.write_bytes(right.replace(b"residential", b"\xff" * len(b"residential")).replace(b"name", b"\xff\xff\xff\xff"))
+    assert path.read_bytes() != right
+    header = read_header(path)
+    with pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
+        extract_raw(path, header, [], service_roads=True)
+
+
+def test_a_number_with_two_points_in_a_geo_reference_is_no_number() -> None:
+    right = write_opendrive(STREET)
+    assert b"+lat_0=" in right
+    with pytest.raises(UserError, match="lat_0"):
+        read_opendrive(right.replace(b"+lat_0=", b"+lat_0=7.7."), name="map.xodr")
