@@ -10,6 +10,7 @@ import pytest
 from tests.cases import SAMPLE
 from tests.fuzz.targets import pbf
 from tests.verdict.crashes import STREET
+from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.wire import AnswerReader
@@ -51,3 +52,9 @@ def test_a_number_with_two_points_in_a_geo_reference_is_no_number() -> None:
     assert b"+lat_0=" in right
     with pytest.raises(UserError, match="lat_0"):
         read_opendrive(right.replace(b"+lat_0=", b"+lat_0=7.7."), name="map.xodr")
+
+
+def test_a_table_with_a_column_twice_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "accident.csv").write_text("ST_CASE,STATE,YEAR,STATE\n510001,51,2023,51\n")
+    with pytest.raises(UserError, match="column STATE is there more than once"):
+        FarsCsvSource.open(tmp_path).listings()

@@ -154,6 +154,9 @@ def read_table(file: CsvFile) -> pa.Table:
     names = [name.strip().upper() for name in next(csv.reader(io.StringIO(header)), [])]
     if "ST_CASE" not in names:
         raise UserError(f"{file.label}: no ST_CASE among its columns ({', '.join(names[:5])}, ...); expected FARS CSV")
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1 and _NAME.fullmatch(name)]
+    if twice:
+        raise UserError(f"{file.label}: column {twice[0]} is there more than once; expected FARS CSV")
     problem: Exception | None = None
     # Files that are not UTF-8 come from Windows; the few bytes its code page lacks leave Latin-1.
     for encoding in ("utf-8", "cp1252", "latin-1"):
