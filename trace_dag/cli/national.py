@@ -16,7 +16,7 @@ from trace_dag.cli.printing import print_table, write_json
         "trace-dag national FARS2015-accident.zip",
     )
 )
-@click.argument("tables", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Every kind, as JSON.")
 @click.pass_obj
 def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
