@@ -8,3 +8,8 @@ COMMENT ON TABLE codes IS 'What the codes of FARS elements mean that other table
 COMMENT ON COLUMN codes.element IS 'FARS element, as the comments of columns name it';
 COMMENT ON COLUMN codes.code IS 'Code';
 COMMENT ON COLUMN codes.meaning IS 'The code in words';
+
+-- For the tables that are built after this one: a code of an element in words.
+CREATE TEMP MACRO meaning_of(of_element, of_code) AS (
+    SELECT meaning FROM codes WHERE codes.element = of_element AND codes.code = of_code
+);
