@@ -35,6 +35,7 @@ from trace_dag.units import GRAVITY_MPS2
 
 ADULT, CHILD = person_body(BodyKind.PEDESTRIAN, 35), person_body(BodyKind.PEDESTRIAN, 7)
 CYCLIST = person_body(BodyKind.CYCLIST, 35)
+VAN = replace(CAR, vehicle_class=VehicleClass.VAN, length_m=5.1, width_m=2.0, height_m=1.9, mass_kg=2200.0)
 MU = 0.66
 
 
@@ -106,8 +107,8 @@ def slide(log: SimulationLog) -> tuple[float, float]:
 
 @pytest.mark.parametrize("speed", [10.0, 15.0])
 def test_a_person_who_lies_slides_as_the_textbook_says(speed: float) -> None:
-    """v^2 / (2 mu g), between two moments of the slide."""
-    v, slid_m = slide(run(*crossing(TRUCK, ADULT, speed)))
+    """v^2 / (2 mu g), between two moments of the slide, ahead of a van that stops shorter (a truck would push)."""
+    v, slid_m = slide(run(*crossing(VAN, ADULT, speed)))
     assert v > 1.0
     assert slid_m == pytest.approx(v * v / (2 * MU * GRAVITY_MPS2), rel=0.1)
 
@@ -118,14 +119,10 @@ def searle(speed_mps: float) -> tuple[float, float]:
     return least, least * (1 + MU**2)
 
 
-VAN = replace(CAR, vehicle_class=VehicleClass.VAN, length_m=5.1, width_m=2.0, height_m=1.9, mass_kg=2200.0)
-
-
 @pytest.mark.parametrize("vehicle", [CAR, VAN, TRUCK], ids=["car", "van", "truck"])
 def test_throws_lie_between_searles_bounds(vehicle: Body) -> None:
     """Of the vehicle's speed at the strike, by a vehicle that brakes: 10 to 30 m/s, adult and child, crossing and
-    walking ahead. The aim is 95 %, over all fronts it is 91 % (docs/explanation/simulation.md): this is a floor, below
-    which something broke."""
+    walking ahead. Over all of benchmarks/throws.py it is 95 %: this is a floor for few, below which something broke."""
     inside = [
         low <= thrown_m(log) <= high
         for speed in (10.0, 15.0, 20.0, 25.0, 30.0)
@@ -134,7 +131,7 @@ def test_throws_lie_between_searles_bounds(vehicle: Body) -> None:
         for log in [run(*crossing(vehicle, person, speed, walks_rad=walks_rad, offset_m=offset_m))]
         for low, high in [searle(math.hypot(*log.contacts[0].velocity_1_mps))]
     ]
-    assert sum(inside) / len(inside) >= 0.7
+    assert sum(inside) / len(inside) >= 0.8
 
 
 @pytest.mark.parametrize("speed", [10.0, 30.0])

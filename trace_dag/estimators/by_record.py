@@ -9,12 +9,12 @@ from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.estimators.contacts import estimate_contacts
 from trace_dag.estimators.overturns import estimate_overturn
+from trace_dag.estimators.strikes import estimate_strikes
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
 from trace_dag.states.analytic import estimate_analytic
 from trace_dag.states.departures import estimate_departure
-from trace_dag.states.strikes import estimate_strikes
 from trace_dag.states.types import StateEstimate
 
 _MADE_BY: Final[

@@ -26,6 +26,7 @@ _STRIKE_STEP_S = 0.00125
 _NEAR_STEP_S = 0.0025
 _FLIGHT_STEP_S = 0.005
 _TOUCHED_S = 0.03  # so long after a touch the next one of the same strike is waited for with short steps
+_PUSHED_MPS = 3.0  # of the pelvis against the vehicle: who moves faster is struck again
 _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
 
@@ -37,6 +38,7 @@ class PeopleRun(VehicleRun):
     def _make_people(self) -> list[Person]:
         self._everybody = "participants"
         self._on_road = False
+        self._sliding: set[tuple[int, int]] = set()  # pairs whose strike is over
         self._people_apart_until_step = 0  # no vehicle can touch a person before it
         self._strikes_in_parts = max(1, math.ceil(self._step_s / _STRIKE_STEP_S - 1e-9))
         self._near_in_parts = max(1, math.ceil(self._step_s / _NEAR_STEP_S - 1e-9))
@@ -148,16 +150,19 @@ class PeopleRun(VehicleRun):
             apart_s = 0.0
             travel = (closing + abs(vehicle.yaw_rate) * vehicle.reach_m) * self._step_s * BOUND + _NEAR_M
             if self._same_level(vehicle, person) and separation(vehicle.outline(), person.outline())[0] <= travel:
-                parts = max(parts, self._parts_near((i, j + len(self._vehicles)), now_s))
+                parts = max(parts, self._parts_near((i, j + len(self._vehicles)), now_s, closing))
         if apart_s < math.inf:
             self._people_apart_until_step = step + int(apart_s / self._step_s)
         return parts
 
-    def _parts_near(self, pair: tuple[int, int], now_s: float) -> int:
+    def _parts_near(self, pair: tuple[int, int], now_s: float, closing_mps: float) -> int:
         """In how many parts a step is to be taken by a vehicle and a person who are near each other."""
         episode = self._open.get(pair)
-        if episode is None or now_s - episode.last_s < _TOUCHED_S:
+        if episode is None:
             return self._strikes_in_parts
+        if now_s - episode.last_s < _TOUCHED_S:
+            pushed = now_s > episode.pulse_end_s and closing_mps < _PUSHED_MPS
+            return self._flight_in_parts if pushed else self._strikes_in_parts
         return self._near_in_parts if pair in self._bodies.seen or pair in self._bodies.touches else 0
 
     # --- contacts --------------------------------------------------------------------------------------------
@@ -177,10 +182,14 @@ class PeopleRun(VehicleRun):
         return episode
 
     def _watch_contacts(self, time_s: float) -> None:
-        """Of vehicles the deepest overlap; of strikes whether they are a crash to the vehicle."""
+        """Of vehicles the deepest overlap; of strikes whether they are over, or a crash to the vehicle."""
         for pair, episode in self._open.items():
             if pair[1] < len(self._vehicles):
                 self._watch_overlap(pair, time_s)
-            elif not episode.one.crashed:
+                continue
+            if time_s > episode.pulse_end_s and pair not in self._sliding:
+                self._sliding.add(pair)
+                self._bodies.let_slide(pair)
+            if not episode.one.crashed:
                 delta_v_mps = math.hypot(episode.impulse_x_ns, episode.impulse_y_ns) / episode.one.model.body.mass_kg
                 episode.one.crashed = delta_v_mps >= self._settings.crash_delta_v_mps
