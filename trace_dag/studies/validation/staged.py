@@ -5,9 +5,8 @@ speeds, headings, masses, yaw inertias, place of the impact, and delta-v and cha
 planar impact fit to the tests. Angles are counter-clockwise; an angle of impact is seen from the vehicle's centre of
 gravity, from its front.
 
-The printed change of yaw rate of the car of test 4363 (31 degrees a second) contradicts the test's own inputs by its
-sign: the impulse passes its centre of gravity on the other side, which gives -31. It is so small because the impulse
-passes within 6 cm of the centre of gravity.
+The changes of velocity and yaw rate are as printed. That of the car of test 4363 (31 degrees a second) is small because
+the impulse passes within 6 cm of its centre of gravity; by the printed inputs it passes on the other side.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ TESTS: Final = (
     StagedTest(
         4363,
         (
-            StagedVehicle("1997 Honda Accord", _ACCORD, 180.0, 35.1, 2.6, 23.8, 39.5, -31.0),
+            StagedVehicle("1997 Honda Accord", _ACCORD, 180.0, 35.1, 2.6, 23.8, 39.5, 31.0),
             StagedVehicle("1997 Chevrolet Blazer", _BLAZER, 32.0, 35.0, 5.7, 10.6, 29.1, 182.0),
         ),
     ),
