@@ -26,6 +26,7 @@ from trace_dag.storage import Storage
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.evaluations import all_rows
 from trace_dag.studies.replays import replay
+from trace_dag.studies.stored_crashes import stored_crash
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query
 from trace_dag.warehouse.verify import verify_warehouse
@@ -114,7 +115,7 @@ def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, 
     assert all(row.key != KEY for row in rows)
     assert all(f"--only {KEY} --from road_map" in said for said in heard)
     with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr: damaged"):
-        replay(workspace, KEY, "html")
+        replay(stored_crash(workspace, KEY), "html")
 
 
 def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Path, tmp_path: Path) -> None:

@@ -41,8 +41,13 @@ def test_no_xml_is_read_by_a_parser_of_its_own():
                 assert given, f"{path.name}:{node.lineno} reads XML without saying with which parser"
 
 
+FROM_OUR_OWN_SIDE = {"evaluation/agent_main.py"}
+"""An agent's process unpickles what the process that measures sends it; never the other way round."""
+
+
 def test_no_shell_and_nothing_unpickled():
     for file, name, given in calls():
         assert given.get("shell") is not True, file
         assert name not in ("os.system", "os.popen", "eval", "exec"), file
-        assert not name.endswith(("pickle.load", "pickle.loads", "cloudpickle.loads")), file
+        unpickles = name.endswith(("pickle.load", "pickle.loads", "cloudpickle.loads"))
+        assert not unpickles or file in FROM_OUR_OWN_SIDE, file

@@ -41,6 +41,9 @@ _OFFSET_SIGMA_M: Final = 0.7
 _USUAL_HEADWAY_S, _HEADWAY_SIGMA = 1.0, 1.2  # a lognormal: few follow much closer, later ones can often stop
 _PER_SECOND: Final = -0.15  # log-likelihood of the other party taking longer to come to one that stands
 _QUEUE_GAP_M, _QUEUE_GAP_SIGMA_M = 2.0, 0.8  # queues stand 7 to 8 m a vehicle (HCM): a car's length and at least this
+_QUEUE_SPREAD_M: Final = (
+    8.0  # who stands farther behind another in a queue than a vehicle's length leaves a place in it
+)
 _LEAST_APART_M: Final = 0.2
 _STANDS_UNSAID: Final = -0.7  # of standing, where nothing says how it moved
 _LEAST_CLOSING_MPS: Final = 0.5
@@ -190,6 +193,8 @@ def _best(
     if standing:
         missing_m = np.maximum(_QUEUE_GAP_M - before[kept], 0.0)
         score = score + _PER_SECOND * (touch_s - after_s) - 0.5 * (missing_m / _QUEUE_GAP_SIGMA_M) ** 2
+        if _stood(target, after_s):
+            score = score - _left_free_m(way, target, size, stations[kept]) / _QUEUE_SPREAD_M
     else:
         score = score + _headway(touch_s - after_s)
     score = _steadied(score, kept)
@@ -203,6 +208,20 @@ def _best(
         pose = replace(pose, heading_rad=math.remainder(pose.heading_rad + math.pi, math.tau))
     placed = Placed(way.option, way.path, station, pose, float(touch.bearing_1_rad[best]))
     return Arrival(who, placed, way.speed, way.profile, float(touch_s[best]), way.score + float(score[best]))
+
+
+def _stood(target: Motion, until_s: float) -> bool:
+    """Whether the other party stood from the beginning until just before a time."""
+    (x0, x1), (y0, y1), _ = target.at(np.array([0.0, until_s - _STEP_S]))
+    return math.hypot(x1 - x0, y1 - y0) < _LEAST_APART_M
+
+
+def _left_free_m(way: _Way, target: Motion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
+    """How much more than a queue's usual gap is between a vehicle that stands at each station and one that stood."""
+    x, y, _ = target.at(np.zeros(1))
+    station_m, _ = way.path.project(float(x[0]), float(y[0]))
+    gaps = np.abs(stations - station_m) - (size_m[0] + target.length_m) / 2
+    return np.asarray(np.maximum(gaps - _QUEUE_GAP_M, 0.0))
 
 
 def _placings(

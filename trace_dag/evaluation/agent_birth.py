@@ -18,6 +18,7 @@ from typing import IO
 
 from trace_dag.evaluation.isolation import Isolation
 
+_STANDARD_ERROR = 2  # the process's own, whatever sys.stderr stands for in a notebook or a test
 _WAIT_S = 1.0
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -85,7 +86,7 @@ class _Nursery:
 
     def __init__(self) -> None:
         self._control, theirs = socket.socketpair()
-        self._process = _started("nursery", theirs.fileno(), sys.stderr.fileno())
+        self._process = _started("nursery", theirs.fileno(), _STANDARD_ERROR)
         theirs.close()
         atexit.register(self._control.close)  # with which it ends
 

@@ -25,6 +25,6 @@ def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs:
     page = (
         templates()
         .get_template("site_leaderboard.html.jinja")
-        .render(version=__version__, leaderboard=leaderboard, dimensions=dimensions, outcomes=OUTCOMES)
+        .render(version=__version__, leaderboard=leaderboard, runs_of=runs_of, dimensions=dimensions, outcomes=OUTCOMES)
     )
     return page.encode()
