@@ -13,8 +13,11 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(autouse=True)
 def environment_as_it_was() -> Iterator[None]:
-    """A command tells the processes that it starts its root in the environment; the next test has another one."""
-    before = dict(os.environ)
+    """A command tells the processes that it starts its root in the environment; the next test has another one, and so
+    has whoever runs the tests."""
+    before = {name: value for name, value in os.environ.items() if name not in ("TRACE_DAG_ROOT", "DAGSTER_HOME")}
+    os.environ.pop("TRACE_DAG_ROOT", None)
+    os.environ.pop("DAGSTER_HOME", None)
     yield
     os.environ.clear()
     os.environ.update(before)
