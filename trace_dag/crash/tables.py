@@ -215,7 +215,7 @@ def records_from_parquet(data: bytes) -> list[CrashRecord]:
     import pyarrow.parquet as pq
 
     try:
-        rows = pq.read_table(io.BytesIO(data)).to_pylist()
+        rows = pq.ParquetFile(io.BytesIO(data)).read(use_threads=False).to_pylist()
         return [_adapter().validate_python(row) for row in rows]
     except (pa.ArrowInvalid, OSError, ValidationError) as error:
         raise Failure(

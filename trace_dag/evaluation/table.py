@@ -102,5 +102,5 @@ def rows_from_parquet(data: bytes) -> list[Row]:
     """What :func:`rows_to_parquet` wrote."""
     import pyarrow.parquet as pq
 
-    rows: list[Row] = pq.read_table(io.BytesIO(data)).to_pylist()
+    rows: list[Row] = pq.ParquetFile(io.BytesIO(data)).read(use_threads=False).to_pylist()
     return rows

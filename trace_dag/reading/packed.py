@@ -259,7 +259,9 @@ class Release(Crashes):
         import pyarrow.parquet as pq
 
         try:
-            frame: pd.DataFrame = pq.read_table(io.BytesIO(self._files.read(INDEX))).to_pandas()
+            frame: pd.DataFrame = (
+                pq.ParquetFile(io.BytesIO(self._files.read(INDEX))).read(use_threads=False).to_pandas()
+            )
             return frame.set_index("key")
         except (pa.ArrowInvalid, KeyError, OSError) as error:
             raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", _GET_AGAIN) from error

@@ -140,7 +140,7 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
         summaries = _summaries().validate_json(summary)
     except ValidationError as error:
         raise Failure(f"simulation log: its JSON is not of this version ({error}); simulate again") from error
-    table = pq.read_table(io.BytesIO(parquet))
+    table = pq.ParquetFile(io.BytesIO(parquet)).read(use_threads=False)
     missing = {column.name for column in SIMULATION_STEPS.columns} - set(table.column_names)
     if missing:
         raise Failure(f"simulation log: columns {sorted(missing)} missing in its Parquet file; simulate again")
