@@ -5,6 +5,7 @@ Belongs here: the machinery. Does not belong here: any table; each package decla
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -106,3 +107,13 @@ class TableSchema:
             for top in self.columns
             for path, column in top.walk()
         ]
+
+
+def table_from_parquet(data: bytes) -> pa.Table:
+    """A table of a Parquet file. Raises pyarrow's errors.
+
+    One thread reads it: tables are small, and a short command does not end with Arrow's pools of threads still running.
+    """
+    import pyarrow.parquet as pq
+
+    return pq.ParquetFile(io.BytesIO(data)).read(use_threads=False)

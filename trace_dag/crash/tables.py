@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
-from trace_dag.schemas import Column, ColumnType, TableSchema
+from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parquet
 
 _INTEGER, _REAL, _TEXT, _BOOLEAN = ColumnType.INTEGER, ColumnType.REAL, ColumnType.TEXT, ColumnType.BOOLEAN
 
@@ -212,10 +212,9 @@ def record_from_parquet(data: bytes) -> CrashRecord:
 def records_from_parquet(data: bytes) -> list[CrashRecord]:
     """The records of a Parquet file. Raises :class:`Failure` if it is damaged or of another schema."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        rows = pq.ParquetFile(io.BytesIO(data)).read(use_threads=False).to_pylist()
+        rows = table_from_parquet(data).to_pylist()
         return [_adapter().validate_python(row) for row in rows]
     except (pa.ArrowInvalid, OSError, ValidationError) as error:
         raise Failure(

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from trace_dag.evaluation.evaluate import Conditions, Evaluation
-from trace_dag.schemas import Column, ColumnType, TableSchema
+from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parquet
 
 _TEXT, _INT, _REAL, _BOOL = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.REAL, ColumnType.BOOLEAN
 
@@ -100,7 +100,6 @@ def rows_to_parquet(rows: Iterable[Mapping[str, Any]], schema: TableSchema = EVA
 
 def rows_from_parquet(data: bytes) -> list[Row]:
     """What :func:`rows_to_parquet` wrote."""
-    import pyarrow.parquet as pq
 
-    rows: list[Row] = pq.ParquetFile(io.BytesIO(data)).read(use_threads=False).to_pylist()
+    rows: list[Row] = table_from_parquet(data).to_pylist()
     return rows

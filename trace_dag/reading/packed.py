@@ -28,6 +28,7 @@ from trace_dag.flow.artefacts import (
 )
 from trace_dag.reading.crashes import Crashes, asked
 from trace_dag.scenario.package import MANIFEST
+from trace_dag.schemas import table_from_parquet
 
 if TYPE_CHECKING:
     import duckdb
@@ -256,12 +257,9 @@ class Release(Crashes):
     def crashes(self) -> pd.DataFrame:
         """The index of the release: :data:`trace_dag.scenario.release.RELEASE_INDEX`, indexed by key."""
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         try:
-            frame: pd.DataFrame = (
-                pq.ParquetFile(io.BytesIO(self._files.read(INDEX))).read(use_threads=False).to_pandas()
-            )
+            frame: pd.DataFrame = table_from_parquet(self._files.read(INDEX)).to_pandas()
             return frame.set_index("key")
         except (pa.ArrowInvalid, KeyError, OSError) as error:
             raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", _GET_AGAIN) from error

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
 from trace_dag.errors import Failure
-from trace_dag.schemas import Column, ColumnType, TableSchema
+from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parquet
 from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, VehicleLog
 from trace_dag.states.objects import FixedObject
 
@@ -134,13 +134,12 @@ def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:
     """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
-    import pyarrow.parquet as pq
 
     try:
         summaries = _summaries().validate_json(summary)
     except ValidationError as error:
         raise Failure(f"simulation log: its JSON is not of this version ({error}); simulate again") from error
-    table = pq.ParquetFile(io.BytesIO(parquet)).read(use_threads=False)
+    table = table_from_parquet(parquet)
     missing = {column.name for column in SIMULATION_STEPS.columns} - set(table.column_names)
     if missing:
         raise Failure(f"simulation log: columns {sorted(missing)} missing in its Parquet file; simulate again")
