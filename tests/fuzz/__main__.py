@@ -35,14 +35,15 @@ def main() -> None:
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
     faults = 0
     for name in given.targets or all_targets:
-        began = time.monotonic()
+        began, cpu_began_s = time.monotonic(), time.process_time()
         with tempfile.TemporaryDirectory(prefix="trace-dag-fuzz-", dir=memory) as folder:
             until_s = began + 60 * given.minutes
             run = fuzz_long(all_targets[name], given.inputs, Path(folder), beginning=given.seed, until_s=until_s)
         outcomes = ", ".join(f"{count:,} {what}" for what, count in run.found.most_common())
-        took_s = time.monotonic() - began
+        took_s, cpu_s = time.monotonic() - began, time.process_time() - cpu_began_s
         print(
-            f"{name}: {sum(run.found.values()):,} inputs in {took_s:.0f} s: {outcomes}; slowest {run.slowest_s:.2f} s"
+            f"{name}: {sum(run.found.values()):,} inputs in {took_s:.0f} s ({cpu_s:.0f} s of CPU): "
+            f"{outcomes}; slowest {run.slowest_s:.2f} s"
         )
         for number, (what, data) in enumerate(run.faults.items()):
             kept = Path(f"fuzz-{name}-{number}.bin")

@@ -38,7 +38,7 @@ def framed(message: bytes) -> bytes:
     return _LENGTH.pack(len(message)) + message
 
 
-def length_of(head: bytes) -> int | None:
+def length_of(head: bytes | bytearray) -> int | None:
     """The length that begins a framed message; None while too little of it has come."""
     return int(_LENGTH.unpack_from(head)[0]) if len(head) >= _LENGTH.size else None
 
@@ -47,17 +47,14 @@ HEAD_BYTES = _LENGTH.size
 
 
 def received(connection: socket.socket) -> bytes:
-    """The next message. Raises :class:`EOFError` once the other side is gone."""
-    wanted = HEAD_BYTES
-    parts, had = [], 0
-    while had < wanted:
-        part = connection.recv(4096 if had == 0 else 1 << 18)
+    """The next message, in however many parts it comes. Raises :class:`EOFError` once the other side is gone."""
+    data = bytearray()
+    while (length := length_of(data)) is None or len(data) < HEAD_BYTES + length:
+        part = connection.recv(1 << 18 if data else 4096)
         if not part:
             raise EOFError
-        parts.append(part)
-        had += len(part)
-        wanted = HEAD_BYTES + (length_of(parts[0]) or 0)
-    return b"".join(parts)[HEAD_BYTES:]
+        data += part
+    return bytes(data[HEAD_BYTES:])
 
 
 # --- observations -----------------------------------------------------------------------------------------------------
