@@ -21,7 +21,7 @@ from trace_dag.http import send_json
 from trace_dag.settings import AutomationSettings
 
 WEBHOOK_VARIABLE: Final = "TRACE_DAG_ALERT_WEBHOOK"
-"""Names the web hook's address. It is no setting: who knows it may post, so it is kept out of files and listings."""
+"""Names the web hook's address. It is not a setting: who knows it may post, so it is kept out of files and listings."""
 _NAMED: Final = 20
 _COMMAND_TIME_S: Final = 60.0
 

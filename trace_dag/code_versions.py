@@ -187,7 +187,7 @@ def _path_of(module: str) -> Path | None:
 
 
 def _data_files(package: str) -> Iterator[tuple[str, bytes]]:
-    """Every file below a package that is no code and in no package of its own, by name."""
+    """Every file below a package that is not a code and in no package of its own, by name."""
     path = _path_of(package)
     if path is not None:
         for file in sorted(_files_below(path.parent)):

@@ -2,7 +2,7 @@
 
 Belongs here: setting and checking that seal. Every other stored file is listed, with size and SHA-256, in a sealed
 document: an outcome record (:mod:`trace_dag.provenance`) or a ledger (:mod:`trace_dag.flow.ledgers`). A seal finds
-damage and changes by hand; it is no signature and keeps nobody from sealing anew.
+damage and changes by hand; it is not a signature and keeps nobody from sealing anew.
 """
 
 from __future__ import annotations

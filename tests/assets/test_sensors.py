@@ -106,11 +106,11 @@ def test_what_is_no_report_and_a_folder_that_is_gone_stop_nothing(watched):
     watched.arrive("notes", content=b"not a report")
     for _ in range(2):
         assert watched.look() == []
-        assert "notes.xml: it is no XML" in watched.said, "named as long as it lies there"
+        assert "notes.xml: it is not XML" in watched.said, "named as long as it lies there"
     watched.arrive(CASES[0])
     assert len(watched.look()) == 1
     assert watched.look() == []
-    assert "notes.xml: it is no XML" in watched.said
+    assert "notes.xml: it is not XML" in watched.said
     for path in watched.inbox.iterdir():
         path.unlink()
     watched.inbox.rmdir()

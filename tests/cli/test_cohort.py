@@ -72,7 +72,7 @@ def test_cohorts_are_made_extended_listed_shown_and_removed(tmp_path, monkeypatc
     ("arguments", "said"),
     [
         (["ingest", "--crashapi"], "which cases"),
-        (["ingest", "--crashapi", "--states", "Atlantis", "--years", "2023"], "'Atlantis' is no state"),
+        (["ingest", "--crashapi", "--states", "Atlantis", "--years", "2023"], "'Atlantis' is not a state"),
         (["ingest", "--reports", REPORTS, "--years", "23"], "--years 23"),
         (["ingest", "--reports", REPORTS, "--years", "2023-2020"], "--years 2023-2020"),
         (["ingest", "--reports", REPORTS, "--vehicles", "two"], "--vehicles two"),
@@ -80,7 +80,7 @@ def test_cohorts_are_made_extended_listed_shown_and_removed(tmp_path, monkeypatc
         (["ingest", "--reports", REPORTS, "--road-classes", "footpath"], "--road-classes footpath"),
         (["ingest", "--reports", REPORTS, "--sample", "0"], "--sample"),
         (["ingest", "--reports", REPORTS, "--sample", "2", "--stratified", "2"], "choose one"),
-        (["ingest", "--reports", REPORTS, "--cases", "319061"], "no crash key"),
+        (["ingest", "--reports", REPORTS, "--cases", "319061"], "not a crash key"),
         (["ingest", "--reports", REPORTS, "--states", "VA"], "no crash that is asked for (VA)"),
         (["ingest", "--maps", "overpass", "osm-api"], "one service"),
         (["ingest", "--maps", "overpass", "--watch"], "--watch needs --reports"),

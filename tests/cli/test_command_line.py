@@ -32,7 +32,7 @@ from sample_runs import KEYS, SAMPLE, ingest, reports_of, trace_dag
         (["cohort", "show", "nowhere"], "cohort 'nowhere' is not registered"),
         (["status", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["rerun", "--failed"], "no crash is registered"),
-        (["replay", "breakfast"], "'breakfast' is no crash key"),
+        (["replay", "breakfast"], "'breakfast' is not a crash key"),
         (["evaluate"], "no crash is registered"),
         (["vary"], "no crash is registered"),
         (["release", "--version", "new"], "expected a version"),
@@ -166,7 +166,7 @@ def test_nothing_to_run_again_is_not_called_up_to_date(tmp_path):
 def test_estimators_that_cannot_be_compared_are_one_line(finished_root):
     done = trace_dag(finished_root, "compare", "--estimators", "analytic,breakfast")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "'breakfast' is no estimator" in done.stderr
+    assert "'breakfast' is not an estimator" in done.stderr
 
 
 def test_status_for_people_shows_the_funnel_and_the_reasons(finished_root):

@@ -108,7 +108,7 @@ def test_a_choice_that_leaves_nothing_registers_nothing(storage, choice, said):
 def test_two_kinds_of_sample_at_once_are_refused():
     with pytest.raises(UserError, match="choose one"):
         Choice(sample=1, stratified=1)
-    with pytest.raises(UserError, match="no crash key"):
+    with pytest.raises(UserError, match="not a crash key"):
         Choice(cases=frozenset({"../../etc/passwd"}))
 
 

@@ -215,7 +215,7 @@ def test_filters_of_the_settings_take_only_codes_they_name(
 
 
 def test_a_filter_on_no_element_is_one_line() -> None:
-    with pytest.raises(UserError, match=r"LIGHT_COND is no element of a record; filters can be on .*LGT_COND"):
+    with pytest.raises(UserError, match=r"LIGHT_COND is not an element of a record; filters can be on .*LGT_COND"):
         filters_of(CrashSettings(filters={"LIGHT_COND": (1,)}))
 
 

@@ -200,7 +200,7 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
         ({"vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"}, "no accident.csv found"),
         ({"vsoe.csv": "ST_CASE,VEH_NO,SOE\n510001,1,12\n"}, "expected the files of one year"),
         ({"accident.csv": "A,B\n1,2\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no ST_CASE"),
-        ({"accident.csv": "ST_CASE,YEAR\n1,2,3\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no readable CSV"),
+        ({"accident.csv": "ST_CASE,YEAR\n1,2,3\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "is not a readable CSV"),
         (
             {"accident.csv": "ST_CASE,YEAR\n510001,2022\n510002,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},
             "case years 2022, 2023; expected the files of one year",
@@ -211,13 +211,13 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
         ),
         (
             {"accident.csv": "ST_CASE,YEAR\nabc,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},
-            "a value of ST_CASE is no number",
+            "a value of ST_CASE is not a number",
         ),
         (
             {"accident.csv": "ST_CASE,YEAR\n12,2023\n510001,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},
             "state case 12 make no key",
         ),
-        ({"FARS.zip": "no zip"}, "no readable zip"),
+        ({"FARS.zip": "no zip"}, "is not a readable zip"),
     ],
 )
 def test_what_is_no_release_says_why(files: dict[str, str], says: str, tmp_path: Path) -> None:

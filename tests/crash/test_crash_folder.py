@@ -32,7 +32,7 @@ def test_names_and_places_do_not_matter(tmp_path: Path) -> None:
     found = scan([tmp_path])
     assert [(entry.key, entry.path.name) for entry in found.reports] == [("2023-519001", "holiday.jpg")]
     assert {entry.path.name: entry.why for entry in found.unrecognised} == {
-        "crash_519002.xml": "it is no XML",
+        "crash_519002.xml": "it is not XML",
         "page.xml": "it names no crash",
         "empty.xml": "it is empty",
     }

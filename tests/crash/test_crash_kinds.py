@@ -170,7 +170,7 @@ def test_kinds_are_a_filter_of_the_user() -> None:
     assert found is not None
     assert found.reason is Reason.OUTSIDE_COHORT
     assert found.detail == "the kind of crash is two_vehicles; the cohort takes multi_vehicle"
-    with pytest.raises(UserError, match=r"crash\.kinds: trees is no kind of crash; kinds are two_vehicles, "):
+    with pytest.raises(UserError, match=r"crash\.kinds: trees is not a kind of crash; kinds are two_vehicles, "):
         check(record, CrashSettings(kinds=("trees",)))
 
 

@@ -305,7 +305,7 @@ def test_bodies_follow_the_vin(settings: CrashSettings) -> None:
         ({"TYP_INT": 1, "RELJCT2": 2}, [{}, {"VEH_NO": 2}], "TYP_INT says not an intersection"),
         ({"MAN_COLL": 0}, [{}, {"VEH_NO": 2}], "does not agree with HARM_EV 12"),
         ({"VE_FORMS": 3}, [{}, {"VEH_NO": 2}], "VE_FORMS says 3"),
-        ({}, [{"ACC_TYPE": 86}, {"VEH_NO": 2, "ACC_TYPE": 89}], "ACC_TYPE 86 and 89 are no pair"),
+        ({}, [{"ACC_TYPE": 86}, {"VEH_NO": 2, "ACC_TYPE": 89}], "ACC_TYPE 86 and 89 are not a pair"),
         ({}, [{"ACC_TYPE": 1}, {"VEH_NO": 2, "ACC_TYPE": 6}], "is that of a single vehicle"),
         (
             {"TYP_INT": 1, "RELJCT2": 1, "TWAY_ID": "A ST", "TWAY_ID2": "B ST"},

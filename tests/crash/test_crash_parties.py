@@ -193,14 +193,14 @@ def test_parked_and_working_vehicles_of_national_files_are_parties(tmp_path: Pat
         (
             [person(1)],
             {"PbTypes": [("PBType", {"VEH_NO": 0, "PBPTYPE": 5})]},
-            "PbTypes has a row of nobody (PER_NO is missing), which is no person outside the vehicles",
+            "PbTypes has a row of nobody (PER_NO is missing), which is not a person outside the vehicles",
         ),
         (
             [person(1)],
             {"PbTypes": [("PBType", {"VEH_NO": 2, "PER_NO": 1, "PBPTYPE": 5})]},
-            "PbTypes has a row of person 1 of vehicle 2, which is no person outside the vehicles",
+            "PbTypes has a row of person 1 of vehicle 2, which is not a person outside the vehicles",
         ),
-        ([person(1, AGE=450)], {}, "person 1: 450 is no age in years; expected 0 to 120, 998 or 999"),
+        ([person(1, AGE=450)], {}, "person 1: 450 is not an age in years; expected 0 to 120, 998 or 999"),
         (
             [person(1)],
             {"PbTypes": [("PBType", {"VEH_NO": 0, "PER_NO": 1, "PBPTYPE": 5, "PBAGE": 7})]},

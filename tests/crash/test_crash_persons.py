@@ -93,6 +93,6 @@ def test_a_person_struck_by_a_vehicle_that_is_not_there_is_a_contradiction(setti
 )
 def test_an_unknown_code_is_named_with_its_year(element: str, value: object, settings: CrashSettings) -> None:
     table = "NPersons" if element == "LOCATION" else "PbTypes"
-    with pytest.raises(Rejection, match=rf"{element} holds '{value}', which is no code of case year 2023") as caught:
+    with pytest.raises(Rejection, match=rf"{element} holds '{value}', which is not a code of case year 2023") as caught:
         read(settings, **{table: [PERSON | {element: value}]})
     assert caught.value.reason is Reason.MALFORMED_REPORT

@@ -318,7 +318,7 @@ def test_what_an_estimators_name_stands_for(root):
     folders = {estimates_folder(name) for name in ("llm", "llm@a/b", "llm@a:b", "llm:a_b")}
     assert len(folders) == 4
     for wrong in ("best", "analytic@openai/gpt-4o", "llm:", ""):
-        with pytest.raises(UserError, match="is no estimator"):
+        with pytest.raises(UserError, match="is not an estimator"):
             settings_of(wrong, states)
     with pytest.raises(UserError, match="two different"):
         estimators_compared(opened(root), "sample", ["llm", "llm"])

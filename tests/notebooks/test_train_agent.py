@@ -15,7 +15,7 @@ SCRIPT = Path(__file__).resolve().parents[2] / "notebooks" / "train_agent.py"
 def test_an_agent_is_trained_and_set_beside_the_baseline():
     for library in ("torch", "stable_baselines3"):
         pytest.importorskip(
-            library, reason=f"{library} is no dependency of this project; the script says how to get it"
+            library, reason=f"{library} is not a dependency of this project; the script says how to get it"
         )
     asked = [sys.executable, SCRIPT, sample_runs.finished(), "--steps", "1024", "--most", "1"]
     done = subprocess.run(asked, capture_output=True, text=True, check=False)

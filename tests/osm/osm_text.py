@@ -27,7 +27,7 @@ def way(number: int, nodes: list[int], **tags: str) -> str:
 
 
 def thing(number: int, nodes: list[int], **tags: str) -> str:
-    """A way that is no road."""
+    """A way that is not a road."""
     refs = "".join(f'<nd ref="{ref}"/>' for ref in nodes)
     return f'<way id="{number}" version="1">{refs}{_tags(tags)}</way>'
 

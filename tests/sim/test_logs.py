@@ -91,7 +91,7 @@ def test_the_log_is_on_its_own_clock_and_ends_at_the_end() -> None:
 
 
 def test_the_deepest_overlap_of_each_tenth_of_a_second_is_in_the_log() -> None:
-    """While the bodies press each other: what lies in a dent later is no deeper contact."""
+    """While the bodies press each other: what lies in a dent later is not a deeper contact."""
     log = two_logs()[0]
     contact = log.contacts[0]
     one, two = log.vehicles

@@ -24,8 +24,8 @@ LEFT, RIGHT, STRAIGHT = frozenset({90.0}), frozenset({-90.0}), frozenset({0.0})
     [
         (28.0, LEFT, frozenset({0.0, 28.0}), 0.0),  # the left leg of a Y
         (28.0, LEFT, frozenset(), 62.0),  # the same bend where nothing is offered
-        (28.0, RIGHT, frozenset({0.0, 28.0}), 118.0),  # a leg to the left is no turn to the right
-        (2.0, LEFT, frozenset({2.0, 90.0}), 88.0),  # nearly straight on is no turn
+        (28.0, RIGHT, frozenset({0.0, 28.0}), 118.0),  # a leg to the left is not a turn to the right
+        (2.0, LEFT, frozenset({2.0, 90.0}), 88.0),  # nearly straight on is not a turn
         (0.0, STRAIGHT, frozenset({0.0, 28.0}), 0.0),
         (28.0, STRAIGHT, frozenset({0.0, 28.0}), 28.0),
         (-130.0, RIGHT, frozenset({-130.0, 0.0}), 0.0),  # a sharp right at a skewed crossing

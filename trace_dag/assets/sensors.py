@@ -26,7 +26,7 @@ _INTERVAL_S = 30
     minimum_interval_seconds=_INTERVAL_S,
     default_status=DefaultSensorStatus.STOPPED,
     description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
-    "runs them through all stages. What is no report is named in the tick.",
+    "runs them through all stages. What is not a report is named in the tick.",
 )
 def arriving_reports(
     context: SensorEvaluationContext, workspace: ResourceParam[Workspace]

@@ -37,7 +37,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
 
     Run it while no other command works on the root: what is being written looks like a disagreement. Exit code 0 if
     everything agrees, 1 if something does not (with --repair: if something is left, such as stages to be run again).
-    Stages whose results are older than code, settings or inputs are listed too, and are no disagreement.
+    Stages whose results are older than code, settings or inputs are listed too; they are not errors.
     """
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark

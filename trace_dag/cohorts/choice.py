@@ -21,7 +21,7 @@ from trace_dag.errors import UserError
 class Choice:
     """A filter, then a sample of what it leaves. ``cases``: only these crashes (keys); empty takes any.
 
-    Raises UserError for two kinds of sample at once and for cases that are no keys.
+    Raises UserError for two kinds of sample at once and for cases that are not keys.
     """
 
     wanted: CohortFilter = field(default_factory=CohortFilter)

@@ -63,7 +63,7 @@ def ingest(
     what the CrashAPI releases. ``tables`` are names of report sources, each with its location. ``case_lists`` is
     asked for the lists of cases where that is not ``crash_api``.
 
-    Raises :class:`UserError` for folders without reports, files that are no OSM data, a choice that leaves nothing and
+    Raises :class:`UserError` for folders without reports, files that are not OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
     """
     found_maps = _maps(storage, maps)

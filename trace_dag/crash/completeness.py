@@ -1,9 +1,9 @@
 """Whether a record can be reconstructed and says enough for it: one table of rules, each with its reason to reject.
 
-The rules are the paper's (TRACE, FSE Companion '26): a report is usable if the place of the crash, the topology of
-the road there and the trajectories of the vehicles can be told from it. Any field that says so will do, and what other
-fields imply counts. A report without any position is rejected while it is read, since a record has a place.
-Filters of a cohort come from the settings, or are passed to :func:`check` as rules of one's own.
+The rules are the paper's (TRACE, FSE Companion '26): a report is usable if it tells the place of the crash, the
+topology of the road there and the trajectories of the vehicles. Any field may tell it, and values implied by other
+fields count. A report without a position is rejected earlier, while it is read, because every record has a place.
+Filters of a cohort come from the settings; a caller may pass further rules to :func:`check`.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Rule:
 def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rule] = ()) -> None:
     """Raises :class:`Rejection` with the first rule a record falls short of.
 
-    The cohort's filters come first, then the kind of crash: whether one that is not wanted or not modelled is complete
-    does not matter.
+    The cohort's filters come first, then the kind of crash, then completeness: a crash that nobody wants or nobody can
+    model is named as such, complete or not.
     """
     for rule in (*filters_of(settings), *further, *KINDS, *RULES, *OF_VERDICTS):
         detail = rule.shortcoming(record)
@@ -82,12 +82,12 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
 def element_among(element: str, codes: Collection[int]) -> Rule:
     """A FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in transport.
 
-    An element that is not reported is not among them. Raises :class:`UserError` for an element no record holds.
+    A crash that does not report the element is left out. Raises :class:`UserError` for an element no record holds.
     """
     of_crash, of_vehicle = _coded_columns(CRASH_RECORD.columns), _coded_columns(VEHICLE_COLUMNS)
     if element not in of_crash and element not in of_vehicle:
         known = ", ".join(sorted({*of_crash, *of_vehicle}))
-        raise UserError(f"setting crash.filters: {element} is no element of a record; filters can be on {known}")
+        raise UserError(f"setting crash.filters: {element} is not an element of a record; filters can be on {known}")
     wanted = " or ".join(str(code) for code in codes)
 
     def shortcoming(record: CrashRecord) -> str | None:
@@ -112,7 +112,7 @@ def of_kinds(names: Collection[str]) -> Rule:
     """A crash must be of one of these kinds. Raises :class:`UserError` for an unknown name."""
     strange = [name for name in names if name not in set(CrashKind)]
     if strange:
-        raise UserError(f"setting crash.kinds: {strange[0]} is no kind of crash; kinds are {', '.join(CrashKind)}")
+        raise UserError(f"setting crash.kinds: {strange[0]} is not a kind of crash; kinds are {', '.join(CrashKind)}")
     wanted = " or ".join(names)
 
     def shortcoming(record: CrashRecord) -> str | None:
@@ -240,8 +240,8 @@ def _movement(movement: PreCrashMovement) -> str:
 
 
 def _impact(record: CrashRecord) -> str | None:
-    """A verdict needs an area of impact on a side of a body (the top and the undercarriage are none): without any,
-    whatever is simulated would agree. Who left the road is judged by where, too."""
+    """A verdict needs an area of impact on a side of a body (not the top, not the undercarriage): without one,
+    anything simulated would agree with the report. A departure from the road is judged by its place, too."""
     if is_of_departure(record):
         return None
     if is_of_strikes(record):

@@ -1,8 +1,8 @@
-"""Which vehicle met which, in order: what a crash of three and more vehicles, or with a parked one, is made from.
+"""The contacts of a crash in order: which vehicle touched which. For crashes of three or more vehicles or a parked one.
 
-A contact is an event in which two vehicles touch, as the record has it. What comes at once between the same two belongs
-to it: they are still against each other. What the events leave open is never settled here: :func:`untold_contact` says
-it in words.
+A contact is an event of the record in which two vehicles touch. Further events that follow at once between the same two
+belong to it, because the two are still against each other. Nothing is guessed here: :func:`untold_contact` says in
+words what the events leave open.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class VehicleContact:
 
 
 def is_of_contacts(record: CrashRecord) -> bool:
-    """Whether the crash is reconstructed by all contacts of its vehicles. That of two vehicles in transport is not:
+    """Whether the crash is reconstructed by all contacts of its vehicles. A crash of two vehicles in transport is not:
     it is reconstructed by their first contact, whatever came before and after it."""
     return record.kind in OF_CONTACTS and not (record.colliding_vehicles and record.moving_vehicles == 2)
 
@@ -95,12 +95,15 @@ def contacts_of(record: CrashRecord) -> tuple[VehicleContact, ...]:
 def _area(
     vehicles: Mapping[int, VehicleRecord], number: int, area: ImpactArea | None, met: set[int]
 ) -> ImpactArea | None:
-    """The area of an event; of a vehicle's first contact its initial impact, where the event does not say it."""
+    """The area of an event. Where the event does not say it, a vehicle's first contact is at its initial impact."""
     return vehicles[number].impact if area is None and number not in met else area
 
 
 def untold_contact(record: CrashRecord) -> str | None:
-    """What the report leaves open of which vehicles met, as a sentence; None if nothing, or if it is no such crash."""
+    """What the report leaves open about which vehicles met, as a sentence.
+
+    None if it leaves nothing open, or if the crash is not reconstructed by its contacts.
+    """
     if not is_of_contacts(record):
         return None
     listed = sum(vehicle.in_transport for vehicle in record.vehicles)

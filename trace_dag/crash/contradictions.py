@@ -213,7 +213,7 @@ def _pair_of_crash_types(record: CrashRecord) -> Iterator[str]:
         return  # said by another check
     of_one, of_two = crash_type(one).counterpart, crash_type(two).counterpart
     if of_one not in (None, two) and of_two not in (None, one):
-        yield f"ACC_TYPE {one} and {two} are no pair: {one} goes with {of_one}"
+        yield f"ACC_TYPE {one} and {two} are not a pair: {one} goes with {of_one}"
 
 
 def _single_driver(record: CrashRecord) -> Iterator[str]:

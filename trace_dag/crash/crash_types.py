@@ -1,9 +1,9 @@
 """What a FARS crash type says about one vehicle: how it met the other, what it did, where it was struck.
 
 ``ACC_TYPE`` (1-99) is coded per vehicle from the crash type diagrams of the FARS/CRSS Coding and Validation Manual.
-Read by number, never by label (the labels of 68-85 changed in 2023). Where ``ACC_TYPE`` is silent (98, 99, single
-driver types), ``P_CRASH2``, the critical event, often says the same: from where the other vehicle came and which of
-the two left its lane; :func:`critical_event` holds that.
+Read by number, never by label (the labels of 68-85 changed in 2023). Where ``ACC_TYPE`` says nothing (98, 99, single
+driver types), the critical event ``P_CRASH2`` often does: where the other vehicle came from and which of the two left
+its lane (:func:`critical_event`).
 """
 
 from __future__ import annotations

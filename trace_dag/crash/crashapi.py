@@ -1,8 +1,8 @@
 """NHTSA's CrashAPI as a source: find the cases of states and years, fetch each one's report as XML.
 
-https://crashviewer.nhtsa.dot.gov/CrashAPI. What the service answers is looked at before it is believed or cached: an
-error page with status 200, a torn answer or another case's report are wrong answers, asked for again. A case without
-a report (``Count`` 0) is a right answer.
+https://crashviewer.nhtsa.dot.gov/CrashAPI. Every answer is checked before it is used or cached. An error page with
+status 200, an answer that breaks off or the report of another case is wrong, and the request is repeated. A case
+without a report (``Count`` 0) is a correct answer.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class CrashApiClient:
         year_list = sorted(set(years))
         for state in sorted(set(states)):
             if state not in STATES:
-                raise UserError(f"{state} is no state code; expected one of {', '.join(map(str, STATES))}")
+                raise UserError(f"{state} is not a state code; expected one of {', '.join(map(str, STATES))}")
             for year in year_list:
                 for listing in self._list(state, year, min_vehicles, max_vehicles):
                     found[listing.key] = listing

@@ -1,4 +1,4 @@
-"""One vehicle that leaves the road: which, to which side, in what manner, and what it struck or that it overturned.
+"""One vehicle that leaves the road: which one, to which side, in what manner, what it struck, or its overturn.
 
 The side is that of the last departure (``SOE`` 63, 64, 71) before the first harmful event; else of the crash type
 (``ACC_TYPE`` 1 to 5 right, 6 to 10 left, 11 to 16 ahead), else of the critical event (``P_CRASH2`` 12 to 14). Tables
@@ -58,8 +58,8 @@ class ObjectStruck:
 class Departure:
     """What the report says of the vehicle that left the road.
 
-    ``event_number`` is that of the first harmful event. ``objects`` are those it struck from then on, in order: none,
-    or what came later, where it overturned first. ``side`` is None where nothing tells it.
+    ``event_number`` is that of the first harmful event. ``objects`` are what it struck from then on, in order; where it
+    overturned first, what it struck afterwards, if anything. ``side`` is None where nothing tells it.
     """
 
     vehicle: VehicleRecord
@@ -106,8 +106,10 @@ def departure_of(record: CrashRecord) -> Departure | None:
 
 
 def untold_departure(record: CrashRecord) -> str | None:
-    """What the report leaves open of which vehicle left the road and struck what, as a sentence; None if nothing, or
-    if it is no such crash."""
+    """What the report leaves open about which vehicle left the road and what it struck, as a sentence.
+
+    None if it leaves nothing open, or if the crash is not reconstructed by a departure.
+    """
     if not is_of_departure(record):
         return None
     if _vehicle(record) is None:
@@ -127,7 +129,10 @@ def overturns_on_road(record: CrashRecord) -> bool:
 
 
 def untold_side(record: CrashRecord) -> str | None:
-    """Says that nothing tells where the vehicle left the road; None if something does, or if it is no such crash."""
+    """A sentence saying that the report does not tell where the vehicle left the road.
+
+    None if it does tell, or if the crash is not reconstructed by a departure.
+    """
     departure = departure_of(record)
     if departure is None or departure.side is not None or overturns_on_road(record):
         return None

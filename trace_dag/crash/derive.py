@@ -1,7 +1,7 @@
-"""What fields imply about each other: areas of impact, movements, crash types, where a report leaves one of them out.
+"""Fills in what a report leaves out from what its other fields imply: areas of impact, movements, crash types.
 
 Rules follow the FARS/CRSS Coding and Validation Manual's definitions of ``ACC_TYPE``, ``P_CRASH1``, ``P_CRASH2`` and
-``IMPACT1``. Everything that is implied is marked as such by the caller.
+``IMPACT1``. The caller marks every implied value as such.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SIDE_AREAS: Final[Mapping[int, tuple[float, float]]] = {
     82: (2.25, 0.75),
     83: (3.75, 0.75),
 }
-"""Centre and half width, in hours, of the areas that are no clock position: sides run from corner to corner."""
+"""Centre and half width, in hours, of the areas that are not clock positions: sides run from corner to corner."""
 
 
 def impact_area(code: int | None) -> ImpactArea | None:

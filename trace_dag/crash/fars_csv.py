@@ -1,8 +1,8 @@
 """FARS national CSV files as a source: crashes listed for cohorts, and each as the XML the CrashAPI would serve.
 
-Stage 1 thus yields the same artefact whatever the source, and everything after it is the same. Nothing is
-interpreted here: columns become elements of their own names, rows the members of CrashAPI's lists. Older names of
-columns and older codes are understood where reports are read.
+So stage 1 makes the same artefact from every source, and no later stage knows the source. Nothing is interpreted here:
+a column becomes an element of the same name, a row a member of one of CrashAPI's lists. Older names and codes are
+translated where reports are read.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class _SortedTable:
         try:
             cases = pc.cast(pc.utf8_trim_whitespace(table["ST_CASE"]), pa.int64()).to_numpy()
         except pa.ArrowInvalid as error:
-            raise UserError(f"{label}: a value of ST_CASE is no number ({error})") from error
+            raise UserError(f"{label}: a value of ST_CASE is not a number ({error})") from error
         order = np.argsort(cases, kind="stable")
         self.cases: NDArray[np.int64] = cases[order]
         self.table = table.take(order)
@@ -323,7 +323,7 @@ def _lists_of(
 def _vehicle_rows(case: int, tables: dict[str, Rows]) -> list[Row]:
     """The rows of the vehicles in transport, and a bare number for those that only other tables tell of.
 
-    Whether such a vehicle was in transport, or parked, is decided where reports are read.
+    Whether such a vehicle was moving or parked is decided where reports are read.
     """
     rows = tables.get("vehicle", {}).get(case, [])
     known = {_integer(row, "VEH_NO") for row in (*rows, *tables.get("parkwork", {}).get(case, []))}

@@ -1,8 +1,8 @@
 """The tables of a FARS national release, as CSV files in a folder or a zip: found, decoded and read as text.
 
-NHTSA has named the files in every case, put them at the root or in a folder of the zip, and written them with and
-without a byte order mark, in UTF-8 and in Latin-1. All of that ends here; what the columns mean begins in
-:mod:`trace_dag.crash.fars_csv`.
+NHTSA's releases differ: file names in upper, lower and mixed case, at the root of the zip or in a folder, with and
+without a byte order mark, in UTF-8 or Latin-1. All of these are read alike here. What the columns mean is the subject
+of :mod:`trace_dag.crash.fars_csv`.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def read_table(file: CsvFile) -> pa.Table:
             return table.select([name for name in dict.fromkeys(names) if _NAME.fullmatch(name)])
         except (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError) as error:
             problem = error
-    raise UserError(f"{file.label} is no readable CSV table: {problem}")
+    raise UserError(f"{file.label} is not a readable CSV table: {problem}")
 
 
 def _csv_files(path: Path) -> Iterator[CsvFile]:
@@ -182,7 +182,7 @@ def _csv_files(path: Path) -> Iterator[CsvFile]:
             with zipfile.ZipFile(path) as archive:
                 members = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
         except (OSError, zipfile.BadZipFile) as error:
-            raise UserError(f"{path} is no readable zip: {error}") from error
+            raise UserError(f"{path} is not a readable zip: {error}") from error
         yield from (CsvFile(path, member) for member in members)
     elif path.suffix.lower() == ".csv":
         yield CsvFile(path)

@@ -1,4 +1,4 @@
-"""Reading typed values out of the elements of a report, each problem named with element, value and year."""
+"""Typed values out of the elements of a report; every problem is reported with element, value and year."""
 
 from __future__ import annotations
 

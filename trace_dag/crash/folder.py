@@ -1,7 +1,7 @@
-"""Reports lying in folders, recognised by what they hold and never by what they are called.
+"""Reports in folders, recognised by their content and never by their file name.
 
 A file that is not well-formed still gets its key, so that it can be registered and rejected with its reason instead
-of being lost; so does a response without a case, from the search it answers.
+of being lost. A response without a case gets the key of the request it answers.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Duplicate:
 
 @dataclass(frozen=True)
 class Conflict:
-    """A further file about the same crash that says something else; ``kept`` is the one that is read."""
+    """A further file about the same crash with other content; ``kept`` is the one that is read."""
 
     key: str
     kept: Path
@@ -105,7 +105,7 @@ def scan(paths: Iterable[Path]) -> FolderScan:
 
 
 def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
-    """The key of the crash a response is about and whether it holds the case, None if it is no response.
+    """The key of the crash a response is about and whether it holds the case, None if it is not a response.
 
     Raises :class:`Rejection` for data that must not be parsed (too large, with a document type).
     """
@@ -154,7 +154,7 @@ def _look_at(path: Path) -> FoundReport | Unrecognised:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
             if b"<" not in head:
-                return Unrecognised(path, "it is no XML")
+                return Unrecognised(path, "it is not XML")
             data = head + file.read(MAX_REPORT_BYTES)
     except OSError as error:
         return Unrecognised(path, f"it cannot be read: {error.strerror or error}")

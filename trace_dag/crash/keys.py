@@ -37,7 +37,7 @@ def parse_key(key: str) -> tuple[int, int]:
     """
     match = _KEY.fullmatch(key)
     if match is None:
-        raise UserError(f"{key!r} is no crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
+        raise UserError(f"{key!r} is not a crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
     return int(match["year"]), int(match["case"])
 
 

@@ -1,7 +1,7 @@
 """The kind of a crash: a class that every crash has, and which of them the program can judge.
 
-A crash is of the kind of its first harmful event, if that was with a person, a parked vehicle or an animal; else of its
-vehicles, if there were several in transport and they may have touched; else again of its first harmful event.
+The kind comes from the first harmful event if that was with a person, a parked vehicle or an animal. Else it comes from
+the number of vehicles, if several in transport may have touched. Else it comes from the first harmful event again.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Who met whom, where a report has only each vehicle's own sequence (``VSOE``), which never names the other party.
+"""Who met whom, for reports that have only each vehicle's own sequence (``VSOE``), which never names the other party.
 
-A contact stands in the sequences of both its vehicles, so that every contact of one has its counterpart in another's,
-and along no vehicle's sequence does time run backward. Often that leaves one pairing only: with two vehicles always;
-with three and two contacts the one with two rows is in the middle.
+A contact stands in the sequences of both its vehicles. So every contact in one sequence has its counterpart in another,
+and each sequence is in order of time. Often only one pairing fits: always with two vehicles; with three vehicles and
+two contacts the vehicle with two rows is in the middle.
 """
 
 from __future__ import annotations

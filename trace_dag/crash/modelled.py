@@ -1,8 +1,8 @@
-"""Whether a crash is of a kind that can be judged, by the events of its record; what happened instead is named.
+"""Whether the events of a record are of a kind that can be judged; if not, what happened instead.
 
-Two vehicles in one crash need not have met: in 2.2 % of the fatal crashes of two vehicles of 2016 they did not, most of
-them having struck the same pedestrian. And where two met, something else may have been first, of another kind: such a
-crash is judged for their collision.
+Two vehicles in one crash need not have met: in 2.2 % of the fatal crashes of two vehicles of 2016 they did not; most of
+those struck the same pedestrian. Where two vehicles met, something of another kind may have come first: such a crash is
+judged for the collision of the two.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _MOST_TOLD: Final = 4
 
 
 def another_kind(record: CrashRecord) -> str | None:
-    """What kind of crash it was instead of one that can be judged, and what happened, as a sentence; None if it can,
-    or if that cannot be told."""
+    """Why the crash cannot be judged: its kind and what happened, as a sentence. None if it can be judged, or if the
+    report does not tell."""
     kind = record.kind
     met = record.colliding_vehicles is not None
     if untold_meeting(record) is not None or (met and record.moving_vehicles == 2):
@@ -51,8 +51,8 @@ def another_kind(record: CrashRecord) -> str | None:
 
 
 def untold_meeting(record: CrashRecord) -> str | None:
-    """Why it cannot be told which two vehicles met first, or whether any did; None if it can, or if the crash is of
-    a kind without such a meeting."""
+    """Why the report does not tell which two vehicles met first, or whether any did. None if it tells, or if the crash
+    is of a kind in which no vehicles meet."""
     if is_of_contacts(record):
         return untold_contact(record)
     if record.colliding_vehicles is not None or record.kind not in COLLISIONS:
@@ -76,8 +76,8 @@ def _struck_persons(record: CrashRecord) -> bool:
 
 
 def _several_met(record: CrashRecord) -> bool:
-    """Whether vehicles in transport touched each other besides striking a person: more than the strikes is to be
-    reconstructed then. A parked vehicle that was struck is shown as a later event."""
+    """Whether vehicles in transport touched each other as well as a person: then there is more to reconstruct than the
+    strikes. A parked vehicle that was struck is shown as a later event."""
     moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
     return any(event.is_vehicle_contact and {event.party_1, event.party_2} <= moving for event in record.events)
 

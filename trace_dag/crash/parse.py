@@ -1,8 +1,7 @@
 """A crash report in CrashAPI XML to a :class:`CrashRecord`.
 
-Everything the report says is read with its code checked against its year; what is missing is filled from what other
-fields imply, and marked; what disagrees is listed. Whether the record says enough is decided elsewhere
-(:mod:`trace_dag.crash.completeness`).
+Every code is checked against the codes of its year. Missing values are filled from what other fields imply, and marked.
+Fields that disagree are listed. Whether the record says enough is decided in :mod:`trace_dag.crash.completeness`.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
     """The one ``CrashResultSet`` of a response. Raises ``not_released`` if it holds none, ``malformed_report``
-    if it is no response or holds several."""
+    if it is not a response or holds several."""
     found = [
         element for element in root.iter() if isinstance(element.tag, str) and local_name(element) == "CrashResultSet"
     ]
@@ -91,7 +90,7 @@ def crash_element(root: etree._Element, *, name: str) -> etree._Element:
             Reason.NOT_RELEASED, f"{name} holds no case (Count 0, {message!r}): the case is not released, or not there"
         )
     raise malformed(
-        f"{name} is no crash report: its root element is <{local_name(root)}> and it holds no CrashResultSet; "
+        f"{name} is not a crash report: its root element is <{local_name(root)}> and it holds no CrashResultSet; "
         "expected a CrashAPI GetCaseDetails response"
     )
 
@@ -197,7 +196,7 @@ def reported_position(latitude: float | None, longitude: float | None) -> tuple[
     if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
         raise Rejection(
             Reason.INCOMPLETE_LOCATION,
-            f"the report's position ({latitude:g}, {longitude:g}) is no place on Earth; expected degrees, longitude "
+            f"the report's position ({latitude:g}, {longitude:g}) is not a place on Earth; expected degrees, longitude "
             "negative west of Greenwich",
         )
     return latitude, longitude
@@ -226,8 +225,8 @@ def _unreported_vehicles(
 ) -> Iterator[VehicleRecord]:
     """The vehicles that only other tables tell of, as far as the counts of the crash leave room for them.
 
-    A vehicle whose events are those of one that stands was parked, if there were more vehicles (``VE_TOTAL``) than in
-    transport (``VE_FORMS``). What the counts have no room for is not there; its events are a contradiction.
+    A vehicle whose events are those of a standing one was parked, if the crash counts more vehicles (``VE_TOTAL``) than
+    vehicles in transport (``VE_FORMS``). A vehicle beyond these counts is left out; its events are a contradiction.
     """
     in_transport, total = crash.integer("VE_FORMS"), crash.integer("VE_TOTAL")
     moving = sum(vehicle.in_transport for vehicle in reported)
@@ -243,8 +242,8 @@ def _unreported_vehicles(
 
 
 def _counted_as_parked(listed: Sequence[VehicleRecord], crash: Fields) -> Iterator[VehicleRecord]:
-    """The parked or working vehicle that the only one in transport struck first, where no table at hand lists it: the
-    crash counts one vehicle more (``VE_TOTAL``) than in transport (``VE_FORMS``)."""
+    """The parked or working vehicle that the only moving vehicle struck first, where no table lists it: the crash
+    counts one vehicle more (``VE_TOTAL``) than it has in transport (``VE_FORMS``)."""
     counted = crash.integer("VE_FORMS") == 1 and crash.integer("VE_TOTAL") == 2 and len(listed) == 1
     if counted and crash.known_code(event_codes.HARM_EV) in event_codes.STRUCK_STANDING:
         element = etree.Element("ParkWork")

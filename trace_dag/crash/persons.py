@@ -1,7 +1,7 @@
 """Persons outside motor vehicles: ``NPersons`` with what the crash's typing and the tables of their acts add.
 
-A person is the same in all tables by ``PER_NO`` (``VEH_NO`` is 0). National files without the person table still tell
-of it in the others, so that any of them makes a person.
+``PER_NO`` identifies a person in all tables (``VEH_NO`` is 0). Where national files lack the person table, a row in any
+other table of persons is enough to make one.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> Read
                 continue
             if number is None or vehicle not in _NO_VEHICLE:
                 whose = f"person {number} of vehicle {vehicle}" if number is not None else "nobody (PER_NO is missing)"
-                misplaced.setdefault(f"{name} has a row of {whose}, which is no person outside the vehicles")
+                misplaced.setdefault(f"{name} has a row of {whose}, which is not a person outside the vehicles")
                 continue
             row.where = f"{row.where}, person {number}"
             rows.setdefault(number, {each: [] for each in _LISTS})[name].append(row)
@@ -105,7 +105,7 @@ def _ages_apart(rows: _Rows) -> Iterator[str]:
         for row in _aged(of_person):
             stated = row.integer("AGE", "PBAGE")
             if stated is not None and stated not in codes.AGE_UNKNOWN and not 0 <= stated <= codes.HIGHEST_AGE:
-                yield f"person {number}: {stated} is no age in years; expected 0 to {codes.HIGHEST_AGE}, 998 or 999"
+                yield f"person {number}: {stated} is not an age in years; expected 0 to {codes.HIGHEST_AGE}, 998 or 999"
 
 
 def _unknown_age(of_person: dict[str, list[Fields]]) -> str:

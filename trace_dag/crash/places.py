@@ -32,7 +32,7 @@ def state_code(text: str) -> int:
     code = _BY_NAME.get(" ".join(text.split()).casefold())
     if code is None:
         raise UserError(
-            f"{text!r} is no state; expected a postal abbreviation, a name or a FARS code: VA, Virginia, 51"
+            f"{text!r} is not a state; expected a postal abbreviation, a name or a FARS code: VA, Virginia, 51"
         )
     return code
 

@@ -1,6 +1,7 @@
-"""What a crash is reconstructed as: estimators, verdicts and controls choose by it how to go about a crash.
+"""What a crash is reconstructed as: estimators, verdicts and controls choose their method by it.
 
-Not the same as its kind: a crash of two vehicles in which something else came first is one for their collision.
+Not the same as its kind: a crash of two vehicles in which something else came first is reconstructed for their
+collision.
 """
 
 from __future__ import annotations

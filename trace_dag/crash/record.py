@@ -296,7 +296,7 @@ class CrashRecord:
     def first_contact(self) -> EventRecord | None:
         """The first event in which two vehicles, or a vehicle and a person, touched.
 
-        None too where an earlier one does not name both of its parties: then the first contact is not known.
+        Also None where an earlier contact does not name both parties: then the first one is not known.
         """
         first = next((event for event in self.events if event.kind in _CONTACTS), None)
         return first if first is not None and first.is_contact else None
@@ -314,7 +314,7 @@ class CrashRecord:
 def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
     """The first event in which two named vehicles touch.
 
-    None too where an earlier contact in transport does not name its parties: then the first one is not known.
+    Also None where an earlier contact in transport does not name its parties: then the first one is not known.
     """
     for event in events:
         if event.is_vehicle_contact:

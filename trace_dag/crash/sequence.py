@@ -4,10 +4,11 @@ Belongs here: reading events, and mending what a table leaves blank; what is not
 belong here: who met whom (:mod:`trace_dag.crash.meetings`), and what the events imply for the vehicles
 (:mod:`trace_dag.crash.derive`).
 
-The table of 2015 leaves 29 % of its codes blank. What a blank row is follows from the national table of 2016, where
-none is: of a vehicle's first event without harm among the codes that 2015 lacks, 97 % are departures from the roadway
-(19,377 of 19,922); of later ones half are returns to it. So the first one is a departure, to the side that ``ACC_TYPE``
-says, and later ones stay unknown. The first harmful event is ``HARM_EV`` where it can be of one vehicle only.
+The table of 2015 leaves 29 % of its codes blank. The national table of 2016 has no blanks, and shows what they stand
+for: among the codes that 2015 lacks, a vehicle's first event without harm is a departure from the roadway in 97 % of
+cases (19,377 of 19,922); half of the later ones are returns to it. So a first blank row becomes a departure, to the
+side of ``ACC_TYPE``, and later ones stay unknown. The first harmful event is ``HARM_EV`` where only one vehicle can
+have had it.
 """
 
 from __future__ import annotations
@@ -197,8 +198,8 @@ def _blank_first_events(rows: Mapping[int, Sequence[_Row]], harm_ev: int | None)
 
 
 def _first_harmful(crash: Fields, vehicles: Sequence[VehicleRecord], harm_ev: int | None) -> tuple[EventRecord, ...]:
-    """What ``HARM_EV`` says of a report without any events: a contact of vehicles, with the only two it can have been
-    between; without parties where there are more."""
+    """The event that ``HARM_EV`` implies in a report without events: a contact of vehicles. Its parties are named where
+    the crash has only two."""
     if harm_ev not in codes.VEHICLE_CONTACTS:
         return ()
     moving = [vehicle.number for vehicle in vehicles if vehicle.in_transport]

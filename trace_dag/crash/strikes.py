@@ -1,9 +1,9 @@
 """Which vehicle struck which person, in order: what a crash with people outside vehicles is reconstructed from.
 
-A strike is an event with a person, as the record has it. Tables before 2016 often say less: a report without events
-and persons still tells by its first harmful event that the only vehicle struck somebody, and a report with events but
-without persons that somebody of that kind was struck; such a person has number 1 and nothing else is known of it. What
-several vehicles or persons leave open is never settled here: :func:`untold_strike` says it in words.
+A strike is an event of the record with a person. Tables before 2016 often say less. A report without events and persons
+still tells by its first harmful event that its only vehicle struck somebody; a report with events but without persons
+tells that somebody of that kind was struck. Such a person has number 1, and nothing else is known about them. Nothing
+is guessed about several vehicles or persons: :func:`untold_strike` says in words what is left open.
 """
 
 from __future__ import annotations
@@ -73,7 +73,10 @@ def order_is_told(record: CrashRecord) -> bool:
 
 
 def untold_strike(record: CrashRecord) -> str | None:
-    """What the report leaves open of who struck whom, as a sentence; None if nothing, or if it is no such crash."""
+    """What the report leaves open about who struck whom, as a sentence.
+
+    None if it leaves nothing open, or if the crash is not reconstructed by its strikes.
+    """
     if not is_of_strikes(record):
         return None
     events = strike_events(record)

@@ -1,9 +1,10 @@
 """What a vehicle struck: which person, and the number of an object, an animal or a train.
 
-No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there): only one vehicle that struck each
-person (``STR_VEH``), which need not be the first (in 2023-510304 it is the second). So a person is told by its kind, if
-it is the only one of that kind, else by ``STR_VEH``. Where that leaves several, as many strikes as persons are given
-out in the order of numbers, and marked; else nobody is named. What cannot be told is said in words.
+No table says which person an event was with (``VNUMBER2`` is 9999 or 5555 there). There is only one vehicle that struck
+each person (``STR_VEH``), and it need not be the first (in 2023-510304 it is the second). So a person is identified by
+kind, if there is only one of that kind, else by ``STR_VEH``. Where several remain, and there are as many strikes as
+persons, they are assigned in the order of numbers, and marked; otherwise nobody is named. What stays open is said in
+words.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A crash in words: what a person reads, and what a language model is given.
+"""A crash in words, for people and for language models.
 
-Written from codes alone, never from labels, so that the same facts give the same words whatever the source. Units are
-those a reader of a US police report expects (miles per hour); SI values are in the record.
+Written from codes alone, never from labels: the same facts give the same words, whatever the source. Units are those of
+US police reports (miles per hour); SI values are in the record.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """XML from outside, read without trusting it: no entity is expanded, nothing is fetched, size and depth are bounded.
 
-A report never needs a document type, so one that brings its own is refused before it is parsed (billion laughs,
-external entities). What is only badly written (a bare ``&`` in a label, as the CrashAPI really serves) can be
-repaired, if the caller wants that, and is then marked.
+No report needs a document type, so a file with one is refused before it is parsed (billion laughs, external entities).
+Markup that is only badly escaped (a bare ``&`` in a label, as the CrashAPI really serves) can be repaired, if the
+caller wants that; the record is then marked.
 """
 
 from __future__ import annotations

@@ -200,7 +200,7 @@ def _reason(failure: Any) -> str | None:
 
 
 def _innermost(error: Any) -> str:
-    # What a worker process raised is caused by its traceback as text, which is no message.
+    # What a worker process raised is caused by its traceback as text, which is not a message.
     while error is not None and error.cause is not None and error.cause.cls_name != "_RemoteTraceback":
         error = error.cause
     return error.message.strip() if error else ""

@@ -3,7 +3,7 @@
 Dagster's web server has no users: whoever reaches it may run and delete everything, by a plain link too
 (``GET /graphql?query=mutation...``). A page open in a browser on the same machine reaches it. So the guard lets through
 what comes to one of the server's own names, from no page but its own, and nothing that changes something but by POST.
-It is no substitute for users and passwords where others reach the port: ``deploy/`` says what must stand in front.
+It is not a substitute for users and passwords where others reach the port: ``deploy/`` says what must stand in front.
 """
 
 from __future__ import annotations

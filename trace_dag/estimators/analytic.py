@@ -31,4 +31,4 @@ class AnalyticEstimator:
     @staticmethod
     def variant(settings: StateSettings, name: str) -> StateSettings:
         """There is only one."""
-        raise UserError(f"{NAME + name!r} is no estimator; {NAME} has no variants")
+        raise UserError(f"{NAME + name!r} is not an estimator; {NAME} has no variants")

@@ -30,7 +30,7 @@ class LlmEstimator:
         self._client = llm_client(settings, files=files, ledger=ledger)
 
     def estimate(self, record: CrashRecord, network: RoadNetwork, report: MapReport) -> StateEstimate:
-        """See :func:`estimate_llm`; what is no collision of two vehicles is estimated without asking, and
+        """See :func:`estimate_llm`; what is not a collision of two vehicles is estimated without asking, and
         the estimate says so."""
         if reconstruction_of(record) is not Reconstruction.COLLISION:
             made = estimate_by_record(record, network, report, self._settings)
@@ -51,7 +51,8 @@ class LlmEstimator:
         match = _VARIANT.fullmatch(name)
         if match is None:
             raise UserError(
-                f"{NAME + name!r} is no estimator; give {NAME}, {NAME}:PROMPT, {NAME}@MODEL or {NAME}:PROMPT@MODEL, "
+                f"{NAME + name!r} is not an estimator; give {NAME}, {NAME}:PROMPT, {NAME}@MODEL or "
+                f"{NAME}:PROMPT@MODEL, "
                 f"such as {NAME}:coordinates-v1@openai/gpt-5-mini"
             )
         given = {"llm_prompt": match["prompt"], "llm_model": match["model"]}

@@ -14,7 +14,7 @@ def agent_code(reference: str) -> str:
     """Digest of an agent, given as ``module:Class?name=value``: its module with what that imports of its own package
     and of this one, its arguments, and the bytes of files that they name. Nothing is imported.
 
-    "unread" where the module is no Python source.
+    "unread" where the module is not a Python source.
     """
     place, _, arguments = reference.partition("?")
     try:

@@ -70,7 +70,7 @@ class AgentProcess:
         self._begin(self._limits.time_s)
         start = Start(self._reference, self._limits, tuple(sys.path))
         if self._asked(pickle.dumps(start)) != b"K":
-            raise self._ended("answered bytes that are no answer")
+            raise self._ended("answered bytes that are not an answer")
 
     def reset(self, scenario: Scenario) -> None:
         """See :class:`trace_dag.evaluation.agents.Agent`. From here on the time of an evaluation runs."""
@@ -89,7 +89,7 @@ class AgentProcess:
         )
         self._network = network
         if self._asked(b"S" + pickle.dumps(asked)) != b"K":
-            raise self._ended("answered bytes that are no answer")
+            raise self._ended("answered bytes that are not an answer")
 
     def act(self, observation: Observation) -> Action:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
@@ -149,7 +149,7 @@ class AgentProcess:
             length = length_of(data)
             wanted = HEAD_BYTES + (length or 0)
             if length is not None and (length > _MOST_BYTES or len(data) > wanted):
-                raise self._ended("answered bytes that are no answer")
+                raise self._ended("answered bytes that are not an answer")
         return data[HEAD_BYTES:]
 
     def _look(self) -> None:

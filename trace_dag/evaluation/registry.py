@@ -76,7 +76,7 @@ def make_agent(reference: str) -> Agent:
         raise AgentFault(f"{reference} cannot be made: {described(error)}") from error
     missing = [method for method in ("reset", "act") if not callable(getattr(agent, method, None))]
     if missing:
-        raise AgentFault(f"{reference} is no agent: it has no method {' and '.join(missing)}")
+        raise AgentFault(f"{reference} is not an agent: it has no method {' and '.join(missing)}")
     made: Agent = agent
     return made
 

@@ -15,7 +15,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import VehicleLog
 
 _STEP_S = 0.2
-_BESIDE_M = 0.5  # of the body's centre beside the outermost lane: a shoulder is no field
+_BESIDE_M = 0.5  # of the body's centre beside the outermost lane: a shoulder is not a field
 _MAP_REACH_M = 250.0  # from the crash: farther out a map may simply end
 _MOVING_MPS = 0.5
 _AGAINST_RAD = math.radians(90.0)

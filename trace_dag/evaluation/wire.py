@@ -143,13 +143,13 @@ class AnswerReader:
             return Motion(speed, acceleration, steer, self._path_of(how, rest[_MOTION.size :]))
         if kind == b"F":
             raise AgentFault(one_line(rest.decode(errors="replace")) or "failed and did not say why")
-        raise AgentFault("answered bytes that are no answer")
+        raise AgentFault("answered bytes that are not an answer")
 
     def _path_of(self, how: int, data: bytes) -> FloatArray | None:
         if how == _NEW_PATH and data and len(data) % 16 == 0:
             self._path = np.frombuffer(data, "<f8").reshape(-1, 2)
         elif how not in (_NO_PATH, _SAME_PATH) or data:
-            raise AgentFault("answered bytes that are no answer")
+            raise AgentFault("answered bytes that are not an answer")
         return None if how == _NO_PATH else self._path
 
 
@@ -204,7 +204,7 @@ def _problem_of_motion(action: Motion) -> str:
     if path is None:
         return ""
     if not isinstance(path, np.ndarray) or path.ndim != 2 or path.shape[1] != 2 or path.dtype.kind not in "fi":
-        return "Motion.path_m is no array of numbers of shape (n, 2)"
+        return "Motion.path_m is not an array of numbers of shape (n, 2)"
     if len(path) > MOST_PATH_POINTS:
         return f"Motion.path_m has {len(path)} points; at most {MOST_PATH_POINTS} are taken"
     if not np.isfinite(path).all():

@@ -35,7 +35,7 @@ class MapFile:
 
 @dataclass(frozen=True)
 class MapCatalog:
-    """OSM files that maps are cut from. ``unreadable`` says of others of the set why they cannot be read."""
+    """OSM files that maps are cut from. ``unreadable`` says why the other files of the set cannot be read."""
 
     files: tuple[MapFile, ...]
     unreadable: tuple[str, ...] = ()
@@ -45,7 +45,8 @@ class MapCatalog:
         """Files, or folders that are searched for files with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``,
         ``.osm.pbf``), folders within folders included.
 
-        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or a file that is no OSM.
+        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or a file that is
+        not OSM data.
         """
         files: dict[Path, None] = {}
         for path in map(Path, paths):
@@ -66,7 +67,7 @@ class MapCatalog:
 
     @classmethod
     def of_registered(cls, paths: Iterable[Path | Failure]) -> MapCatalog:
-        """Files that were read before; what cannot be read any more (or, a failure, not be reached) costs no other."""
+        """Files that were read before. One that cannot be read or reached any more does not affect the others."""
         files: list[MapFile] = []
         unreadable: list[str] = []
         for path in paths:
@@ -145,7 +146,7 @@ class MapCatalog:
         place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
         distance_m, name = nearest_m.get(site.key, (math.inf, ""))
         if not is_on_earth(site):
-            return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is no place on Earth.")
+            return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is not a place on Earth.")
         if not math.isfinite(distance_m):
             return Rejection(Reason.NO_MAP_COVERAGE, f"There is no map data at all to look for {place} in.")
         if distance_m > 0:

@@ -1,7 +1,7 @@
-"""What is kept of the lines that libosmium copied out of a map file: the ways near sites and what belongs to them.
+"""Keeps the ways near sites, and what belongs to them, from the lines that libosmium copied out of a map file.
 
-Most ways of a town are buildings. So that they cost little, only where each begins is read of all of them, and the rest
-of those alone that begin near a site.
+Most ways of a town are buildings. To keep them cheap, only the first node of each is read; the rest is read only if
+that node is near a site.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ _FORBIDDEN: Final = frozenset({"no", "agricultural", "forestry", "military"})
 def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
     """Whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
 
-    Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are no ways to drive along.
+    Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are not driven along.
     """
     highway = tags.get("highway")
     if highway in TRACK_HIGHWAYS:

@@ -1,11 +1,10 @@
 """All sites of a batch out of one OSM file, in one pass over it.
 
-Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters,
-locates and copies what passed to a file of lines, all in C++: Python is called for no object. Arrow then reads the
-places of ten thousands of ways at once, an index says which of them come near a site, and only the lines of those
-become objects. The time is therefore close to that of reading the file and hardly depends on how many sites there are.
-What is kept of a file in memory is its node locations (16 bytes each), its nodes with tags that matter, and the ways
-around the sites.
+Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters
+objects, locates their nodes and copies them to a file of lines, all in C++, without a call into Python. Arrow then
+reads the places of tens of thousands of ways at once, an index finds those near a site, and only their lines become
+objects. So the time is close to that of reading the file and hardly depends on the number of sites. Memory holds the
+locations of nodes (16 bytes each), the nodes with tags that matter, and the ways around the sites.
 
 What is kept of the lines is :mod:`trace_dag.osm.collecting`'s task, cutting the ways at the boxes
 :mod:`trace_dag.osm.cutting`'s, choosing the file :mod:`trace_dag.osm.catalog`'s.

@@ -1,6 +1,6 @@
-"""What no map of OpenStreetMap's is like, found before time is spent on it.
+"""Limits beyond which a file is not a map of OpenStreetMap, checked before time is spent on it.
 
-Belongs here: limits with where they come from. They are far above anything real, so that no real map meets them.
+Belongs here: the limits and their sources. They are far above anything real, so that no real map exceeds them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _ABOVE_ALL: Final = 4 * 10**15  # OSM's ids are below 2**36
 
 
 class UnreadableMapError(UserError):
-    """A map file that cannot be read, or is none of OSM's; the message names it."""
+    """A map file that cannot be read, or is not from OSM; the message names it."""
 
 
 def xml_opener(path: Path) -> Callable[..., Any] | None:
@@ -108,8 +108,9 @@ def check_roads(extract: OsmExtract, path: Path) -> None:
 
 
 def with_positive_ids(source: Path, target: Path) -> bool:
-    """Copy XML to ``target`` (``.osm``) with ids below 0, as editors give them, put above all others; whether there
-    are any."""
+    """Copy XML to ``target`` (``.osm``), with ids below 0 (which editors give to new objects) moved above all others.
+
+    Returns whether there were any."""
     opener = xml_opener(source)
     if opener is None:
         return False

@@ -1,7 +1,7 @@
-"""Whom maps are to be attributed to, what may be done with them, and whether they are of a real place.
+"""Attribution and licence of maps, and whether they show a real place.
 
-A file says it on its root element; what comes from OpenStreetMap is named as its licence asks for. A map that calls
-itself fictional lies under crashes that never happened, and whatever shows those has to say so.
+A file says it on its root element; data of OpenStreetMap are attributed as its licence asks. A map that calls itself
+fictional belongs to crashes that never happened, and everything that shows those has to say so.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ _OTHER: Final = RoadClass(7, public=False)
 
 
 def road_class(highway: str) -> RoadClass:
-    """The row of a ``highway``; for one that is no road class, or none at all, what is commonest.
+    """The row of a ``highway``; for one that is not a road class, or none at all, what is commonest.
 
     >>> road_class("primary").rank, road_class("primary_link").lanes_one_way
     (2, 1)

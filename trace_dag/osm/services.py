@@ -1,9 +1,9 @@
 """Maps from the public OSM services: Overpass (several endpoints, one after the other) and the OSM API.
 
-Both answer a box with OSM XML that holds every way in it whole. What they answer is looked at before it is believed or
-cached: Overpass reports a query that ran out of time or memory as a ``remark`` inside an answer with status 200. All
-requests go through :class:`trace_dag.http.HttpClient`. For more than a few hundred crashes download extracts of the
-states and use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
+Both answer a box with OSM XML that holds every way in it whole. Every answer is checked before it is used or cached:
+Overpass reports a query that ran out of time or memory as a ``remark`` inside an answer with status 200. All requests
+go through :class:`trace_dag.http.HttpClient`. For more than a few hundred crashes, download extracts of the states and
+use :class:`trace_dag.osm.catalog.MapCatalog`, which needs one pass instead of a request per crash.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def whats_wrong(answer: bytes) -> str | None:
 def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) -> OsmExtract | Rejection:
     place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
     if not is_on_earth(site):
-        return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is no place on Earth.")
+        return Rejection(Reason.NO_MAP_COVERAGE, f"The reported point {place} is not a place on Earth.")
     box, nearer = box_around(site, settings.radius_m), box_around(site, settings.surroundings_radius_m)
     try:
         data = read_osm(download(box, nearer), name=name)

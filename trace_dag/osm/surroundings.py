@@ -1,10 +1,9 @@
-"""What OpenStreetMap has beside the roads: what a vehicle can strike there, and what a picture shows behind a crash.
+"""Things beside the roads in OpenStreetMap: those that a vehicle can strike, and the background of pictures.
 
 Belongs here: which tags are kept, the features around one crash, and the file that holds them, GeoJSON (RFC 7946) with
 the tags of each object as its properties. Reading them out of a map file is :mod:`trace_dag.osm.extraction`'s task.
 
-Areas are kept where one way draws them. Those of relations (multipolygons) are not: their ways carry no tags of their
-own.
+Areas drawn by one way are kept. Those of relations (multipolygons) are not: their ways carry no tags of their own.
 """
 
 from __future__ import annotations

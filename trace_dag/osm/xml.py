@@ -1,9 +1,9 @@
 """OSM XML (API 0.6) to and from :class:`~trace_dag.osm.types.OsmExtract`.
 
 The form in which extracts are stored, and in which the OSM API and Overpass answer. Written so that other tools
-(osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of
-1e-7 degrees, ``version="1"`` on every object because some readers insist on it. What OSM XML has no word for rides on
-attributes that readers ignore: ``clipped`` on nodes made at the border of the box and ``source`` on the root.
+(osmium, JOSM, netconvert, Osm2Odr) read it: objects sorted by type and id, coordinates at OSM's own resolution of 1e-7
+degrees, ``version="1"`` on every object because some readers insist on it. What OSM XML cannot express is stored in
+attributes that other readers ignore: ``clipped`` on nodes made at the border of the box and ``source`` on the root.
 Reading files of unknown size, of any format, is :mod:`trace_dag.osm.extraction`'s task.
 """
 

@@ -135,7 +135,7 @@ class ArchiveFiles:
         except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
             raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", _GET_AGAIN) from error
         if found is None:
-            raise FileNotFoundError(f"{self.place}: {name} is no file")
+            raise FileNotFoundError(f"{self.place}: {name} is not a file")
         return found.read()
 
     def has(self, name: str) -> bool:

@@ -108,7 +108,7 @@ class OpenScenarios:
         whole = self._driven[place]
         until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
         count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
-        if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is no way to go along
+        if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is not a way to go along
             return _Driven([whole.time_s[0], round(until_s, 6)], [whole.positions[0]] * 2)
         return _Driven(whole.time_s[:count], whole.positions[:count])
 

@@ -32,7 +32,7 @@ def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) 
     ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
     the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of
     its lanes, a gap is paved where it is narrower than a lane: islands are wider. What separates carriageways outside
-    is no gap.
+    is not a gap.
     """
     outlines = [shapely.make_valid(shapely.Polygon(lane)) for lane in lanes]
     tree = shapely.STRtree(outlines)

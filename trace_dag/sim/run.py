@@ -80,8 +80,8 @@ def simulate(
 
     ``record`` gives the road's surface; without it the road is dry. All hypotheses are simulated, so that thresholds
     of the verdict can change without simulating again. Raises :class:`trace_dag.errors.Failure` for an estimate that
-    cannot be driven, or none of whose hypotheses stayed within all bounds; that vehicles do not meet is no error but a
-    termination.
+    cannot be driven, or none of whose hypotheses stayed within all bounds. Vehicles that do not meet are not an error:
+    the run ends, and its log says so.
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
     logs = tuple(

@@ -1,4 +1,4 @@
-"""A run of vehicles beside the road: fixed objects, ground that is no pavement, and vehicles out of control.
+"""A run of vehicles beside the road: fixed objects, ground that is not a pavement, and vehicles out of control.
 
 Steps are taken in short parts while a vehicle may touch an object. Whoever strikes an object is no longer driven,
 unless it is driven over; a motorcycle falls even then. Beyond the carriageway tyres hold as on grass or gravel. A

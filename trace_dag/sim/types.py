@@ -47,7 +47,7 @@ class Termination(StrEnum):
 
 
 class BodyKind(StrEnum):
-    """What a participant is. A conveyance is what a person stands or sits on who is no cyclist (FARS PER_TYP 8)."""
+    """What a participant is. A conveyance is what a person stands or sits on who is not a cyclist (FARS PER_TYP 8)."""
 
     MOTOR_VEHICLE = "motor_vehicle"
     PEDESTRIAN = "pedestrian"
@@ -72,7 +72,7 @@ class Body:
 
     @property
     def is_person(self) -> bool:
-        """Whether it is a person, on foot or on something that is no motor vehicle."""
+        """Whether it is a person, on foot or on something other than a motor vehicle."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
 

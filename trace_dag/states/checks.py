@@ -1,7 +1,7 @@
 """Checks every hypothesis carries, whatever estimator chose it.
 
 The estimator's own promises (touching, never before, speeds kept, drivable) and the published criteria as planned.
-Each says what was measured. A hypothesis that breaks one of ``ESSENTIAL`` is no reconstruction and is dropped.
+Each says what was measured. A hypothesis that breaks one of ``ESSENTIAL`` is not a reconstruction and is dropped.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def settings_of(estimator: str, states: StateSettings) -> StateSettings:
     """
     name, variant = _NAME.fullmatch(estimator).groups()  # type: ignore[union-attr] # it matches anything
     if name not in offered(PluginKind.ESTIMATOR):
-        raise UserError(f"{estimator!r} is no estimator; give {', '.join(offered(PluginKind.ESTIMATOR))}")
+        raise UserError(f"{estimator!r} is not an estimator; give {', '.join(offered(PluginKind.ESTIMATOR))}")
     chosen = states.model_copy(update={"estimator": name})
     return estimator_factory(chosen).variant(chosen, variant) if variant else chosen
 

@@ -105,7 +105,7 @@ class Request:
         """The kinds asked for. Raises :class:`UserError` for an unknown name."""
         for name in self.kinds:
             if not any(fnmatchcase(kind, name) for kind in KINDS):
-                raise UserError(f"{name!r} is no perturbation; there are {', '.join(KINDS)}")
+                raise UserError(f"{name!r} is not a perturbation; there are {', '.join(KINDS)}")
         return [
             kind
             for name, kind in KINDS.items()
@@ -158,7 +158,7 @@ def perturbed_controls(
     keys = workspace.registry.keys(cohort)
     unknown = [key for key in request.only if key not in keys]
     if unknown:
-        raise UserError(f"{unknown[0]} is no crash of cohort {cohort!r}")
+        raise UserError(f"{unknown[0]} is not a crash of cohort {cohort!r}")
     verified = []
     for each in crash_files(workspace, keys, complain=complain):
         try:

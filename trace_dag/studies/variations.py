@@ -194,7 +194,7 @@ def package_of(stored: StoredCase) -> Mapping[str, bytes]:
     from trace_dag.verdict.judge import judge
 
     if stored.variation is None:
-        raise ValueError(f"{stored.key} is no variation")
+        raise ValueError(f"{stored.key} is not a variation")
     files = stored.files.unread()
     varied = read_variation(files.storage, stored.variation)
     record, network, map_report = files.load(RECORD), files.load(ROAD_MAP), files.load(MAP_REPORT)

@@ -240,7 +240,7 @@ def _shown(
 
 
 def _other_events(record: CrashRecord, contacts: Sequence[VehicleContact]) -> list[Criterion]:
-    """Harmful events of the report that are no contacts of their own: overturns, objects, more of the same contact."""
+    """Harmful events of the report that are not contacts of their own: overturns, objects, more of the same contact."""
     own = {contact.event_number for contact in contacts}
     going_on = {number for contact in contacts for number in contact.going_on}
     found = []

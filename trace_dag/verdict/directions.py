@@ -1,7 +1,7 @@
 """Which way each vehicle went and how the two approached each other: in the simulation, and as the report has it.
 
 A direction is measured against the road: the heading the vehicle would have at the place of the crash had it followed
-its lane, straight on through every junction. So a bend is no turn, and a turn off a bend is one.
+its lane, straight on through every junction. So a bend is not a turn, and a turn off a bend is one.
 """
 
 from __future__ import annotations

@@ -244,7 +244,7 @@ def _last_s(matched: Sequence[ObservedStrike | None]) -> float:
 def _afterwards(
     observed: ObservedStrikes, strikes: Sequence[Strike], matched: Sequence[ObservedStrike | None]
 ) -> list[Criterion]:
-    """Who touches after the last strike without an event that says so: shown, since it is no part of what is judged."""
+    """Contacts after the last strike that no event of the report mentions: shown, not judged."""
     last_s = _last_s(matched)
     pairs = {strike.pair for strike in strikes}
     strange = {
@@ -404,7 +404,7 @@ def _shown(strike: Strike, seen: ObservedStrike, measures: VehicleMeasures, limi
 
 
 def _other_events(record: CrashRecord, strikes: Sequence[Strike]) -> list[Criterion]:
-    """Events of the report that are no planned strikes: a vehicle that ran over whom it had struck, or met a thing."""
+    """Events of the report that are not planned strikes: a vehicle that ran over whom it had struck, or met a thing."""
     planned = {strike.event_number for strike in strikes}
     going_on = {number for strike in strikes for number in strike.going_on}
     found = []

@@ -101,7 +101,7 @@ class Crash:
     weather: int = 1
     surface: int = 1
     layer: int = 0  # of the road it happened on: 1 on a bridge, -1 in a tunnel
-    other_harmful_first: tuple[int, int] | None = None  # (vehicle, SOE) of a first harmful event that is no collision
+    other_harmful_first: tuple[int, int] | None = None  # (vehicle, SOE), first harmful, not a collision
     relation_to_road: int = 1  # REL_ROAD
 
 

@@ -79,12 +79,12 @@ class OsmFile:
         self._restrictions.append(_Restriction(kind, via, from_road, to_road))
 
     def area(self, uv: list[tuple[float, float]], **tags: str) -> None:
-        """A closed way that is no road: a building, a parking lot."""
+        """A closed way that is not a road: a building, a parking lot."""
         ids = [self.node(plane_point(u, v)) for u, v in uv]
         self.ways.append(_Way([*ids, ids[0]], {k.replace("__", ":"): v for k, v in tags.items()}))
 
     def line(self, uv: list[tuple[float, float]], **tags: str) -> None:
-        """An open way that is no road: a footway, a railway, a fence."""
+        """An open way that is not a road: a footway, a railway, a fence."""
         ids = [self.node(plane_point(u, v)) for u, v in uv]
         self.ways.append(_Way(ids, {k.replace("__", ":"): v for k, v in tags.items()}))
 

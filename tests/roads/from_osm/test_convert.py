@@ -18,7 +18,7 @@ from trace_dag.roads.map.network import RoadNetwork
 
 
 def streets(network: RoadNetwork) -> list[Road]:
-    """Roads that are no connecting roads."""
+    """Roads that are not connecting roads."""
     return [road for road in network.roads if road.junction_id is None]
 
 

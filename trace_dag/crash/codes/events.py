@@ -155,4 +155,4 @@ DAMAGE = table(
 )
 
 NO_SECOND_VEHICLE: Final = frozenset({5555, 9999})
-"""``VNUMBER2`` of events that are not harmful, or whose second party is no motor vehicle."""
+"""``VNUMBER2`` of events that are not harmful, or whose second party is not a motor vehicle."""

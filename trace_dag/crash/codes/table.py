@@ -16,7 +16,7 @@ class UnknownCodeError(ValueError):
     """A code its element's table does not hold in that year."""
 
     def __init__(self, element: str, value: str, year: int, expected: str) -> None:
-        super().__init__(f"{element} holds {value!r}, which is no code of case year {year}; expected {expected}")
+        super().__init__(f"{element} holds {value!r}, which is not a code of case year {year}; expected {expected}")
         self.element = element
         self.value = value
         self.year = year

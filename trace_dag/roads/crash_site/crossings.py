@@ -84,7 +84,7 @@ def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
 
 
 def with_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with each junction's ``kind`` set to that of its crossing, also if that is no intersection.
+    """The network with each junction's ``kind`` set to that of its crossing, also if that is not an intersection.
 
     The extract knows what the network does not: which ways are roundabouts, and which are private.
     """

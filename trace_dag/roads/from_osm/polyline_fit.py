@@ -21,7 +21,7 @@ _MAX_DEVIATION_M: Final = 2.95  # deviation accepted to keep the inner lanes of 
 _MERGE_DEVIATION_M: Final = 1.5  # by which a bend may miss the vertices it was drawn with
 _NEGLIGIBLE_TURN_RAD: Final = 0.02
 _WIDEST_CORNER_RAD: Final = 2.4  # more cannot be one arc between two tangents
-_STRAIGHT_RAD: Final = 4e-6  # turns below it are no turn: 0.4 mm in 100 m
+_STRAIGHT_RAD: Final = 4e-6  # turns below it count as straight: 0.4 mm in 100 m
 _ENOUGH_ROOM: Final = 0.95  # of the tangent needed; corners with less are merged
 _END_SHARE: Final = 0.7  # of its first and last segment a plan may use for arcs: it begins and ends with a line
 _MIN_LENGTH_M: Final = 1e-6
@@ -300,7 +300,7 @@ def _rounded(shape: _Shape) -> tuple[tuple[PlanElement, ...], float, list[float]
             middle = s + arc / 2
             s += arc
         corner_s.append(middle)
-    if 0.0 in tangents[1:-1]:  # a vertex that is no corner: the lines before and after are one
+    if 0.0 in tangents[1:-1]:  # a vertex that is not a corner: the lines before and after are one
         elements = list(join_plans([PlanView(tuple(elements), s)]).elements)
     return tuple(elements), s, [*corner_s, s]
 

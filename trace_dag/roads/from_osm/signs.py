@@ -122,7 +122,7 @@ def _approach_posts(
     controls: Mapping[int, OsmNode],
     inside: set[int],
 ) -> Iterator[tuple[_Post, OsmNode]]:
-    """Posts of the tagged nodes along a street that are no part of a junction."""
+    """Posts of the tagged nodes along a street that are not part of a junction."""
     for k, node_id in enumerate(street.node_ids):
         node = controls.get(node_id)
         if node is None or node_id in inside:

@@ -49,7 +49,7 @@ class WayDeviation:
     length_m: float
     worst_way_id: int | None
     worst_public_m: float
-    """Worst deviation of ways that are no service roads."""
+    """Worst deviation of ways that are not service roads."""
     worst_public_way_id: int | None
     missing_way_ids: tuple[int, ...]
     """Ways of more than a metre outside junctions of which no road was made."""

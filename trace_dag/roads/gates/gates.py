@@ -87,7 +87,7 @@ def _at_most(name: str, value: float, threshold: float, unit: str, detail: str =
 
 
 def _at_least(name: str, value: float, threshold: float, unit: str, detail: str) -> MapGate:
-    # Lines are made to the limit itself: a rounding error is no shortfall.
+    # Lines are made to the limit itself: a rounding error is not a shortfall.
     return MapGate(name, value, threshold, unit, value >= threshold * (1 - 1e-3), detail)
 
 

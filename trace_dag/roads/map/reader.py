@@ -468,7 +468,7 @@ def _mark_of(text: str) -> RoadMark | None:
 
 @lru_cache(maxsize=1024)  # widths and heights of a map repeat
 def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
-    """None where one of the texts is no finite number."""
+    """None where one of the texts is not a finite number."""
     try:
         numbers = tuple(map(float, texts))
     except ValueError:

@@ -238,7 +238,7 @@ def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) 
             raise _Unusable(f"vehicle {vehicle.number}: its heading at the impact is not known")
         place = damaged_m(vehicle, vehicle.body, vehicle.damage(event.number), area)
         if place is None:
-            raise _Unusable(f"vehicle {vehicle.number}: struck at {area!r}, which is no side of a vehicle")
+            raise _Unusable(f"vehicle {vehicle.number}: struck at {area!r}, which is not a side of a vehicle")
         bodies.append(vehicle.body)
         headings.append(vehicle.heading_rad)
         damaged.append(place)
@@ -319,7 +319,7 @@ def _compare_object(case: str, event: RecordedEvent, vehicle: RecordedVehicle, s
     _check_recording(vehicle, recording)
     place = damaged_m(vehicle, body, damage, event.area)
     if place is None:
-        raise _Unusable(f"vehicle {vehicle.number}: struck at {event.area!r}, which is no side of a vehicle")
+        raise _Unusable(f"vehicle {vehicle.number}: struck at {event.area!r}, which is not a side of a vehicle")
     diameter_m, kind = POLES[event.object_code]
     on_side = damage is not None and damage.side in "LR"
     force_rad = damage.force_from_rad if damage is not None and damage.force_from_rad is not None else 0.0

@@ -31,7 +31,7 @@ _ZONES: Final = {  # middle of a CDC's horizontal location, of half a front's wi
 def damaged_m(vehicle: RecordedVehicle, body: Body, damage: Damage | None, side: str) -> tuple[float, float] | None:
     """Middle of the direct damage, half as deep as the crush, ahead and to the left of the body's middle.
 
-    ``side`` is where a vehicle without a damage of its own was struck (F, B, L, R); None if that is no side.
+    ``side`` is where a vehicle without a damage of its own was struck (F, B, L, R); None if that is not a side.
     """
     side = damage.side if damage is not None and damage.side in "FBLR" else side
     if side not in ("F", "B", "L", "R"):

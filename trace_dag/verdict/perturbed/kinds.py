@@ -59,7 +59,7 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
     """The changed report; None where the perturbation does not apply or changes nothing.
 
     ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.errors.Rejection` for data that
-    is no report.
+    is not a report.
     """
     if reconstruction_of(scene.record) not in kind.of:
         return None

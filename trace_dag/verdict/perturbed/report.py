@@ -22,7 +22,7 @@ _AREAS_OF_PARTIES: Final = (("VNUMBER1", "AOI1"), ("VNUMBER2", "AOI2"))
 class ChangedReport:
     """A copy of a report to be changed element by element. ``data`` is a ``GetCaseDetails`` response.
 
-    Raises :class:`~trace_dag.errors.Rejection` for data that is no report of one crash.
+    Raises :class:`~trace_dag.errors.Rejection` for data that is not a report of one crash.
     """
 
     def __init__(self, data: bytes) -> None:
