@@ -140,6 +140,18 @@ def test_a_car_into_a_tree_loses_its_speed(tmp_path: Path) -> None:
     assert 64.4 * 0.9 < row["simulated_delta_v_kmh"] < 64.4 * 1.3  # a little rebounds
 
 
+def test_a_delta_v_from_a_tree_of_a_multiple_of_the_speed_is_another_events(tmp_path: Path) -> None:
+    vehicle = {
+        "curb": 1520.0, "body": 4, "oal": 480.0, "wid": 180.0,
+        "cdc": [{"ev": 1, "cdc": "01RFEW02", "pdof": 20.0, "cmax": 24.0}],
+        "edr": [{"no": 1, "cdcev": 1, "dvl": -60.0, "dvla": 997.0}],
+        "sp": {"1": [[0.0, 17.0]]},
+    }  # fmt: skip
+    case = {"ciren": "866", "ev": [[1, 1, "R", None, 42, "Tree (> 10 cm in diameter)", "0"]], "V": {"1": vehicle}}
+    (row,) = rows_of(tmp_path, case)
+    assert "its recorder contradicts itself: 17 km/h" in row["reason"]
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

@@ -317,6 +317,11 @@ def _compare_object(case: str, event: RecordedEvent, vehicle: RecordedVehicle, s
     if recording.speed_mps is None:
         raise _Unusable(f"vehicle {vehicle.number}: its recorder has no speed before the impact")
     _check_recording(vehicle, recording)
+    if recording.delta_v_mps > _CONTRADICTION * recording.speed_mps:
+        raise _Unusable(
+            f"vehicle {vehicle.number}: its recorder contradicts itself: {mps_to_kmh(recording.speed_mps):.0f} km/h "
+            f"before it struck what stands, and a delta-v of {mps_to_kmh(recording.delta_v_mps):.0f} km/h from it"
+        )
     place = damaged_m(vehicle, body, damage, event.area)
     if place is None:
         raise _Unusable(f"vehicle {vehicle.number}: struck at {event.area!r}, which is not a side of a vehicle")
