@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "trace-dag replay 2023-510179",
         "trace-dag replay 2023-510179 --agent idm --ego struck --format webp",
+        "trace-dag replay 2023-510179 --agent idm --agent brake",
     )
 )
 @click.argument("key")
@@ -29,7 +30,13 @@ if TYPE_CHECKING:
     show_default=True,
     help="A page with a time slider, an animated picture, or a video (the extra mp4).",
 )
-@click.option("--agent", metavar="NAME", help="With an agent at one of the wheels: a name, or module:Class.")
+@click.option(
+    "--agent",
+    "agents",
+    multiple=True,
+    metavar="NAME",
+    help="With an agent at one of the wheels: a name, or module:Class; several beside each other.",
+)
 @agent_arguments
 @click.option(
     "--ego",
@@ -45,7 +52,7 @@ def replay(
     root: str,
     key: str,
     replay_format: ReplayFormat,
-    agent: str | None,
+    agents: tuple[str, ...],
     arguments: tuple[str, ...],
     ego: str,
     traffic: str,
@@ -61,12 +68,17 @@ def replay(
     from trace_dag.studies.stored_crashes import stored_crash
 
     workspace = Workspace.open(root)
-    if agent is None:
+    if not agents:
         content = made_of(stored_crash(workspace, key), replay_format)
     else:
         sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
         content = replay_with(
-            workspace, key, with_arguments(agent, arguments), AgentRole(ego), Traffic(traffic), replay_format
+            workspace,
+            key,
+            [with_arguments(agent, arguments) for agent in agents],
+            AgentRole(ego),
+            Traffic(traffic),
+            replay_format,
         )
     target = output or Path(f"replay-{key}.{replay_format}")
     target.write_bytes(content)

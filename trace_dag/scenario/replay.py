@@ -10,7 +10,7 @@ import base64
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,13 +76,15 @@ def write_html_player(
     drive: Drive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
+    beside: ReplayWindows | None = None,
 ) -> bytes:
     """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
-    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives
-    the same bytes.
+    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. A page ``beside``
+    others shows the same windows as they do and has no time line: that is the page's around (:func:`write_html_pair`).
+    The same input gives the same bytes.
     """
-    windows = replay_windows(log)
+    windows = beside or _windows(log, drive)
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
@@ -99,6 +101,7 @@ def write_html_player(
             ),
             conditions=conditions_in_words(record),
             dark=is_dark(record),
+            paired=beside is not None,
             outcome=drive.title if drive else _outcome(verdict),
             map_svg=f"data:image/svg+xml;base64,{svg}",
             data=_script_safe(
@@ -111,6 +114,48 @@ def write_html_player(
         )
     )
     return page.encode("utf-8")
+
+
+def _windows(log: SimulationLog, drive: Drive | None) -> ReplayWindows:
+    """What to look at; where an agent drives, at what it was to avoid."""
+    windows = replay_windows(log)
+    return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
+
+
+def _around(windows: Sequence[Window]) -> Window:
+    """The smallest square around some windows."""
+    low, high = np.array(windows)[:, :2].min(axis=0), np.array(windows)[:, 2:].max(axis=0)
+    return _square((low + high) / 2, float((high - low).max()) / 2)
+
+
+def write_html_pair(
+    record: CrashRecord,
+    network: RoadNetwork,
+    driven: Sequence[tuple[Drive, SimulationLog]],
+    *,
+    surroundings: Sequence[OsmFeature] = (),
+) -> bytes:
+    """The drives of several agents in the same crash, beside each other on one page with one time line and one view."""
+    each = [_windows(log, drive) for drive, log in driven]
+    windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
+    sides = [
+        (drive.title, write_html_player(record, network, log, drive=drive, surroundings=surroundings, beside=windows))
+        for drive, log in driven
+    ]
+    recorded = driven[0][0].recorded
+    contact = recorded.first_contact
+    return (
+        templates()
+        .get_template("replay_pair.html.jinja")
+        .render(
+            title=f"Crash {record.key}: {' and '.join(drive.agent for drive, _ in driven)}",
+            place=_place(record),
+            sides=[(title, page.decode()) for title, page in sides],
+            hit="null" if contact is None else round(contact.time_s, 4),
+            end=round(max(float(log.vehicles[0].time_s[-1]) for _, log in driven), 3),
+        )
+        .encode()
+    )
 
 
 def _place(record: CrashRecord) -> str:

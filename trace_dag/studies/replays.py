@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from trace_dag.errors import UserError
@@ -15,8 +16,9 @@ from trace_dag.evaluation.registry import resolve
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts, surroundings_of
 from trace_dag.flow.workspace import Workspace
+from trace_dag.scenario.drive import Drive
 from trace_dag.sim.backends import backend
-from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
 from trace_dag.units import mps_to_mph
 
@@ -42,32 +44,45 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
 
 
 def replay_with(
-    workspace: Workspace, key: str, agent: str, role: AgentRole, traffic: Traffic, replay_format: ReplayFormat
+    workspace: Workspace,
+    key: str,
+    agents: Sequence[str],
+    role: AgentRole,
+    traffic: Traffic,
+    replay_format: ReplayFormat,
 ) -> bytes:
     """The replay of a verified crash with an agent in somebody's place, under the usual conditions.
 
-    Raises :class:`UserError` for a crash that is not verified and an agent that is not there or is faulty.
+    Several agents drive one by one and are shown beside each other, on a page. Raises :class:`UserError` for a crash
+    that is not verified, an agent that is not there or is faulty, and several agents in a moving picture.
     """
     from trace_dag.scenario.animation import write_animation
-    from trace_dag.scenario.drive import Drive
-    from trace_dag.scenario.replay import write_html_player
+    from trace_dag.scenario.replay import write_html_pair, write_html_player
 
+    if len(agents) > 1 and replay_format != "html":
+        raise UserError(f"--format {replay_format} shows one agent; several beside each other need --format html")
     (stored,) = verified_cases(workspace, None, [key])
     case = load_case(stored)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
-    ego = number_of(case, role)
+    driven = [_driven(case, number_of(case, role), agent, traffic, simulation) for agent in agents]
+    record, surroundings = stored.files.load(RECORD), surroundings_of(stored.files)
+    if len(driven) > 1:
+        return write_html_pair(record, case.network, driven, surroundings=surroundings)
+    ((drive, log),) = driven
+    if replay_format == "html":
+        return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings)
+    return write_animation(record, case.network, log, drive=drive, image_format=replay_format)
+
+
+def _driven(case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simulation) -> tuple[Drive, SimulationLog]:
     driver = AgentProcess(resolve(agent), AgentLimits())
     try:
         log = run(case, ego, driver, Conditions(traffic=traffic), simulation)
     except AgentFault as fault:
-        raise UserError(f"--agent {agent} is faulty in {key}: {fault}") from fault
+        raise UserError(f"--agent {agent} is faulty in {case.key}: {fault}") from fault
     finally:
         driver.close()
-    record = stored.files.load(RECORD)
-    drive = Drive(agent, ego, _outcome(case, ego, log), case.recorded)
-    if replay_format == "html":
-        return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings_of(stored.files))
-    return write_animation(record, case.network, log, drive=drive, image_format=replay_format)
+    return Drive(agent, ego, _outcome(case, ego, log), case.recorded), log
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:

@@ -1,0 +1,81 @@
+"""Replays in a browser: addresses of a moment and a view, the keyboard, two agents with one time line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import sample_runs
+
+from tests.browser import CHROMIUM, Page
+from trace_dag.evaluation.traffic import Traffic
+from trace_dag.flow.workspace import Workspace
+from trace_dag.studies.cases import AgentRole
+from trace_dag.studies.replays import replay_with
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+
+CLOCK = "document.getElementById('clock').textContent"
+VIEW_BOX = "document.getElementById('scene').getAttribute('viewBox').split(' ').map(Number)"
+LINK = "document.getElementById('link').getAttribute('href')"
+
+
+def press(page: Page, key: str) -> None:
+    for kind in ("keyDown", "keyUp"):
+        page.send("Input.dispatchKeyEvent", type=kind, key=key, **({"text": key} if len(key) == 1 else {}))
+
+
+@pytest.fixture
+def replay() -> Path:
+    return sample_runs.finished() / f"benchmark/replays/{sample_runs.KEYS[0]}.html"
+
+
+def test_an_address_leads_to_a_moment_and_a_view(tmp_path, replay):
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{replay.as_uri()}#t=1.25&view=10.0,-20.0,40.0")
+        assert page.run(CLOCK).startswith("1.25 s")
+        left, top, width, height = page.run(VIEW_BOX)
+        assert (left + width / 2, top + height / 2) == pytest.approx((10.0, 20.0)), "y of SVG grows downward"
+        assert min(width, height) == pytest.approx(40.0)
+        assert page.run(LINK) == "#t=1.25&view=10.0,-20.0,40.0"
+        page.open(f"{replay.as_uri()}#t=0.50&view=impact")
+        assert page.run(LINK) == "#t=0.50&view=impact"
+        assert page.errors == []
+
+
+def test_the_keyboard_moves_the_view_and_the_time(tmp_path, replay):
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{replay.as_uri()}#t=1.00&view=0.0,0.0,50.0")
+        page.run("document.getElementById('scene').focus()")
+        press(page, "ArrowRight")
+        press(page, "ArrowUp")
+        press(page, "+")
+        assert page.run(LINK) == "#t=1.00&view=5.0,5.0,40.0"
+        page.run("document.activeElement.blur()")
+        press(page, "ArrowRight")
+        assert page.run(LINK).startswith("#t=1.02&")
+
+
+def test_the_page_of_a_crash_leads_its_replay_to_a_moment(tmp_path, replay):
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{(replay.parents[1] / 'crashes' / replay.name).as_uri()}#t=1.25&view=impact")
+        assert page.run("document.querySelector('iframe').src").endswith(f"{replay.name}#t=1.25&view=impact")
+
+
+def test_two_agents_are_beside_each_other_with_one_time_line(tmp_path):
+    workspace = Workspace.open(sample_runs.finished())
+    key, agents = sample_runs.KEYS[0], ["brake", "idm"]
+    (tmp_path / "pair.html").write_bytes(replay_with(workspace, key, agents, AgentRole.FIRST, Traffic.RECORDED, "html"))
+    inner = "[...document.querySelectorAll('iframe')].map((f) => f.contentDocument.{})"
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{(tmp_path / 'pair.html').as_uri()}#t=2.00&view=impact")
+        assert page.run(inner.format("querySelector('h1').textContent.split(' ')[0]")) == agents
+        boxes = inner.format("getElementById('scene').getAttribute('viewBox')")
+        page.wait(f"new Set({boxes}).size === 1 && {CLOCK}.startsWith('2.00 s')")
+        heads = inner.format("querySelector('#graph line:last-of-type').getAttribute('x1') > 0")
+        assert page.run(heads) == [True, True]
+        page.run("document.querySelector('iframe').contentDocument.getElementById('scene').focus()")
+        size_m = float(page.run(boxes)[0].split()[3])
+        press(page, "+")
+        page.wait(f"{boxes}.every((box) => Math.abs(box.split(' ')[3] - {0.8 * size_m}) < 0.1)")
+        assert page.errors == []
