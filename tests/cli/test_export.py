@@ -29,6 +29,7 @@ EVERY_PACKAGE = {
     *("scenario.xosc", "scenario.free_V1.xosc", "scenario.free_V2.xosc"),
     *("scenario.carla.xosc", "scenario.carla.free_V1.xosc", "scenario.carla.free_V2.xosc"),
     *("states.json", "trajectories.json", "verdict.json", "map_report.json", "replay.html", "picture.png"),
+    *("lanes.json", "courses.json"),
 }
 
 

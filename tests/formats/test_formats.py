@@ -15,7 +15,7 @@ from lxml import etree
 import trace_dag
 from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
-from trace_dag.formats.commonroad import STEP_S
+from trace_dag.evaluation.drives import STEP_S
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"

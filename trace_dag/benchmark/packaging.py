@@ -29,7 +29,9 @@ from trace_dag.stage import Stage
 
 def package_of(files: CrashFiles) -> dict[str, bytes]:
     """The scenario package of a verified crash, by file name."""
+    from trace_dag.evaluation.drives import drives_of
     from trace_dag.scenario.package import PackageInput, package_files
+    from trace_dag.studies.cases import case_of
 
     verdict = files.load(VERDICT)
     return package_files(
@@ -52,6 +54,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
             estimate=files.load(ESTIMATE),
             log=files.load(LOGS)[verdict.hypothesis],
             verdict=verdict,
+            drives=drives_of(case_of(files, files.settings.sim)),
             surroundings=surroundings_of(files),
         )
     )

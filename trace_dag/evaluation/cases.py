@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trace_dag.evaluation.agents import Scenario
-from trace_dag.evaluation.lane_map import LaneMap
+from trace_dag.evaluation.lane_map import LaneMap, Route
 from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.types import Contact, Participant, SimulationLog
@@ -80,22 +80,29 @@ class Case:
         )
 
     @cached_property
-    def _ways(self) -> dict[int, tuple[Path, Path]]:
+    def _ways(self) -> dict[int, tuple[Route, Path]]:
         """The route and the recorded path of each participant that was asked for: the same for every agent."""
         return {}
+
+    def route(self, number: int) -> Route:
+        """The way along lanes that a participant was going."""
+        return self._way(number)[0]
+
+    def _way(self, number: int) -> tuple[Route, Path]:
+        if number not in self._ways:
+            own = next(each for each in self.participants if each.number == number)
+            recorded = path_of(own.trajectory, own.initial_pose)
+            self._ways[number] = LaneMap(self.network).route_along(recorded, own.initial_pose), recorded
+        return self._ways[number]
 
     def scenario(self, ego: int, *, period_s: float, seed: int) -> Scenario:
         """What the agent in a participant's place is told."""
         own = next(each for each in self.participants if each.number == ego)
-        lane_map = LaneMap(self.network)
-        if ego not in self._ways:
-            recorded = path_of(own.trajectory, own.initial_pose)
-            self._ways[ego] = lane_map.route_along(recorded, own.initial_pose), recorded
-        route, recorded = self._ways[ego]
+        route, recorded = self._way(ego)
         return Scenario(
             vehicle=vehicle_model(own.body),
-            lane_map=lane_map,
-            route=route,
+            lane_map=LaneMap(self.network),
+            route=route.path,
             recorded_path=recorded,
             period_s=period_s,
             friction=self.friction,

@@ -23,6 +23,14 @@ _COARSE_M = 2.0
 
 
 @dataclass(frozen=True, eq=False)
+class Route:
+    """A way to drive: the path, and the lanes it follows, in order; no lanes where it follows none."""
+
+    path: Path
+    lanes: tuple[LaneRef, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class LaneMap:
     """Questions an agent has about the road. ``network`` is the whole map, for agents that want more."""
 
@@ -46,15 +54,22 @@ class LaneMap:
 
     def ways_ahead(self, match: LaneMatch, distance_m: float) -> list[Path]:
         """Every way on from a place in a lane for some distance or until the map ends, straightest first."""
-        ways = trace_forward(self.network, match.lane, match.s_m, distance_m)
-        return [through_points(way.points[:, :3], sigma_m=_SMOOTHING_M) for way in ways if way.length_m > _LEAST_PATH_M]
+        return [route.path for route in self._routes(match, distance_m)]
 
-    def route_along(self, recorded: Path, start: Pose) -> Path:
+    def route_along(self, recorded: Path, start: Pose) -> Route:
         """The way along lanes that is nearest to a recorded path, from where it starts; the path itself where its
         start is in no lane that goes its way."""
         match = self.lane_at(start.x_m, start.y_m, start.heading_rad)
-        ways = self.ways_ahead(match, recorded.length_m) if match is not None else []
-        return min(ways, key=lambda way: _mean_distance_m(recorded, way), default=recorded)
+        routes = self._routes(match, recorded.length_m) if match is not None else []
+        return min(routes, key=lambda route: _mean_distance_m(recorded, route.path), default=Route(recorded))
+
+    def _routes(self, match: LaneMatch, distance_m: float) -> list[Route]:
+        ways = trace_forward(self.network, match.lane, match.s_m, distance_m)
+        return [
+            Route(through_points(way.points[:, :3], sigma_m=_SMOOTHING_M), way.lanes)
+            for way in ways
+            if way.length_m > _LEAST_PATH_M
+        ]
 
 
 def _mean_distance_m(recorded: Path, way: Path) -> float:

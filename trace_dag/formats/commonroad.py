@@ -1,8 +1,9 @@
 """CommonRoad scenarios (format 2020a): the road as lanelets, and a planning problem for each driver.
 
 A file per driver. Its planning problem starts as that driver did and has to reach where the vehicle would have been
-without the crash; everybody else is an obstacle that drives as recorded, without the crash: what agents are evaluated
-in. Times are steps of a tenth of a second, places are in the crash's local frame, as in its OpenDRIVE map.
+without the crash (:class:`trace_dag.evaluation.drives.Goal`); everybody else is an obstacle that drives as recorded,
+without the crash: what agents are evaluated in. Times are steps of :data:`trace_dag.evaluation.drives.STEP_S`, places
+are in the crash's local frame, as in its OpenDRIVE map.
 
 Format: Althoff, Koschi, Manzinger, CommonRoad: Composable benchmarks for motion planning on roads, IV 2017, and the
 documentation of the XML format 2020a.
@@ -10,17 +11,22 @@ documentation of the XML format 2020a.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from typing import Final
 
-import numpy as np
 from lxml import etree
 
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.errors import UserError
-from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.drives import (
+    GOAL_HEADING_RAD,
+    GOAL_LENGTH_M,
+    GOAL_WIDTH_M,
+    STEP_S,
+    Drive,
+    drives_of,
+)
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.formats.exporter import as_driven
@@ -28,10 +34,8 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.types import Body, BodyKind, Participant
+from trace_dag.sim.types import Body, BodyKind
 from trace_dag.version import __version__
-
-STEP_S: Final = 0.1
 
 _TYPES: Final[Mapping[VehicleClass, str]] = {
     VehicleClass.MOTORCYCLE: "motorcycle",
@@ -41,9 +45,6 @@ _TYPES: Final[Mapping[VehicleClass, str]] = {
     VehicleClass.TRACTOR_TRAILER: "truck",
 }
 _PEOPLE: Final = {BodyKind.PEDESTRIAN: "pedestrian", BodyKind.CYCLIST: "bicycle", BodyKind.CONVEYANCE: "pedestrian"}
-_GOAL_S: Final = 1.0  # a goal is to be reached within so much of the end
-_GOAL_LENGTH_M, _GOAL_WIDTH_M = 20.0, 4.0
-_GOAL_HEADING_RAD: Final = 0.5
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
@@ -56,11 +57,13 @@ class CommonRoad:
     def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
         """See :class:`trace_dag.formats.exporter.Exporter`."""
         case, record = as_driven(crash), crash.load(RECORD)
-        drivers = [each for each in case.participants if not each.body.is_person and each.number not in case.parked]
+        drives = drives_of(case)
+        drivers = [each for each in drives if each.is_driven]
         if not drivers:
             raise UserError("nobody drives in it")
         road = _Lanelets(case.network)
-        return {f"{crash.key}_V{each.number}.xml": _scenario(case, record, road, each.number) for each in drivers}
+        source = f"trace-dag {__version__}, FARS case {record.key}, {case.network.attribution}"
+        return {f"{crash.key}_V{own.number}.xml": _scenario(record, road, own, drives, source) for own in drivers}
 
     def beside(self) -> Mapping[str, bytes]:
         """Each file explains itself."""
@@ -102,7 +105,7 @@ class _Lanelets:
         return [self._ids[ref] for ref in refs if ref in self._ids]
 
 
-def _scenario(case: Case, record: CrashRecord, road: _Lanelets, ego: int) -> bytes:
+def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence[Drive], source: str) -> bytes:
     year, _, number = record.key.partition("-")
     root = etree.Element(
         "commonRoad",
@@ -110,8 +113,8 @@ def _scenario(case: Case, record: CrashRecord, road: _Lanelets, ego: int) -> byt
         commonRoadVersion="2020a",
         author="trace-dag",
         affiliation="",
-        source=f"trace-dag {__version__}, FARS case {record.key}, {case.network.attribution}",
-        benchmarkID=f"USA_Fars{year}x{number}V{ego}-1_1_T-1",
+        source=source,
+        benchmarkID=f"USA_Fars{year}x{number}V{own.number}-1_1_T-1",
         date=date(record.year or record.case_year, record.month or 1, record.day or 1).isoformat(),
     )
     location = etree.SubElement(root, "location")
@@ -121,39 +124,23 @@ def _scenario(case: Case, record: CrashRecord, road: _Lanelets, ego: int) -> byt
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
     next_id = road.next_id
-    others = [each for each in case.going_on if each.number != ego]
-    for each in sorted(others, key=lambda each: each.number not in case.parked):  # those that stand come first
-        _add_obstacle(root, next_id, each, case)
+    others = [each for each in drives if each.number != own.number]
+    for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
+        _add_obstacle(root, next_id, each)
         next_id += 1
-    own = next(each for each in case.going_on if each.number == ego)
-    _add_problem(root, next_id, own, case)
+    _add_problem(root, next_id, own)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
-def course(participant: Participant, end_s: float) -> FloatArray:
-    """Where a participant is every tenth of a second up to a time, without the crash, shape (n, 4): x, y (m, its
-    centre), heading (rad, within half a turn), speed (m/s). Who stands stays where they are."""
-    t = participant.trajectory
-    times = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
-    columns = (t.x_m, t.y_m, np.unwrap(t.heading_rad), t.speed_mps)
-    if len(t.time_s) < 2:
-        pose = participant.initial_pose
-        return np.tile([pose.x_m, pose.y_m, pose.heading_rad, 0.0], (len(times), 1))
-    table = np.column_stack([np.interp(times, t.time_s, values) for values in columns])
-    table[:, 2] = np.remainder(table[:, 2] + math.pi, math.tau) - math.pi
-    return table
-
-
-def _add_obstacle(root: etree._Element, number: int, participant: Participant, case: Case) -> None:
-    stands, body = participant.number in case.parked, participant.body
+def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
+    stands, body, states = drive.is_parked, drive.participant.body, drive.course
     obstacle = etree.SubElement(root, "staticObstacle" if stands else "dynamicObstacle", id=str(number))
     _add(obstacle, "type", "parkedVehicle" if stands else _type_of(body))
     _add_rectangle(etree.SubElement(obstacle, "shape"), body.length_m, body.width_m)
-    states = course(participant, case.end_s)
     initial = etree.SubElement(obstacle, "initialState")
     if stands:
         _add_position(initial, states[0])
-        _add_exact(initial, "orientation", states[0, 2])
+        _add_exact(initial, "orientation", states[0, 3])
         _add_exact(initial, "time", 0)
         return
     _add_state(initial, 0, states[0])
@@ -166,36 +153,35 @@ def _type_of(body: Body) -> str:
     return _PEOPLE[body.kind] if body.is_person else _TYPES.get(body.vehicle_class, "car")
 
 
-def _add_problem(root: etree._Element, number: int, own: Participant, case: Case) -> None:
+def _add_problem(root: etree._Element, number: int, own: Drive) -> None:
     problem = etree.SubElement(root, "planningProblem", id=str(number))
-    states = course(own, case.end_s)
-    initial = etree.SubElement(problem, "initialState")
-    _add_position(initial, states[0])
-    for name, value in (("orientation", states[0, 2]), ("time", 0), ("velocity", states[0, 3])):
+    initial, first = etree.SubElement(problem, "initialState"), own.course[0]
+    _add_position(initial, first)
+    for name, value in (("orientation", first[3]), ("time", 0), ("velocity", first[4])):
         _add_exact(initial, name, value)
     for name in ("yawRate", "slipAngle"):
         _add_exact(initial, name, 0.0)
+    assert own.goal is not None, "a driver has a goal"
+    pose = own.goal.pose
     goal = etree.SubElement(problem, "goalState")
-    x, y, heading, _ = states[-1]
     where = etree.SubElement(etree.SubElement(goal, "position"), "rectangle")
-    _add(where, "length", _number(_GOAL_LENGTH_M))
-    _add(where, "width", _number(_GOAL_WIDTH_M))
-    _add(where, "orientation", _number(heading))
+    _add(where, "length", _number(GOAL_LENGTH_M))
+    _add(where, "width", _number(GOAL_WIDTH_M))
+    _add(where, "orientation", _number(pose.heading_rad))
     centre = etree.SubElement(where, "center")
-    _add(centre, "x", _number(x))
-    _add(centre, "y", _number(y))
-    _add_interval(goal, "orientation", heading - _GOAL_HEADING_RAD, heading + _GOAL_HEADING_RAD)
-    last = len(states) - 1
+    _add(centre, "x", _number(pose.x_m))
+    _add(centre, "y", _number(pose.y_m))
+    _add_interval(goal, "orientation", pose.heading_rad - GOAL_HEADING_RAD, pose.heading_rad + GOAL_HEADING_RAD)
     time = etree.SubElement(goal, "time")
-    _add(time, "intervalStart", str(max(last - round(_GOAL_S / STEP_S), 1)))
-    _add(time, "intervalEnd", str(last))
+    _add(time, "intervalStart", str(max(round(own.goal.from_s / STEP_S), 1)))
+    _add(time, "intervalEnd", str(round(own.goal.to_s / STEP_S)))
 
 
 def _add_state(element: etree._Element, step: int, state: FloatArray) -> None:
     _add_position(element, state)
-    _add_exact(element, "orientation", state[2])
+    _add_exact(element, "orientation", state[3])
     _add_exact(element, "time", step)
-    _add_exact(element, "velocity", state[3])
+    _add_exact(element, "velocity", state[4])
 
 
 def _add_position(element: etree._Element, state: FloatArray) -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from trace_dag.crash.record import CrashRecord
+    from trace_dag.evaluation.drives import Drive
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport
     from trace_dag.sim.types import SimulationLog
@@ -166,6 +167,59 @@ class Crash:
         import pandas as pd
 
         return pd.DataFrame([asdict(each) for each in self.verdict.criteria])
+
+    # --- what everybody was going to do ----------------------------------------------------------------------------
+    @property
+    def courses(self) -> pd.DataFrame:
+        """Where everybody would have been without the crash: a row per party and tenth of a second, columns
+        ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the middle of the body), ``heading_rad``, ``speed_mps``."""
+        import numpy as np
+        import pandas as pd
+
+        from trace_dag.evaluation.drives import COURSE_COLUMNS, STEP_S
+
+        parts = []
+        for drive in self._drives:
+            part = pd.DataFrame(drive.course, columns=list(COURSE_COLUMNS))
+            part.insert(0, "time_s", np.arange(len(part)) * STEP_S)
+            part.insert(0, "number", drive.number)
+            parts.append(part)
+        return pd.concat(parts, ignore_index=True)
+
+    @property
+    def routes(self) -> pd.DataFrame:
+        """A row per driver, indexed by ``number``: ``lanes`` along which they were going, in order; ``route`` (shapely
+        ``LineString`` with heights); ``goal`` (``Polygon``), to be reached between ``from_s`` and ``to_s``."""
+        import numpy as np
+        import pandas as pd
+        import shapely
+
+        from trace_dag.evaluation.drives import GOAL_LENGTH_M, GOAL_WIDTH_M
+        from trace_dag.geometry import rectangle_corners
+
+        rows = {}
+        for drive in self._drives:
+            if drive.route is None or drive.goal is None:
+                continue
+            path = drive.route.path
+            rows[drive.number] = {
+                "lanes": list(drive.route.lanes),
+                "route": shapely.LineString(np.column_stack([path.x_m, path.y_m, path.z_m])),
+                "goal": shapely.Polygon(rectangle_corners(drive.goal.pose, GOAL_LENGTH_M, GOAL_WIDTH_M)),
+                "from_s": drive.goal.from_s,
+                "to_s": drive.goal.to_s,
+            }
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("number")
+
+    @cached_property
+    def _drives(self) -> tuple[Drive, ...]:
+        from trace_dag.evaluation.drives import drives_of
+        from trace_dag.settings import SimSettings
+        from trace_dag.studies.cases import case_of
+
+        if not self._stored.has(VERDICT):
+            raise self._missing("verdict")
+        return drives_of(case_of(self._stored, SimSettings()))
 
     # --- roads -----------------------------------------------------------------------------------------------------
     @property

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
+from trace_dag.evaluation.drives import Drive
 from trace_dag.osm.rights import Rights
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.json_io import map_report_to_json
@@ -25,6 +26,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
+from trace_dag.scenario.driving_files import courses_to_json, lanes_to_json
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_objects import with_fixed_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
@@ -51,8 +53,8 @@ class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
     ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
-    behind its roads. ``variation`` says
-    what was changed, as JSON, where this is not the crash itself.
+    behind its roads. ``drives`` are what everybody
+    was going to do. ``variation`` says what was changed, as JSON, where this is not the crash itself.
     """
 
     record: CrashRecord
@@ -65,6 +67,7 @@ class PackageInput:
     estimate: StateEstimate
     log: SimulationLog
     verdict: Verdict
+    drives: Sequence[Drive]
     variation: Mapping[str, object] | None = None
     surroundings: Sequence[OsmFeature] = ()
 
@@ -193,6 +196,18 @@ def _results(crash: PackageInput) -> list[_File]:
             _CC0,
             "the simulated motion and contacts",
             log_to_json(crash.record.key, crash.log),
+        ),
+        _File(
+            "courses.json",
+            _CC0,
+            "everybody's course without the crash, each driver's route and goal",
+            courses_to_json(crash.record.key, crash.drives),
+        ),
+        _File(
+            "lanes.json",
+            crash.rights.licence,
+            "the lanes of the map as points, with the lanes after and beside each",
+            lanes_to_json(crash.record.key, crash.network),
         ),
         _File("map_report.json", _CC0, "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
         _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),

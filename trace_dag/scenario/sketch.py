@@ -7,7 +7,6 @@ simplified until it fits. Units: metres, y downward as in SVG.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -16,6 +15,7 @@ from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.sim.types import SimulationLog, moment_of
 
 MOST_CHARACTERS = 900
@@ -127,7 +127,7 @@ def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> st
     """SVG path data, y turned downward, in as few characters as there can be."""
     path = ""
     for line in lines:
-        points = _simplified(line, by_m) if by_m else line
+        points = line[worth_keeping([line], by_m)] if by_m else line
         numbers: list[str] = []
         for x, y in points:
             pair = (_number(x, decimals), _number(-y, decimals))
@@ -143,23 +143,3 @@ def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> st
 def _number(value: float, decimals: int) -> str:
     rounded = round(float(value), decimals)
     return f"{rounded:g}" if rounded else "0"
-
-
-def _simplified(line: FloatArray, by_m: float) -> FloatArray:
-    """Douglas and Peucker: no point of the line is farther than ``by_m`` from what is kept."""
-    keep = [0, len(line) - 1]
-    waiting = [(0, len(line) - 1)]
-    while waiting:
-        first, last = waiting.pop()
-        if last - first < 2:
-            continue
-        along = line[last] - line[first]
-        offsets = line[first + 1 : last] - line[first]
-        length = math.hypot(*along)
-        away = np.abs(along[0] * offsets[:, 1] - along[1] * offsets[:, 0]) / length if length else np.hypot(*offsets.T)
-        farthest = int(away.argmax())
-        if away[farthest] > by_m:
-            middle = first + 1 + farthest
-            keep.append(middle)
-            waiting += [(first, middle), (middle, last)]
-    return line[sorted(keep)]

@@ -190,6 +190,7 @@ def _as_state(state: ParticipantState, participant: Participant, impact_time_s: 
 def package_of(stored: StoredCase) -> Mapping[str, bytes]:
     """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
     report."""
+    from trace_dag.evaluation.drives import drives_of
     from trace_dag.scenario.package import PackageInput, package_files
     from trace_dag.verdict.judge import judge
 
@@ -212,6 +213,7 @@ def package_of(stored: StoredCase) -> Mapping[str, bytes]:
             estimate=varied.estimate,
             log=varied.log,
             verdict=verdict,
+            drives=drives_of(load_case(stored)),
             variation=about,
         )
     )

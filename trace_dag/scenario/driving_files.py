@@ -1,0 +1,140 @@
+"""What tools for driving need of a package: ``lanes.json`` and ``courses.json``.
+
+The first has every lane that traffic drives in as points, with the lanes after and beside it; the second what
+everybody was going to do without the crash. Numbers are rounded to the centimetre (and a thousandth of a radian).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any, Final
+
+from trace_dag.crash.parties import party_label
+from trace_dag.evaluation.drives import (
+    COURSE_COLUMNS,
+    GOAL_HEADING_RAD,
+    GOAL_LENGTH_M,
+    GOAL_WIDTH_M,
+    STEP_S,
+    Drive,
+    Goal,
+)
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
+from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.polylines import worth_keeping
+
+_AS_GOOD_AS_M: Final = 0.05  # borders with fewer points are nowhere farther from the map's
+_DECIMALS: Final = {"heading_rad": 3}
+_FRAME: Final = "x east, y north of the reported point, z up, metres; headings counter-clockwise from east, radians"
+_LANES: Final = {
+    "id": "road, lane section and lane of map.xodr",
+    "type": "as OpenDRIVE has it; bidirectional is a lane for turning that both directions use",
+    "speed_mps": "speed limit, m/s; null where the map has none",
+    "junction_id": "the junction of map.xodr it is in; null outside",
+    "left_m, right_m": "its borders in its direction of travel, x, y; its centre is half-way between "
+    "points of one number",
+    "z_m": "height at each of these points",
+    "successors": "the lanes after it, in its direction of travel; it is a predecessor of these",
+    "left, right": "the lane directly beside it, and whether its traffic goes the same way",
+}
+_COURSES: Final = {
+    "stands": "whether it is parked: nobody drives it, and its course is where it stands",
+    "course": "where its middle would have been without the crash, every step_s from the start, and its speed, m/s",
+    "route": "the lanes of lanes.json along which it was going; none where it starts in no lane",
+    "goal": "of drivers: the rectangle to be reached, around its middle, along its heading; when, in seconds from the "
+    "start; how far the heading may be off",
+}
+
+
+def lane_id(ref: LaneRef) -> str:
+    """A lane's name in ``lanes.json`` and in other forms.
+
+    >>> lane_id(LaneRef("12", 0, -1))
+    '12.0.-1'
+    """
+    return f"{ref.road_id}.{ref.section}.{ref.lane_id}"
+
+
+def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
+    """The lanes that traffic drives in as UTF-8 JSON; the same bytes for the same map."""
+    shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
+    known = {shape.ref for shape in shapes}
+    document = {
+        "key": key,
+        "frame": _FRAME,
+        "proj": network.frame.proj,
+        "attribution": network.attribution,
+        "columns": _LANES,
+        "lanes": [_lane(shape, known) for shape in shapes],
+    }
+    return _json(document)
+
+
+def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
+    """What everybody was going to do as UTF-8 JSON; the same bytes for the same crash."""
+    document = {
+        "key": key,
+        "frame": _FRAME,
+        "step_s": STEP_S,
+        "columns": _COURSES,
+        "parties": {str(drive.number): _party(drive) for drive in drives},
+    }
+    return _json(document)
+
+
+def _lane(shape: LaneShape, known: set[LaneRef]) -> dict[str, Any]:
+    kept = worth_keeping([shape.left_m, shape.right_m], _AS_GOOD_AS_M)
+
+    def beside(ref: LaneRef | None, same_way: bool) -> dict[str, Any] | None:
+        return {"id": lane_id(ref), "same_way": same_way} if ref in known and ref is not None else None
+
+    return {
+        "id": lane_id(shape.ref),
+        "type": str(shape.type),
+        "speed_mps": None if shape.speed_mps is None else round(shape.speed_mps, 2),
+        "junction_id": shape.junction_id,
+        "left_m": _rounded(shape.left_m[kept, :2]),
+        "right_m": _rounded(shape.right_m[kept, :2]),
+        "z_m": _rounded(shape.left_m[kept, 2]),
+        "successors": [lane_id(ref) for ref in shape.successors if ref in known],
+        "left": beside(shape.left, shape.left_same_way),
+        "right": beside(shape.right, shape.right_same_way),
+    }
+
+
+def _rounded(values: FloatArray, decimals: int = 2) -> Any:
+    return (values.round(decimals) + 0.0).tolist()
+
+
+def _party(drive: Drive) -> dict[str, Any]:
+    course = drive.course[:1] if drive.is_parked else drive.course
+    return {
+        "name": party_label(drive.number),
+        "stands": drive.is_parked,
+        "course": {
+            name: _rounded(values, _DECIMALS.get(name, 2))
+            for name, values in zip(COURSE_COLUMNS, course.T, strict=True)
+        },
+        "route": None if drive.route is None else [lane_id(ref) for ref in drive.route.lanes],
+        "goal": None if drive.goal is None else _goal(drive.goal),
+    }
+
+
+def _goal(goal: Goal) -> dict[str, float]:
+    return {
+        "x_m": round(goal.pose.x_m, 2),
+        "y_m": round(goal.pose.y_m, 2),
+        "heading_rad": round(goal.pose.heading_rad, 3),
+        "length_m": GOAL_LENGTH_M,
+        "width_m": GOAL_WIDTH_M,
+        "within_rad": GOAL_HEADING_RAD,
+        "from_s": round(goal.from_s, 2),
+        "to_s": round(goal.to_s, 2),
+    }
+
+
+def _json(document: dict[str, Any]) -> bytes:
+    return (json.dumps(document, ensure_ascii=False, separators=(",", ":")) + "\n").encode()
