@@ -21,8 +21,8 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.states.departures import estimate_departure
 from trace_dag.states.objects import PlacedBy
 from trace_dag.states.types import StateEstimate
-from trace_dag.verdict.controls import JudgedCrash, shifted_estimate, shifted_row
-from trace_dag.verdict.departure_controls import against_other_departure_reports, mirrored_departure, object_moved
+from trace_dag.verdict.controls import JudgedCrash, against_other_reports, shifted_estimate, shifted_row
+from trace_dag.verdict.departure_controls import departures_differ, in_place_of, mirrored_departure, object_moved
 from trace_dag.verdict.judge import judge
 from trace_dag.verdict.types import Verdict
 
@@ -189,5 +189,5 @@ def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
 
 def test_a_report_of_another_object_does_not_pass_for_the_own_one() -> None:
     crashes = [judged_crash(replace(left_road(code), key=f"2023-{code}")) for code in (TREE, POLE)]
-    rows = list(against_other_departure_reports(crashes[0], crashes, VerdictSettings()))
+    rows = list(against_other_reports(crashes[0], crashes, VerdictSettings(), in_place_of, departures_differ))
     assert [(row.other_key, row.reports_differ, row.accepted) for row in rows] == [("2023-30", True, False)]

@@ -13,9 +13,8 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import strikes_of
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.types import Manoeuvre
-from trace_dag.verdict.controls import JudgedCrash, shifted_row
+from trace_dag.verdict.controls import JudgedCrash, against_other_reports, of_same_kind, shifted_row
 from trace_dag.verdict.strike_controls import (
-    against_other_strike_reports,
     in_place_of,
     late_person,
     mirrored,
@@ -48,7 +47,7 @@ def other(person_fields: dict[str, object], key: str = "2023-2") -> JudgedCrash:
 def test_another_persons_report_is_refused_where_it_says_something_else(
     fields: dict[str, object], differ: bool
 ) -> None:
-    (row,) = against_other_strike_reports(judged(), [other(fields)], SETTINGS)
+    (row,) = against_other_reports(judged(), [other(fields)], SETTINGS, in_place_of, strikes_differ)
     assert (row.kind, row.other_key, row.reports_differ) == ("other_report", "2023-2", differ)
     assert row.accepted is not differ
 
@@ -57,7 +56,7 @@ def test_reports_of_another_kind_or_length_are_not_set_beside_it() -> None:
     cyclist = struck(rider(), code=9)
     _, hypothesis, log = crossing()
     others = [JudgedCrash(replace(cyclist, key="2023-3"), STREET, hypothesis, log)]
-    assert list(against_other_strike_reports(judged(), others, SETTINGS)) == []
+    assert list(of_same_kind(judged(), others)) == []
     assert in_place_of(struck(FROM_RIGHT, vehicles=2), struck(FROM_RIGHT)) is None
     assert in_place_of(record(vehicle(1, 12), vehicle(2, 12)), struck(FROM_RIGHT)) is None
 

@@ -13,19 +13,23 @@ from trace_dag.progress import Progress, silent
 from trace_dag.settings import VerdictSettings
 from trace_dag.studies.stored_crashes import judged_crashes
 from trace_dag.studies.tables import CONTROLS, store
+from trace_dag.verdict import departure_controls, strike_controls
 from trace_dag.verdict.contact_controls import contact_controls, parked_moved
 from trace_dag.verdict.controls import (
     ControlRow,
     JudgedCrash,
     Shift,
     against_other_reports,
+    of_same_kind,
+    renumbered,
+    reports_differ,
     shifted_estimate,
     shifted_in_time,
     shifted_row,
     true_pairing,
 )
-from trace_dag.verdict.departure_controls import against_other_departure_reports, mirrored_departure, object_moved
-from trace_dag.verdict.strike_controls import against_other_strike_reports, late_person, mirrored
+from trace_dag.verdict.departure_controls import departures_differ, mirrored_departure, object_moved
+from trace_dag.verdict.strike_controls import late_person, mirrored, strikes_differ
 
 _OF_TWO = (Reconstruction.COLLISION, Reconstruction.STRIKES)
 """Whose reports are set beside a collision of two vehicles, where two vehicles met: after a person was struck, too."""
@@ -84,14 +88,16 @@ def _of_crash(
     """The controls of one crash, by what it is reconstructed as; ``judged`` simulates one with a party moved."""
     reconstruction = reconstruction_of(crash.record)
     if reconstruction is Reconstruction.STRIKES:
-        yield from against_other_strike_reports(crash, verified, settings)
+        of_kind = of_same_kind(crash, verified)
+        yield from against_other_reports(crash, of_kind, settings, strike_controls.in_place_of, strikes_differ)
         yield judged(crash, late_person(crash.hypothesis))
         other_side = mirrored(crash.record, crash.hypothesis)
         if other_side is not None:
             yield replace(judged(crash, other_side), kind="mirrored", shift_s=None)
         return
     if reconstruction in (Reconstruction.DEPARTURE, Reconstruction.OVERTURN):
-        yield from against_other_departure_reports(crash, verified, settings)
+        of_kind = of_same_kind(crash, verified)
+        yield from against_other_reports(crash, of_kind, settings, departure_controls.in_place_of, departures_differ)
         for kind, changed in (("mirrored", mirrored_departure(crash)), ("object_moved", object_moved(crash))):
             if changed is not None:
                 yield replace(judged(crash, changed), kind=kind, shift_s=None)
@@ -103,5 +109,5 @@ def _of_crash(
             yield replace(judged(crash, aside), kind="parked_moved", shift_s=None)
     else:
         pairs = (each for each in verified if reconstruction_of(each.record) in _OF_TWO)
-        yield from against_other_reports(crash, pairs, settings)
+        yield from against_other_reports(crash, pairs, settings, renumbered, reports_differ)
     yield judged(crash, shifted_in_time(crash.hypothesis))

@@ -14,7 +14,7 @@ acceptance is worth. Two ways of being wrong, both over a whole cohort, judged b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,19 +80,32 @@ def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
 
 
 def against_other_reports(
-    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
+    crash: JudgedCrash,
+    others: Iterable[JudgedCrash],
+    settings: VerdictSettings,
+    in_place_of: Callable[[CrashRecord, CrashRecord], CrashRecord | None],
+    differ: Callable[[CrashRecord, CrashRecord, VerdictSettings], bool],
 ) -> Iterator[ControlRow]:
-    """One simulation against every other crash's report, vehicles matched in the order of their numbers."""
+    """One simulation against every other crash's report.
+
+    ``in_place_of`` gives the other report the party numbers of the crash's own, None where they do not correspond;
+    ``differ`` says whether two such reports contradict each other.
+    """
     observed = observe_crash(crash.record, crash.network, crash.hypothesis, crash.log, settings)
     for other in others:
         if other.record.key == crash.record.key:
             continue
-        foreign = renumbered(other.record, crash.record)
+        foreign = in_place_of(other.record, crash.record)
         if foreign is None:
             continue
         verdict = judge_observed(foreign, observed, settings)
         row = row_of("other_report", crash.record.key, verdict, other_key=other.record.key)
-        yield replace(row, reports_differ=reports_differ(crash.record, foreign, settings))
+        yield replace(row, reports_differ=differ(crash.record, foreign, settings))
+
+
+def of_same_kind(crash: JudgedCrash, others: Iterable[JudgedCrash]) -> Iterator[JudgedCrash]:
+    """The crashes of the same kind."""
+    return (other for other in others if other.record.kind is crash.record.kind)
 
 
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
@@ -117,7 +130,7 @@ def _disjoint(one: frozenset[float], two: frozenset[float]) -> bool:
 
 
 def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """The other record with its colliding pair numbered as the own one's, so that it can be judged against."""
+    """The other record with its colliding pair numbered as the own one's, in the order of their numbers."""
     theirs, ours = other.colliding_vehicles, own.colliding_vehicles
     if theirs is None or ours is None:
         return None

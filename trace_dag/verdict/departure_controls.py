@@ -7,7 +7,6 @@ placed by us, so that a verdict can only be worth what these reject: the mirrore
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -21,30 +20,13 @@ from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
 from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
-from trace_dag.verdict.controls import ControlRow, JudgedCrash, Shift, row_of
+from trace_dag.verdict.controls import JudgedCrash, Shift
 from trace_dag.verdict.departures import observe_departure, reported_zone
-from trace_dag.verdict.judge import judge_observed, observe_crash
 from trace_dag.verdict.metrics import clock_error_h
 
 _ALONG_RAD: Final = math.radians(1.5)  # who goes off at less goes along the road
 _LOOKED_AT: Final = 4  # steps of the plan between two looks at it
 _ALONG_M, _ACROSS_M = 5.0, 3.0
-
-
-def against_other_departure_reports(
-    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
-) -> Iterator[ControlRow]:
-    """One simulation against every other report of the same kind of crash, its place left its own."""
-    observed = observe_crash(crash.record, crash.network, crash.hypothesis, crash.log, settings)
-    for other in others:
-        if other.record.key == crash.record.key or other.record.kind is not crash.record.kind:
-            continue
-        foreign = in_place_of(other.record, crash.record)
-        if foreign is None:
-            continue
-        row = row_of("other_report", crash.record.key, judge_observed(foreign, observed, settings))
-        differ = departures_differ(crash.record, foreign, settings)
-        yield replace(row, other_key=other.record.key, reports_differ=differ)
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:

@@ -7,7 +7,6 @@ the road is in the vehicle's way a little later as well: such a person comes so 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -20,30 +19,13 @@ from trace_dag.crash.zones import reported_zones
 from trace_dag.settings import VerdictSettings
 from trace_dag.states.courses import COMPASS_DEG, CROSSING, told_courses
 from trace_dag.states.types import Hypothesis, Manoeuvre, ParticipantState
-from trace_dag.verdict.controls import LEAST_SHIFT_S, STANDING_MPS, ControlRow, JudgedCrash, Shift, delayed, row_of
+from trace_dag.verdict.controls import LEAST_SHIFT_S, STANDING_MPS, Shift, delayed
 from trace_dag.verdict.directions import reported_turns_deg
-from trace_dag.verdict.judge import judge_observed, observe_crash
 from trace_dag.verdict.metrics import clock_error_h
 
 _CROSSES: Final = frozenset({Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT})
 _STANDING_MPS: Final = 0.3
 _MISS_BY_M: Final = 10.0
-
-
-def against_other_strike_reports(
-    crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
-) -> Iterator[ControlRow]:
-    """One simulation against every other report of the same kind of crash, its place left its own."""
-    observed = observe_crash(crash.record, crash.network, crash.hypothesis, crash.log, settings)
-    for other in others:
-        if other.record.key == crash.record.key or other.record.kind is not crash.record.kind:
-            continue
-        foreign = in_place_of(other.record, crash.record)
-        if foreign is None:
-            continue
-        row = row_of("other_report", crash.record.key, judge_observed(foreign, observed, settings))
-        differ = strikes_differ(crash.record, foreign, settings)
-        yield replace(row, other_key=other.record.key, reports_differ=differ)
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
