@@ -153,12 +153,9 @@ def verdict(key: str, log_text: bytes, services: Services, settings: VerdictSett
 def picture(crash: CrashFiles) -> dict[str, bytes]:
     from PIL import Image
 
-    image, files = Image.new("RGB", (64, 36), (0, 114, 178)), {}
-    for extension in ("png", "webp"):
-        stream = io.BytesIO()
-        image.save(stream, extension)
-        files[extension] = stream.getvalue()
-    return files | {"svg": b"<svg xmlns='http://www.w3.org/2000/svg'/>"}
+    stream = io.BytesIO()
+    Image.new("RGB", (64, 36), (0, 114, 178)).save(stream, "png")
+    return {"png": stream.getvalue(), "svg": b"<svg xmlns='http://www.w3.org/2000/svg'/>"}
 
 
 ARTEFACTS = {

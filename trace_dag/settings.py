@@ -283,7 +283,9 @@ class AutomationSettings(_Section):
         (), description="Program and arguments that are given each alert as JSON on standard input."
     )
     site_url: str | None = Field(
-        None, description="Where the benchmark page is served; null is /site of the server that trace-dag ui starts."
+        None,
+        description="Where the root is served, for links to pages and pictures; null is /site of the server that "
+        "trace-dag ui starts.",
     )
 
 

@@ -62,11 +62,11 @@ def test_rejected_crashes_are_materialized_everywhere_with_their_outcome(campaig
         assert "7 m" in str(metadata["detail"])
 
 
-def test_verdict_carries_its_picture_inline(campaign):
+def test_verdict_carries_its_sketch_inline_and_links_its_picture(campaign):
     made = campaign({KEYS[0]: ""})
     made.run()
     ((_, metadata),) = materializations(made, Stage.VERDICT)
-    assert str(metadata["picture"]).startswith(f"![{KEYS[0]} from above](data:image/webp;base64,")
+    assert str(metadata["picture"]) == f"![{KEYS[0]} from above](/site/pictures/{KEYS[0]}.png)"
     assert str(metadata["sketch"]).startswith(f"![{KEYS[0]} from above](data:image/svg+xml,%3Csvg%20")
     assert Path(str(metadata["picture file"])).read_bytes().startswith(b"\x89PNG")
 
@@ -77,7 +77,7 @@ def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_comman
     root = made.workspace.storage.root
     shown = dict(materializations(made, Stage.VERDICT))
     assert {key: metadata["page"] for key, metadata in shown.items()} == {
-        key: f"/site/crashes/{key}.html" for key in KEYS[:2]
+        key: f"/site/benchmark/crashes/{key}.html" for key in KEYS[:2]
     }
     assert shown[KEYS[0]]["page file"] == f"{root}/benchmark/crashes/{KEYS[0]}.html"
     assert shown[KEYS[0]]["replay"] == f"trace-dag --root {root} replay {KEYS[0]}"

@@ -22,6 +22,8 @@ def storage(tmp_path: Path) -> Storage:
     storage = Storage.open(tmp_path / "root")
     storage.write("benchmark/index.html", b"<h1>All crashes</h1>")
     storage.write("benchmark/crashes/2023-1.html", b"<h1>One</h1>")
+    storage.write("pictures/2023-1.png", b"\x89PNG")
+    storage.write("raw_report/2023-1.xml", b"<x/>")
     storage.write("settings.toml", b"")
     return storage
 
@@ -38,19 +40,25 @@ def asked(storage: Storage, path: str, method: str = "GET") -> tuple[int, dict[s
 
 
 def test_pages_are_served_with_their_type_and_cannot_act_for_the_ui(storage):
-    status, headers, body = asked(storage, "/site/crashes/2023-1.html")
+    status, headers, body = asked(storage, "/site/benchmark/crashes/2023-1.html")
     assert (status, body) == (200, b"<h1>One</h1>")
     assert headers["content-type"] == "text/html; charset=utf-8"
     policy = headers["content-security-policy"].split()
     assert policy[0] == "sandbox"
     assert "allow-same-origin" not in policy
-    assert asked(storage, "/site/")[2] == b"<h1>All crashes</h1>"
-    assert asked(storage, "/site/", "HEAD")[2] == b""
-    assert asked(storage, "/site")[1]["location"] == "/site/"
+    assert asked(storage, "/site/pictures/2023-1.png")[2] == b"\x89PNG"
+    assert asked(storage, "/site/benchmark/")[2] == b"<h1>All crashes</h1>"
+    assert asked(storage, "/site/benchmark/", "HEAD")[2] == b""
+    for short in ("/site", "/site/", "/site/benchmark"):
+        assert asked(storage, short)[1]["location"] == "/site/benchmark/"
 
 
 @pytest.mark.parametrize(
-    "path", ["/site/../settings.toml", "/site//etc/passwd", "/site/.hidden", "/site/crashes", "/site/x"]
+    "path",
+    [
+        *("/site/../settings.toml", "/site/settings.toml", "/site/raw_report/2023-1.xml", "/site//etc/passwd"),
+        *("/site/.hidden", "/site/benchmark/crashes", "/site/benchmark/x", "/site/benchmark/../settings.toml"),
+    ],
 )
 def test_nothing_else_of_the_root_is_served(storage, path):
     status, _, body = asked(storage, path)

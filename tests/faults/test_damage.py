@@ -217,8 +217,6 @@ EVERYTHING = (
     (PACKAGE, DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/crashes/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/replays/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
-    (f"benchmark/pictures/{KEY}.png", DisagreementKind.DAMAGED_PAGE),
-    (f"benchmark/files/{KEY}/map.xodr", DisagreementKind.DAMAGED_PAGE),
     ("benchmark/index.html", DisagreementKind.DAMAGED_PAGE),
     ("ledgers/benchmark.json", DisagreementKind.DAMAGED_PAGE),
 )

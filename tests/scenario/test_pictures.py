@@ -17,7 +17,7 @@ from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.map_surfaces import ASPHALT
-from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
+from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 
@@ -59,10 +59,10 @@ def test_what_is_not_known_is_not_drawn() -> None:
 
 def test_files_show_the_picture() -> None:
     picture = draw_crash(RECORD, STREET, REPORT)
-    assert np.array_equal(np.asarray(Image.open(io.BytesIO(as_png(picture)))), np.asarray(picture))
-    small = Image.open(io.BytesIO(as_thumbnail(picture)))
-    assert small.format == "WEBP"
-    assert small.width == pytest.approx(picture.width / 2, abs=1)
+    stored = np.asarray(Image.open(io.BytesIO(as_png(picture))).convert("RGB"), dtype=float)
+    off = np.abs(stored - np.asarray(picture, dtype=float))
+    assert off.mean() < 3.0, "a palette changes colours by little"
+    assert np.median(off) < 5.0
 
 
 def test_the_legend_fits_below_the_picture_however_much_there_is_to_say(crash) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +17,7 @@ from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 DATA_VERSION = "dagster/data_version"
-_SITE = "/site"  # where trace-dag ui serves it: a browser completes the link with the server's own name
+_SITE = "/site"  # where trace-dag ui serves the root: a browser completes the link with the server's own name
 
 
 def data_version(record: OutcomeRecord) -> str:
@@ -41,7 +40,7 @@ def materialization(event: StageEvent, storage: Storage, site_url: str | None = 
 def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = None) -> Mapping[str, Any]:
     """Metadata of a materialization. ``outcome``, ``reason`` and ``stage_reached`` are always there.
 
-    ``site_url``: where the benchmark page is served, if not by the server that shows this.
+    ``site_url``: where the root's pages and pictures are served, if not by the server that shows this.
     """
     record = event.record
     if record is None:
@@ -61,9 +60,9 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
     if event.no_picture:
         metadata["picture"] = f"could not be drawn: {event.no_picture}"
     if event.stage is Stage.VERDICT:
-        metadata.update(picture_metadata(record, storage))
+        metadata.update(picture_metadata(record, storage, site_url))
         # Of every crash, rejected or not; made or brought up to date when the runs are done.
-        metadata["page"] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key).partition('/')[2]}")
+        metadata["page"] = MetadataValue.url(f"{site_url or _SITE}/{page_name(event.key)}")
         metadata["page file"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
@@ -77,18 +76,21 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
     return metadata
 
 
-def picture_metadata(record: OutcomeRecord, storage: Storage) -> dict[str, Any]:
+def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
     """The crash as a sketch, shown in place; its picture, a click away; and where the file lies. Nothing if there is
-    none, or if it is damaged."""
-    sketch, small, large = (record.picture(extension) for extension in ("svg", "webp", "png"))
-    if sketch is None or small is None or large is None:
+    none, or if the sketch is damaged.
+
+    The picture is linked: in the event log it would be kept a second and a third time.
+    """
+    sketch, picture = (record.picture(extension) for extension in ("svg", "png"))
+    if sketch is None or picture is None:
         return {}
     try:
-        drawn, inline = storage.read_whole(sketch).decode(), base64.b64encode(storage.read_whole(small)).decode()
+        drawn = storage.read_whole(sketch).decode()
     except DamagedFile as damaged:
         return {"picture": str(damaged)}
     return {
         "sketch": MetadataValue.md(f"![{record.key} from above]({data_url(drawn)})"),
-        "picture": MetadataValue.md(f"![{record.key} from above](data:image/webp;base64,{inline})"),
-        "picture file": MetadataValue.path(storage.path(large.name)),
+        "picture": MetadataValue.md(f"![{record.key} from above]({site_url or _SITE}/{picture.name})"),
+        "picture file": MetadataValue.path(storage.path(picture.name)),
     }

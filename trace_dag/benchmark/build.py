@@ -1,9 +1,10 @@
 """The benchmark: a scenario package for every verified crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``thumbnails/`` moving pictures of verified crashes, ``files/`` single files, ``replays/`` and ``pictures/`` of every
-crash that got so far. A crash whose artefacts, outcome and code have not changed is not made again. Belongs here:
-what goes where. Does not belong here: what packages and pages look like (:mod:`trace_dag.scenario`).
+``thumbnails/`` moving pictures of verified crashes, ``replays/`` of every crash that got so far. Nothing is stored
+twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and code have not changed
+is not made again. Belongs here: what goes where. Does not belong here: what packages and pages look like
+(:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -17,16 +18,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from trace_dag.benchmark.packaging import map_attribution, package_of, unverified_files
+from trace_dag.benchmark.packaging import map_attribution, package_of
 from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
-from trace_dag.flow.artefacts import ESTIMATE, LOGS, MAP_REPORT, RECORD, REJECTED_REPORT, ROAD_MAP, VERDICT
+from trace_dag.flow.artefacts import (
+    ESTIMATE,
+    LOGS,
+    MAP_REPORT,
+    RECORD,
+    REJECTED_REPORT,
+    ROAD_MAP,
+    VERDICT,
+    XODR,
+    Artefact,
+)
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
 from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.standing import FinalState
-from trace_dag.flow.worker import picture_name
 from trace_dag.flow.workspace import Workspace
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
@@ -40,8 +50,9 @@ SUBJECT = "benchmark"  # of the ledger
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
-_FILES = f"{FOLDER}/files/"
-_OFFERED = ("map.xodr", "scenario.xosc", "verdict.json")
+_REPLAYS = "replays"
+# Of a crash without a package, as its page calls them.
+_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
 
 
 def page_name(key: str) -> str:
@@ -117,11 +128,14 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
                 made.update((file.name, file) for file in lost.files)
             done += len(answer.task.crashes)
             workspace.page_listener(done, len(stale))
-    _remove_others(storage, {"packages": verified, "thumbnails": verified, "replays": {crash.key for crash in crashes}})
     made_of = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     kept = made_of.keys() - {crash.key for crash in stale}
     files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
     index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
+    gone = before.files.keys() - files.keys() - {file.name for file in index}
+    for name in {name for name in gone if crash_of(name) not in errors}:
+        storage.delete(name)
+    _remove_others(storage, {"packages": verified, "thumbnails": verified, _REPLAYS: {crash.key for crash in crashes}})
     write_ledger(storage, SUBJECT, [*files.values(), *index], made_of | {_BY_CODE: _code()})
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
@@ -147,19 +161,12 @@ def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
 
 def crash_of(name: str) -> str:
     """The key of the crash that a file of the benchmark belongs to; some other word for a file of the site."""
-    parts = name.split("/")
-    return parts[2] if parts[1] == "files" else parts[-1].partition(".")[0]
+    return name.rpartition("/")[2].partition(".")[0]
 
 
 def not_as_made(storage: Storage, ledger: Ledger, *, contents: bool = False) -> list[tuple[StoredFile, str]]:
-    """The benchmark's files that are not as its ledger says, and what is found.
-
-    On an object store single files lie in a folder per crash, which would cost a listing each: they are looked at only
-    where the contents are read.
-    """
-    local = storage.local_root is not None
-    files = [file for file in ledger.files.values() if local or contents or not file.name.startswith(_FILES)]
-    return list(not_as_listed(storage, files, contents=contents))
+    """The benchmark's files that are not as its ledger says, and what is found."""
+    return list(not_as_listed(storage, ledger.files.values(), contents=contents))
 
 
 def benchmark_is_whole(storage: Storage) -> bool:
@@ -233,35 +240,31 @@ def _make(task: _Task) -> _Made:
 @no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
+    from trace_dag.scenario.package import zip_files
+    from trace_dag.scenario.page_templates import packed_page
     from trace_dag.scenario.thumbnail import moving_thumbnail
+    from trace_dag.studies.replays import replay
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED
-    made = package_of(files) if verified else unverified_files(files)
     downloads: list[Download] = []
     written: list[StoredFile] = []
+    watched = None
     if verified:
-        archive = storage.write(package_name(key), _zipped(key, made))
+        package = package_of(files)
+        watched = package["replay.html"]
+        archive = storage.write(package_name(key), zip_files(package, folder=key))
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
         log = files.load(LOGS)[files.load(VERDICT).hypothesis]
         written.append(storage.write(thumbnail_name(key), moving_thumbnail(files.load(ROAD_MAP), log).encode()))
-    for name in _OFFERED:
-        if name in made:
-            stored = storage.write(f"{_FILES}{key}/{name}", made[name])
-            written.append(stored)
-            downloads.append(Download(name, f"../files/{key}/{name}", stored.size))
-        else:
-            storage.delete(f"{_FILES}{key}/{name}")
-    if replay := made.get("replay.html"):
-        written.append(storage.write(f"{FOLDER}/replays/{key}.html", replay))
     else:
-        storage.delete(f"{FOLDER}/replays/{key}.html")
+        stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
+        downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
+        watched = replay(files, "html") if files.has(LOGS) else None
+    if watched is not None:
+        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.html", packed_page(watched, "../unpack.js")))
     picture = files.picture("png")
-    if picture is not None:
-        written.append(storage.write(f"{FOLDER}/{picture_name(key)}", picture))
-    else:  # rejected before there was anything to draw, or it could not be drawn
-        storage.delete(f"{FOLDER}/{picture_name(key)}")
     page = CrashPage(
         crash.row,
         crash.outcomes,
@@ -271,17 +274,11 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         rejected_map=files.load(REJECTED_REPORT) if files.has(REJECTED_REPORT) else None,
         estimate=files.load(ESTIMATE) if files.has(ESTIMATE) else None,
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
-        picture=f"../pictures/{key}.png" if picture else None,
-        replay=f"../replays/{key}.html" if replay else None,
+        picture=f"../../{picture.name}" if picture else None,
+        replay=f"../{_REPLAYS}/{key}.html" if watched is not None else None,
         downloads=downloads,
     )
     return [*written, storage.write(page_name(key), write_crash_page(page))]
-
-
-def _zipped(key: str, package: Mapping[str, bytes]) -> bytes:
-    from trace_dag.scenario.package import zip_files
-
-    return zip_files(package, folder=key)
 
 
 def is_made_by_this_code(storage: Storage) -> bool:

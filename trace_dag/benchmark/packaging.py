@@ -18,7 +18,6 @@ from trace_dag.flow.artefacts import (
     REPORT_XML,
     ROAD_MAP,
     VERDICT,
-    VERDICT_JSON,
     XODR,
     surroundings_of,
 )
@@ -33,7 +32,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
     from trace_dag.scenario.package import PackageInput, package_files
     from trace_dag.studies.cases import case_of
 
-    verdict = files.load(VERDICT)
+    verdict, picture = files.load(VERDICT), files.picture("png")
     return package_files(
         PackageInput(
             record=files.load(RECORD),
@@ -56,23 +55,9 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
             verdict=verdict,
             drives=drives_of(case_of(files, files.settings.sim)),
             surroundings=surroundings_of(files),
+            picture=files.storage.read_whole(picture) if picture else None,
         )
     )
-
-
-def unverified_files(files: CrashFiles) -> dict[str, bytes]:
-    """What there is to hand out of a crash that was not verified, by the names that a package has for it: the map, the
-    verdict and a replay, as far as it got."""
-    from trace_dag.studies.replays import replay
-
-    made = {}
-    if files.has(ROAD_MAP):
-        made["map.xodr"] = files.load(XODR)
-    if files.has(VERDICT):
-        made["verdict.json"] = files.load(VERDICT_JSON)
-    if files.has(LOGS):
-        made["replay.html"] = replay(files, "html")
-    return made
 
 
 def map_attribution(records: Records) -> str:

@@ -14,7 +14,7 @@ _FOLDERS = (
     *(stage.value for stage in Stage),
     "reports",
     "pictures",
-    *(f"{BENCHMARK}/{folder}" for folder in ("crashes", "packages", "pictures", "replays")),
+    *(f"{BENCHMARK}/{folder}" for folder in ("crashes", "packages", "replays", "thumbnails")),
 )
 
 
@@ -27,8 +27,6 @@ def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
         for name in storage.list(folder)
         if name.rpartition("/")[2].partition(".")[0] in wanted
     ]
-    for key in keys:
-        names.extend(storage.list(f"{BENCHMARK}/files/{key}"))
     for name in names:
         storage.delete(name)
     ledger = sound_ledger(storage, SUBJECT)

@@ -22,5 +22,5 @@ def open_page(root: str, key: str | None) -> None:
         raise UserError(f"{storage.path(name)}: there is no such page yet; trace-dag run makes it")
     click.echo(storage.path(name))
     if storage.local_root is None:
-        raise UserError("the root is not on this machine; serve its folder benchmark/ with any web server")
+        raise UserError("the root is not on this machine; serve it with any web server and open benchmark/")
     click.launch(storage.path(name))

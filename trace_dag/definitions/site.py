@@ -1,5 +1,7 @@
 """The benchmark page over http, beside the Dagster UI: ``/site`` of the server that ``trace-dag ui`` starts.
 
+What its pages link to is served with it, by the paths that it has below the root, and nothing else.
+
 Browsers open no file from a page that a server has sent, so the links in the UI lead here. Pages are made of reports
 and maps, which are not trusted: they are sent with a sandbox that gives them an origin of their own, so that nothing in
 them can act for whoever has the UI open.
@@ -10,17 +12,20 @@ from __future__ import annotations
 import mimetypes
 from typing import Final
 
-from trace_dag.benchmark.build import FOLDER
+from trace_dag.benchmark.build import FOLDER, INDEX
 from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
 from trace_dag.errors import Failure, UserError
+from trace_dag.stage import Stage
 from trace_dag.storage import Storage, check_name
 
 PREFIX: Final = "/site"
+_HOME: Final = f"{PREFIX}/{FOLDER}/"
+_SERVED: Final = (FOLDER, "pictures", Stage.ROAD_MAP.value, Stage.VERDICT.value)
 _SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sandbox allow-downloads"
 
 
 class Site:
-    """An ASGI application in front of another: it answers what is below ``/site``, from the files of a root."""
+    """An ASGI application in front of another: it answers what is below ``/site``, from files of a root."""
 
     def __init__(self, app: App, storage: Storage) -> None:
         self._app = app
@@ -32,13 +37,14 @@ class Site:
         if scope["type"] != "http" or not (path == PREFIX or path.startswith(f"{PREFIX}/")):
             await self._app(scope, receive, send)
             return
-        if path == PREFIX:
-            await send_bytes(send, 307, b"", [(b"location", f"{PREFIX}/".encode())])
+        if path in (PREFIX, f"{PREFIX}/", _HOME.rstrip("/")):
+            await send_bytes(send, 307, b"", [(b"location", _HOME.encode())])
             return
-        name = path.removeprefix(f"{PREFIX}/") or "index.html"
+        name = INDEX if path == _HOME else path.removeprefix(f"{PREFIX}/")
         try:
-            check_name(f"{FOLDER}/{name}")
-            data = self._storage.read(f"{FOLDER}/{name}")
+            if name.partition("/")[0] not in _SERVED:
+                raise FileNotFoundError(name)
+            data = self._storage.read(check_name(name))
         except (FileNotFoundError, IsADirectoryError, ValueError, UserError, Failure):
             await send_bytes(send, 404, f"There is no {name} in the site; trace-dag run makes it.\n".encode())
             return

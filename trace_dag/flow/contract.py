@@ -174,13 +174,16 @@ class CrashFiles:
             for file in record.artefacts:
                 read_artefact(self.storage, record, file)
 
-    def picture(self, extension: str) -> bytes | None:
-        """The picture drawn of the crash as it stands; None if there is none. Raises :class:`DamagedArtefactError`."""
+    def stored(self, artefact: Artefact[Any]) -> StoredFile | None:
+        """The file of an artefact, the first of several; None if there is none."""
+        record = self._records.get(artefact.stage)
+        return record.artefact(artefact.extensions[0]) if record else None
+
+    def picture(self, extension: str) -> StoredFile | None:
+        """The picture drawn of the crash as it stands; None if there is none."""
         if not self._records:
             return None
-        record = self._records[max(self._records, key=lambda stage: stage.position)]
-        file = record.picture(extension)
-        return None if file is None else read_artefact(self.storage, record, file)
+        return self._records[max(self._records, key=lambda stage: stage.position)].picture(extension)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from trace_dag.flow.artefacts import (
     surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.scenario.pictures import as_png, as_thumbnail, draw_crash
+from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.rejected_map import draw_rejected_map
 from trace_dag.scenario.sketch import draw_sketch
 from trace_dag.stage import Stage
@@ -33,7 +33,7 @@ def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
         return {}
     network = crash.load(REJECTED_MAP if crash.has(REJECTED_MAP) else ROAD_MAP)
     sketch = draw_sketch(network, crash.shown_log())
-    return {"png": as_png(picture), "webp": as_thumbnail(picture), "svg": sketch.encode()}
+    return {"png": as_png(picture), "svg": sketch.encode()}
 
 
 def drawn(crash: CrashArtefacts) -> Image | None:

@@ -342,9 +342,9 @@ def _call_for_several(
         yield crash, product, started_at, duration_s
 
 
-PICTURE_EXTENSIONS = ("png", "webp", "svg")
+PICTURE_EXTENSIONS = ("png", "svg")
 
 
 def picture_name(key: str, extension: str = "png") -> str:
-    """Where a crash's picture lies below the storage root; ``webp`` is the small one, ``svg`` the sketch."""
+    """Where a crash's picture lies below the storage root; ``svg`` is the sketch."""
     return f"pictures/{key}.{extension}"

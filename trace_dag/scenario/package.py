@@ -53,8 +53,8 @@ class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
     ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
-    behind its roads. ``drives`` are what everybody
-    was going to do. ``variation`` says what was changed, as JSON, where this is not the crash itself.
+    behind its roads. ``drives`` are what everybody was going to do. ``picture`` is the crash from above as PNG, drawn
+    where it is not at hand. ``variation`` says what was changed, as JSON, where this is not the crash itself.
     """
 
     record: CrashRecord
@@ -70,6 +70,7 @@ class PackageInput:
     drives: Sequence[Drive]
     variation: Mapping[str, object] | None = None
     surroundings: Sequence[OsmFeature] = ()
+    picture: bytes | None = None
 
     @property
     def rights(self) -> Rights:
@@ -179,15 +180,6 @@ def _left_free(log: SimulationLog) -> list[int]:
 
 
 def _results(crash: PackageInput) -> list[_File]:
-    picture = draw_crash(
-        crash.record,
-        crash.network,
-        crash.map_report,
-        crash.estimate,
-        crash.log,
-        crash.verdict,
-        surroundings=crash.surroundings,
-    )
     replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings)
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
@@ -212,7 +204,7 @@ def _results(crash: PackageInput) -> list[_File]:
         _File("map_report.json", _CC0, "the crash's place on the map, gates", map_report_to_json(crash.map_report)),
         _File("verdict.json", _CC0, "every criterion with its value and threshold", verdict_to_json(crash.verdict)),
         _File("replay.html", crash.rights.licence, "the crash to watch, in any browser", replay),
-        _File("picture.png", crash.rights.licence, "the crash from above", as_png(picture)),
+        _File("picture.png", crash.rights.licence, "the crash from above", crash.picture or _drawn(crash)),
         _File("provenance.json", _CC0, "code, settings and inputs of every step", _json(crash.provenance)),
     ]
     struck = strikes(crash.log)
@@ -221,6 +213,20 @@ def _results(crash: PackageInput) -> list[_File]:
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files
+
+
+def _drawn(crash: PackageInput) -> bytes:
+    return as_png(
+        draw_crash(
+            crash.record,
+            crash.network,
+            crash.map_report,
+            crash.estimate,
+            crash.log,
+            crash.verdict,
+            surroundings=crash.surroundings,
+        )
+    )
 
 
 def _readme(crash: PackageInput, files: list[_File]) -> bytes:

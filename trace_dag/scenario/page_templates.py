@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -61,6 +63,20 @@ def templates() -> Environment:
     environment.filters["unit"] = lambda unit: "m/s" if unit == "mps" else unit
     environment.filters["kilobytes"] = lambda size: f"{max(1, round(size / 1024)):,} kB"
     return environment
+
+
+def packed_page(page: bytes, script: str) -> bytes:
+    """A page kept compressed inside a small one, a quarter of its size; ``script`` is where ``unpack.js`` lies.
+
+    It opens like the page itself, from a file too: there a browser lets a page read no other file, so that its content
+    has to be within it. The same page gives the same bytes.
+    """
+    content = base64.b64encode(gzip.compress(page, 6, mtime=0)).decode()
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Opening</title>'
+        "<noscript>This page is kept compressed and opens with JavaScript.</noscript>"
+        f'<script src="{script}"></script><script>unpack("{content}")</script></html>\n'
+    ).encode()
 
 
 def read(name: str) -> str:

@@ -6,9 +6,9 @@ network, no library, no CDN. The animated pictures of the same thing are in :mod
 
 from __future__ import annotations
 
-import base64
 import io
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -28,12 +28,15 @@ from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import templates
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
+from trace_dag.scenario.sketch import data_url
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
 
+_DIGITS = re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is below a millimetre of a street of some hundred metres
+_NEWLINES = re.compile(r"\s+")
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
 _MAP_INCHES = 10.0
@@ -88,7 +91,7 @@ def write_html_player(
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
-    svg = base64.b64encode(_map_svg(network, map_window, surroundings, dark=is_dark(record))).decode("ascii")
+    svg = _map_svg(network, map_window, surroundings, dark=is_dark(record))
     page = (
         templates()
         .get_template("replay.html.jinja")
@@ -103,7 +106,7 @@ def write_html_player(
             dark=is_dark(record),
             paired=beside is not None,
             outcome=drive.title if drive else _outcome(verdict),
-            map_svg=f"data:image/svg+xml;base64,{svg}",
+            map_svg=data_url(svg),
             data=_script_safe(
                 {
                     **_data(record, network, log, windows),
@@ -171,7 +174,7 @@ def _outcome(verdict: Verdict | None) -> str:
     return f"not verified: {(verdict.reason or '').replace('_', ' ')} ({verdict.detail})"
 
 
-def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> bytes:
+def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -183,7 +186,7 @@ def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFea
     stream = io.BytesIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trace-dag"}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return stream.getvalue()
+    return _NEWLINES.sub(" ", _DIGITS.sub(r"\1", stream.getvalue().decode()))
 
 
 def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 def static_files() -> dict[str, bytes]:
     """Style and script of the site by name."""
-    return {name: read(name).encode() for name in ("site.css", "site.js", "site_map.js")}
+    return {name: read(name).encode() for name in ("site.css", "site.js", "site_map.js", "unpack.js")}
 
 
 _FINAL_STATES = ("verified", "rejected", "failed", "pending")
