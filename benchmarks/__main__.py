@@ -17,7 +17,7 @@ import sys
 from benchmarks.measuring import Figure
 from benchmarks.results import PAGE, append, page
 
-SUITES = ("cold_start", "stages", "orchestration", "growth", "throughput")
+SUITES = ("cold_start", "stages", "orchestration", "growth", "throughput", "mask_and_predict")
 
 
 def main() -> int:

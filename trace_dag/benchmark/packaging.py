@@ -17,6 +17,7 @@ from trace_dag.flow.artefacts import (
     RECORD,
     REPORT_XML,
     ROAD_MAP,
+    SAMPLED,
     VERDICT,
     XODR,
     surroundings_of,
@@ -56,6 +57,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
             drives=drives_of(case_of(files, files.settings.sim)),
             surroundings=surroundings_of(files),
             picture=files.storage.read_whole(picture) if picture else None,
+            sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         )
     )
 

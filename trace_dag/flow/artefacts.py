@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from trace_dag.osm.types import OsmExtract, OsmFeature
     from trace_dag.roads.map.network import RoadNetwork
     from trace_dag.roads.report import MapReport, RejectedMapReport
+    from trace_dag.sim.sampled import SampledRuns
     from trace_dag.sim.types import SimulationLog
     from trace_dag.states.types import StateEstimate
     from trace_dag.verdict.types import Verdict
@@ -81,6 +82,9 @@ ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
     Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"
+)
+SAMPLED: Final[Artefact[SampledRuns]] = Artefact(
+    Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.sim.sampled:samples_from_json"
 )
 VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
 VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))

@@ -21,6 +21,7 @@ from trace_dag.roads.report import MapReport, RejectedMapReport
 from trace_dag.scenario.colours import vehicle_colour
 from trace_dag.scenario.object_shapes import in_words
 from trace_dag.scenario.page_templates import templates, words
+from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
@@ -51,6 +52,7 @@ class CrashPage:
     rejected_map: RejectedMapReport | None = None
     estimate: StateEstimate | None = None
     verdict: Verdict | None = None
+    sampled: SampledRuns | None = None
     picture: str | None = None
     replay: str | None = None
     downloads: Sequence[Download] = ()
@@ -74,6 +76,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         streets=_streets(page),
         picture_alt=_picture_alt(page),
         objects=_objects(page),
+        intervals=[_interval(each) for each in page.sampled.intervals] if page.sampled else [],
         version=__version__,
     ).encode()
 
@@ -119,6 +122,24 @@ def _objects(page: CrashPage) -> list[str]:
         return []
     chosen = page.verdict.hypothesis if page.verdict else 0
     return [f"event {item.event_number}: {in_words(item)}" for item in page.estimate.hypotheses[chosen].objects]
+
+
+_QUANTITIES = {
+    "impact_speed": ("Speed at the impact", "mph"),
+    "delta_v": ("Change of velocity", "mph"),
+    "contact_x": ("First contact, east of the reported point", "m"),
+    "contact_y": ("First contact, north of it", "m"),
+    "heading_angle": ("Angle between the headings", "°"),
+}
+
+
+def _interval(found: Interval) -> tuple[str, str, Sequence[str], str]:
+    """What of whom, the best value, the low, middle and high ones, and the unit they are in."""
+    what, unit = _QUANTITIES[found.quantity]
+    values = (found.best, found.low, found.middle, found.high)
+    shown = [f"{mps_to_mph(value) if unit == 'mph' else value:.{1 if unit == 'm' else 0}f}" for value in values]
+    whose = "" if found.party is None else party_in_words(found.party)
+    return what, whose, shown, unit
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:

@@ -34,6 +34,7 @@ from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.strikes import strikes
 from trace_dag.scenario.trajectories import log_to_json
+from trace_dag.sim.sampled import SampledRuns, samples_to_json
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.json_io import estimate_to_json
 from trace_dag.states.types import StateEstimate
@@ -53,8 +54,9 @@ class PackageInput:
     """One crash's artefacts. ``log`` is of the hypothesis that ``verdict`` names.
 
     ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
-    behind its roads. ``drives`` are what everybody was going to do. ``picture`` is the crash from above as PNG, drawn
-    where it is not at hand. ``variation`` says what was changed, as JSON, where this is not the crash itself.
+    behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are what everybody was going to
+    do. ``picture`` is the crash from above as PNG, drawn where it is not at hand. ``variation`` says what was changed,
+    as JSON, where this is not the crash itself.
     """
 
     record: CrashRecord
@@ -71,6 +73,7 @@ class PackageInput:
     variation: Mapping[str, object] | None = None
     surroundings: Sequence[OsmFeature] = ()
     picture: bytes | None = None
+    sampled: SampledRuns | None = None
 
     @property
     def rights(self) -> Rights:
@@ -210,6 +213,9 @@ def _results(crash: PackageInput) -> list[_File]:
     struck = strikes(crash.log)
     if struck:
         files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))
+    if crash.sampled is not None:
+        what = "what the report leaves open: draws of the crash, weighed by the report, and their intervals"
+        files.append(_File("intervals.json", _CC0, what, samples_to_json(crash.sampled)))
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))
     return files

@@ -20,6 +20,11 @@ BESIDE_ROAD_M = 5.0  # a reported point this near its carriageway is met as it i
 ON_ROAD_M = 8.0  # a lane whose centre is farther from the crash did not carry it
 
 
+def place_of(placement: CrashPlacement) -> tuple[float, float]:
+    """Where an impact is to be: at the reported point, unless that had to be moved to another road."""
+    return (0.0, 0.0) if placement.moved_m <= BESIDE_ROAD_M else (placement.x_m, placement.y_m)
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """The crash on its map: what every candidate is made from."""
@@ -33,10 +38,8 @@ class Scene:
 
     @property
     def place_xy_m(self) -> tuple[float, float]:
-        """Where the impact is to be: at the reported point, unless that had to be moved to another road."""
-        if self.placement.moved_m <= BESIDE_ROAD_M:
-            return 0.0, 0.0
-        return self.placement.x_m, self.placement.y_m
+        """Where the impact is to be."""
+        return place_of(self.placement)
 
     @cached_property
     def carriageway(self) -> MultiPolygon:

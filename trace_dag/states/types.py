@@ -188,6 +188,27 @@ class EstimatorRun:
         return f"{made}, in place of the {self.fallback_from} estimator: {self.fallback_reason}"
 
 
+@dataclass(frozen=True)
+class PartyDraw:
+    """One party of a draw: speeds without sign, and its place when the plan has it at the impact, off the plan's."""
+
+    number: int
+    travel_mps: float
+    impact_mps: float
+    ahead_m: float
+    left_m: float
+    mass_kg: float
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A draw: the index of the hypothesis, the friction as a share of the plan's, and every party."""
+
+    hypothesis: int
+    friction: float
+    parties: tuple[PartyDraw, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class StateEstimate:
     """All hypotheses of one crash, best first, at least one; the ones after the first are runners-up."""
@@ -196,6 +217,7 @@ class StateEstimate:
     hypotheses: tuple[Hypothesis, ...]
     run: EstimatorRun
     ambiguity: float = 0.0  # posterior share of everything but the best hypothesis, 0 to 1
+    samples: tuple[Sample, ...] = ()  # draws of what the report leaves open
 
     @property
     def best(self) -> Hypothesis:

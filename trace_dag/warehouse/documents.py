@@ -18,13 +18,14 @@ if TYPE_CHECKING:
     import duckdb
 
 JSON_DOCUMENTS = {
-    "map_report": Stage.ROAD_MAP,
-    "estimate": Stage.STATE_ESTIMATE,
-    "simulation": Stage.SIMULATION_LOG,
-    "verdict": Stage.VERDICT,
+    "map_report": (Stage.ROAD_MAP, "json"),
+    "estimate": (Stage.STATE_ESTIMATE, "json"),
+    "simulation": (Stage.SIMULATION_LOG, "json"),
+    "sampled": (Stage.SIMULATION_LOG, "samples.json"),
+    "verdict": (Stage.VERDICT, "json"),
 }
 _RECORD = "crash_record"
-DOCUMENTS = (*((stage, "json") for stage in JSON_DOCUMENTS.values()), (Stage.CRASH_RECORD, "parquet"))
+DOCUMENTS = (*JSON_DOCUMENTS.values(), (Stage.CRASH_RECORD, "parquet"))
 
 
 class DocumentTables:
@@ -47,8 +48,8 @@ class DocumentTables:
         """Take over some crashes. Raises ``FileNotFoundError`` if a record was deleted meanwhile."""
         import pyarrow as pa
 
-        for name, stage in JSON_DOCUMENTS.items():
-            found = [(crash.key, crash.documents[stage]) for crash in crashes if stage in crash.documents]
+        for name, document in JSON_DOCUMENTS.items():
+            found = [(crash.key, crash.documents[document]) for crash in crashes if document in crash.documents]
             keys, contents = ([each[column] for each in found] for column in (0, 1))
             texts = pa.array(contents, pa.binary()).cast(pa.string())  # never texts of Python's
             table = pa.table({"key": pa.array(keys, pa.string()), "content": texts})

@@ -24,12 +24,12 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class CrashSnapshot:
-    """One crash: every record there is, those that count, and the contents of its documents by stage."""
+    """One crash: every record there is, those that count, and its documents by stage and extension."""
 
     key: str
     records: Records
     valid: Records
-    documents: Mapping[Stage, bytes]
+    documents: Mapping[tuple[Stage, str], bytes]
 
 
 def read_snapshots(
@@ -62,17 +62,17 @@ def _read(
     records = read_records(storage, keys, complain=complain)
     valid = {key: valid_records(of_crash) for key, of_crash in records.items()}
     listed = {
-        (key, stage): file
+        (key, stage, extension): file
         for key, of_crash in valid.items()
         for stage, extension in documents
         if stage in of_crash and (file := of_crash[stage].artefact(extension)) is not None
     }
     contents = storage.read_many(file.name for file in listed.values())
     for key, of_crash in valid.items():
-        found: dict[Stage, bytes] = {}
+        found: dict[tuple[Stage, str], bytes] = {}
         damaged = None
-        for stage in of_crash:
-            file = listed.get((key, stage))
+        for stage, extension in sorted(documents, key=lambda document: document[0].position):
+            file = listed.get((key, stage, extension))
             if file is None:
                 continue
             data = contents.get(file.name)
@@ -80,5 +80,5 @@ def _read(
                 damaged = DamagedArtefactError(key, stage, file.name, "not the file its record lists")
                 of_crash = {each: record for each, record in of_crash.items() if each.position < stage.position}
                 break
-            found[stage] = data
+            found[stage, extension] = data
         yield CrashSnapshot(key, records[key], of_crash, found), damaged

@@ -1,4 +1,4 @@
-"""Stage ``simulation_log``: the hypotheses simulated."""
+"""Stage ``simulation_log``: the hypotheses simulated, and the draws of what the report leaves open."""
 
 from __future__ import annotations
 
@@ -10,21 +10,30 @@ from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.sim.backends import backend
 from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.run import simulate
+from trace_dag.sim.sampled import samples_to_json, simulate_samples
 from trace_dag.sim.types import VehicleLog, overturned_at
+from trace_dag.states.scene import place_of
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
     from trace_dag.roads.map.network import RoadNetwork
+    from trace_dag.roads.report import MapReport
     from trace_dag.settings import SimSettings
     from trace_dag.states.types import StateEstimate
 
 
 def simulation_log(
-    record: CrashRecord, road_map: RoadNetwork, xodr: bytes, estimate: StateEstimate, settings: SimSettings
+    record: CrashRecord,
+    road_map: RoadNetwork,
+    map_report: MapReport,
+    xodr: bytes,
+    estimate: StateEstimate,
+    settings: SimSettings,
 ) -> StageProduct:
     """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
+    files = {"parquet": steps, "json": summary}
     collided = [log for log in logs if log.first_contact is not None or any(map(_overturns, log.vehicles))]
     shown = collided[0] if collided else logs[0]
     figures: dict[str, Figure] = {
@@ -37,6 +46,11 @@ def simulation_log(
     if shown.first_contact is not None:
         figures["contact_time_s"] = shown.first_contact.time_s
         figures["closing_speed_mps"] = shown.first_contact.closing_speed_mps
+    sampled = None
+    if shown.first_contact is not None and estimate.samples:
+        sampled = simulate_samples(road_map, estimate, logs, settings, record, place_of(map_report.placement))
+        files["samples.json"] = samples_to_json(sampled)
+        figures["draws"] = f"{sampled.drawn}, worth {sampled.effective:g} of equal weight"
     rejection = None
     if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so
         rejection = Rejection(
@@ -45,7 +59,7 @@ def simulation_log(
             measured=0.0,
             threshold=1.0,
         )
-    return StageProduct({"parquet": steps, "json": summary}, figures, rejection)
+    return StageProduct(files, figures, rejection, {"samples.json": sampled} if sampled is not None else {})
 
 
 def _overturns(vehicle: VehicleLog) -> bool:

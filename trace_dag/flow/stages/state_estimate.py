@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.parties import party_in_words
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.states.estimate import UnusableAnswers
 from trace_dag.states.json_io import estimate_to_json, run_to_json
+from trace_dag.states.samples import draw_samples
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.services import Services
@@ -26,6 +28,7 @@ def state_estimate(
         made = services.estimator(settings).estimate(record, road_map, map_report)
     except UnusableAnswers as unusable:
         return StageProduct({"answers.json": run_to_json(unusable.run)}, _run_figures(unusable.run), unusable)
+    made = replace(made, samples=draw_samples(record, made.hypotheses, settings.samples))
     best = made.best
     figures: dict[str, Figure] = {
         **_run_figures(made.run),

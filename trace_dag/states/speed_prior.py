@@ -1,0 +1,161 @@
+"""How fast vehicles go of which nobody reported it, and how much slower they strike: distributions learned from data.
+
+Travel speeds are learned from those that police reported in FARS, as what is added to the rule of
+:mod:`trace_dag.states.speeds` (limit, manoeuvre, class of the road). The loss of speed before the impact is learned
+from the last five seconds of event data recorders. ``benchmarks/fit_speeds.py`` fits both and writes the tables in
+:mod:`trace_dag.states.speed_coefficients`; ``benchmarks/mask_and_predict.py`` says how good they are.
+
+A reported speed is taken for the one before braking: of vehicles that go along, reports have the limit in the median,
+which is what recorders have five seconds before the impact and not what they have at it. Of vehicles that turn, reports
+have what recorders have at the impact, and it is taken for that one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.crash_types import EncounterRole, Relation
+from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
+from trace_dag.states.encounters import Party
+from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
+from trace_dag.states.speeds import BRAKING_AVOIDANCE, STOP_CONTROLS, TravelSpeed
+from trace_dag.states.types import SpeedSource
+from trace_dag.units import mph_to_mps
+
+NO_AVOIDANCE: Final = 1  # P_CRASH3
+_SIGNALS: Final = frozenset({1, 2, 3, 4})  # VTRAFCON
+_DARK: Final = frozenset({2, 3, 6})  # LGT_COND
+_DRY: Final = 1  # VSURCOND
+_RURAL: Final = 1  # RUR_URB
+_FREEWAYS: Final = frozenset({1, 2})  # FUNC_SYS
+_CLEAR: Final = frozenset({None, 1, 10})  # WEATHER: clear, cloudy
+_LOW_LIMIT_MPS: Final = mph_to_mps(32)
+_HEAVY: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
+_FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
+
+
+class SpeedClass(StrEnum):
+    """Vehicles whose speeds scatter alike."""
+
+    STANDING = "standing"  # the report says that it stood
+    SLOW = "slow"  # turning, backing, from a stop sign
+    SPEEDING = "speeding"
+    ALONG = "along"
+
+
+class Role(StrEnum):
+    """What a vehicle did in the crash, as far as its braking goes."""
+
+    TURNING = "turning"
+    OPPOSITE = "opposite"
+    CROSSING = "crossing"
+    ALONE = "alone"
+    BEHIND = "behind"
+    AHEAD = "ahead"
+    OTHER = "other"
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Values (m/s, or a ratio) that are not exceeded with the probabilities :data:`LEVELS`."""
+
+    values: tuple[float, ...]
+
+    def at(self, probability: float) -> float:
+        """The value that is not exceeded with a probability, between the levels by straight lines."""
+        return float(np.interp(probability, LEVELS, self.values))
+
+    @property
+    def median(self) -> float:
+        """The value in the middle."""
+        return self.at(0.5)
+
+
+def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
+    """The class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives."""
+    if rule.source is SpeedSource.INFERRED_MANOEUVRE:
+        return SpeedClass.STANDING if rule.speed_mps == 0.0 else SpeedClass.SLOW
+    return SpeedClass.SPEEDING if party.vehicle.speeding else SpeedClass.ALONG
+
+
+def role(party: Party) -> Role:
+    """The role of a vehicle."""
+    kind = party.crash_type
+    if party.turn is not None:
+        return Role.TURNING
+    if kind.relation is Relation.SAME_LANE:
+        return Role.BEHIND if kind.role is EncounterRole.STRIKING else Role.AHEAD
+    by_relation = {Relation.OPPOSITE_DIRECTION: Role.OPPOSITE, Relation.CROSSING: Role.CROSSING}
+    if kind.relation in by_relation:
+        return by_relation[kind.relation]
+    return Role.ALONE if kind.single_driver else Role.OTHER
+
+
+def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
+    """What of the report a travel speed depends on, beside the rule; the names are those of the table of shifts."""
+    vehicle, relation = party.vehicle, party.crash_type.relation
+    along = speed_class(party, rule) in (SpeedClass.SPEEDING, SpeedClass.ALONG)
+    slow = speed_class(party, rule) is SpeedClass.SLOW
+    of_those_along = {
+        "speeding": bool(vehicle.speeding),
+        "speeding not coded": vehicle.speeding is None,
+        "driver had drunk": bool(vehicle.driver_drinking),
+        "left the road alone": party.crash_type.single_driver and not record.non_motorists,
+        "a person was struck": bool(record.non_motorists),
+        "curve": vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE,
+        "slowing": vehicle.movement is PreCrashMovement.DECELERATING,
+        "braked": vehicle.avoidance_code in BRAKING_AVOIDANCE,
+        "struck from behind": role(party) is Role.AHEAD,
+        "ran into one ahead": role(party) is Role.BEHIND,
+        "crossing": relation is Relation.CROSSING,
+        "opposite direction": relation is Relation.OPPOSITE_DIRECTION,
+        "motorcycle": vehicle.vehicle_class is VehicleClass.MOTORCYCLE,
+        "truck or bus": vehicle.vehicle_class in _HEAVY,
+        "surface not dry": vehicle.surface_condition_code not in (None, _DRY),
+        "rain, snow or fog": record.weather_code not in _CLEAR,
+        "dark": record.light_code in _DARK,
+        "rural": record.rural_urban_code == _RURAL,
+        "freeway": record.function_class_code in _FREEWAYS,
+        "signal": vehicle.traffic_control_code in _SIGNALS,
+        "limit of 30 mph or less": vehicle.speed_limit_mps is not None and vehicle.speed_limit_mps < _LOW_LIMIT_MPS,
+        "no limit reported": vehicle.speed_limit_mps is None,
+    }
+    of_slow_ones = {
+        "turning": party.turn is not None,
+        "from a stop sign": party.turn is None and vehicle.traffic_control_code in STOP_CONTROLS,
+    }
+    return {
+        "going along": along,
+        **{name: along and holds for name, holds in of_those_along.items()},
+        **{name: slow and holds for name, holds in of_slow_ones.items()},
+    }
+
+
+def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpeed) -> Distribution:
+    """Of the travel speed of a vehicle (m/s) of which none is reported."""
+    group = speed_class(party, rule)
+    shift = sum(SHIFTS_MPH[name] for name, holds in features(record, party, rule).items() if holds)
+    return Distribution(
+        tuple(min(max(rule.speed_mps + mph_to_mps(shift + spread), 0.0), _FASTEST_MPS) for spread in SPREAD_MPH[group])
+    )
+
+
+def speed_kept_distribution(party: Party) -> Distribution:
+    """Of the speed at the impact, as a share of the one before: what braking left of it.
+
+    One where the report says that nothing was done to avoid the crash, of vehicles that turn, and of those that stand.
+    """
+    whole = Distribution((1.0,) * len(LEVELS))
+    if party.turn is not None or party.stationary or party.vehicle.avoidance_code == NO_AVOIDANCE:
+        return whole
+    return Distribution(BRAKING[role(party)])
+
+
+def quantiles(values: Sequence[float]) -> tuple[float, ...]:
+    """A sample's values at :data:`LEVELS`."""
+    return tuple(float(value) for value in np.quantile(values, LEVELS))

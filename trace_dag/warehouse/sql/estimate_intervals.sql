@@ -1,0 +1,29 @@
+-- How sure an estimate is: each quantity of the best hypothesis, and where four in five draws have it.
+CREATE TABLE estimate_intervals AS
+SELECT
+    key,
+    found.quantity,
+    found.party,
+    found.unit,
+    found.best,
+    found.low,
+    found.middle,
+    found.high,
+    drawn,
+    contacts,
+    effective
+FROM (SELECT key, drawn, len(contacts) AS contacts, effective, unnest(intervals) AS found FROM sampled)
+ORDER BY key, found.quantity, found.party;
+
+COMMENT ON TABLE estimate_intervals IS 'What the report leaves open of speeds, changes of velocity, place and angle: intervals over weighed draws';
+COMMENT ON COLUMN estimate_intervals.key IS 'Key of the crash';
+COMMENT ON COLUMN estimate_intervals.quantity IS 'impact_speed, delta_v, contact_x, contact_y (east and north of the reported point), heading_angle';
+COMMENT ON COLUMN estimate_intervals.party IS 'Number of the party; NULL of what belongs to the crash';
+COMMENT ON COLUMN estimate_intervals.unit IS 'm/s, m or deg';
+COMMENT ON COLUMN estimate_intervals.best IS 'Of the first hypothesis that has a contact';
+COMMENT ON COLUMN estimate_intervals.low IS 'One in ten draws, by weight, is below';
+COMMENT ON COLUMN estimate_intervals.middle IS 'Median of the draws';
+COMMENT ON COLUMN estimate_intervals.high IS 'One in ten draws is above';
+COMMENT ON COLUMN estimate_intervals.drawn IS 'Draws that were simulated';
+COMMENT ON COLUMN estimate_intervals.contacts IS 'Those of them that came to a contact that the report does not exclude';
+COMMENT ON COLUMN estimate_intervals.effective IS 'Draws of equal weight that they are worth';
