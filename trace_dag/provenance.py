@@ -29,7 +29,7 @@ from trace_dag.stage import Stage
 from trace_dag.storage import StoredFile
 
 _HISTORY_KEPT = 20
-_MADE_AGAIN = "trace-dag run makes it again"
+MADE_AGAIN = "trace-dag run makes it again"
 
 
 class Outcome(StrEnum):
@@ -194,11 +194,11 @@ def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
     try:
         record = _RECORDS.validate_json(unsealed(data, name=name))
     except ValidationError as error:
-        raise DamagedFile(name, f"not an outcome record ({error.errors()[0]['msg']})", _MADE_AGAIN) from error
+        raise DamagedFile(name, f"not an outcome record ({error.errors()[0]['msg']})", MADE_AGAIN) from error
     except DamagedFile as damaged:
-        raise damaged.mended_by(_MADE_AGAIN) from damaged
+        raise damaged.mended_by(MADE_AGAIN) from damaged
     if record.name != name:
-        raise DamagedFile(name, f"the outcome record of {record.name}", _MADE_AGAIN)
+        raise DamagedFile(name, f"the outcome record of {record.name}", MADE_AGAIN)
     return record
 
 

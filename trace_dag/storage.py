@@ -23,6 +23,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+from trace_dag.disks import remedy_of
 from trace_dag.errors import DamagedFile, Failure, TransientFailure, UserError
 from trace_dag.processes import abandoned, temporary_prefix
 
@@ -38,6 +39,8 @@ _ASKED_ONE_BY_ONE = 20  # files of one folder; for more, a listing is cheaper
 _NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError")  # botocore's, which may not be installed
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _REMOTE_FIRST_WAIT_S = 0.25
+# What is wrong with one file alone: no right to it, a bad sector, a folder or a circle of links in its place.
+_OF_ONE_FILE = (errno.EACCES, errno.EPERM, errno.EIO, errno.EISDIR, errno.ELOOP)
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,8 @@ class Storage:
     """Files below one root. ``root`` is a path or any fsspec URL (``s3://bucket/folder``, ``memory://x``, ...).
 
     Picklable: a worker opens its own connection. Errors: ``FileNotFoundError`` for what is not there,
-    :class:`TransientFailure` where an object store did not answer after several attempts, :class:`Failure` for a full
-    or broken disk.
+    :class:`DamagedFile` for a local file that cannot be read, :class:`TransientFailure` where an object store did not
+    answer after several attempts, :class:`Failure` for a full or broken disk.
     """
 
     def __init__(self, root: str | os.PathLike[str], options: Mapping[str, Any] | None = None) -> None:
@@ -157,7 +160,7 @@ class Storage:
         """The whole file."""
         path = self.path(name)
         if self.local_root is not None:
-            return _on_disk(lambda: _contents_of(path), path)
+            return _on_disk(lambda: _contents_of(path, name), path)
         return bytes(_remotely(lambda: self._filesystem.cat_file(path), path))
 
     def read_whole(self, file: StoredFile) -> bytes:
@@ -223,8 +226,9 @@ class Storage:
             for name in names:
                 try:
                     found[name] = Path(self.path(name)).stat().st_size
-                except (FileNotFoundError, NotADirectoryError):
-                    continue
+                except OSError as error:
+                    if error.errno not in (errno.ENOENT, errno.ENOTDIR, *_OF_ONE_FILE):
+                        raise
             return found
         by_folder: dict[str, list[str]] = {}
         for name in names:
@@ -247,12 +251,26 @@ class Storage:
             return None
         return int(row["size"]) if row["type"] == "file" else None
 
-    def read_many(self, names: Iterable[str]) -> dict[str, bytes]:
-        """Contents of those of ``names`` that exist, fetched concurrently from an object store."""
+    def read_many(
+        self, names: Iterable[str], unreadable: Callable[[DamagedFile], None] | None = None
+    ) -> dict[str, bytes]:
+        """Contents of those of ``names`` that exist, fetched concurrently from an object store.
+
+        ``unreadable`` hears of local files that cannot be read, which are left out; without it they are raised.
+        """
         wanted = [check_name(name) for name in names]
         if self.local_root is not None:
-            found = {name: self._read_if_there(name) for name in wanted}
-            return {name: data for name, data in found.items() if data is not None}
+            contents = {}
+            for name in wanted:
+                try:
+                    contents[name] = self.read(name)
+                except FileNotFoundError:
+                    continue
+                except DamagedFile as damaged:
+                    if unreadable is None:
+                        raise
+                    unreadable(damaged)
+            return contents
         contents = {}
         with ThreadPoolExecutor(_READ_CONCURRENTLY) as pool:
             for name, data in zip(wanted, pool.map(self._read_if_there, wanted), strict=True):
@@ -282,10 +300,16 @@ class Storage:
         return len(found)
 
 
-def _contents_of(path: str) -> bytes:
-    # Hundreds of thousands of files are read for a warehouse: neither a path object nor a buffer for each.
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
-        return file.readall()
+def _contents_of(path: str, name: str) -> bytes:
+    try:
+        # Hundreds of thousands of files are read for a warehouse: neither a path object nor a buffer for each.
+        with open(path, "rb", buffering=0) as file:  # noqa: PTH123
+            return file.readall()
+    except OSError as error:
+        if error.errno in _OF_ONE_FILE:
+            found = f"it cannot be read ({error.strerror})"
+            raise DamagedFile(name, found, "check its permissions and the disk") from error
+        raise
 
 
 def _write_beside_and_rename(path: Path, data: bytes) -> None:
@@ -310,11 +334,13 @@ def _list_folder(path: Path, prefix: str) -> dict[str, Entry]:
     try:
         with os.scandir(path) as entries:
             for entry in entries:
-                if entry.name.startswith(".") or not entry.is_file():
-                    continue
                 try:
+                    if entry.name.startswith(".") or not entry.is_file():
+                        continue
                     status = entry.stat()
-                except FileNotFoundError:  # replaced or deleted since it was listed
+                except OSError as error:  # replaced or deleted since it was listed, or links that lead in a circle
+                    if error.errno not in (errno.ENOENT, errno.ELOOP):
+                        raise
                     continue
                 found[f"{prefix}{entry.name}"] = Entry(status.st_size, f"{status.st_mtime_ns}-{status.st_ino}")
     except FileNotFoundError:
@@ -341,8 +367,7 @@ def _on_disk(action: Callable[[], T], path: str) -> T:
     except (FileNotFoundError, NotADirectoryError) as error:
         raise FileNotFoundError(errno.ENOENT, "not in storage", path) from error
     except OSError as error:
-        remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the disk and permissions"
-        raise Failure(f"{path}: {error.strerror or error}; {remedy} and run again") from error
+        raise Failure(f"{path}: {error.strerror or error}; {remedy_of(error)}") from error
 
 
 def _remotely(action: Callable[[], T], path: str) -> T:

@@ -18,7 +18,7 @@ LAYERS = (
     # the contracts
     {"units", "stage", "markdown", "version"},
     {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
-    {"plugins"},
+    {"disks", "plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
     {"http", "provenance"},
     {"alerts"},

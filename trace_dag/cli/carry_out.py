@@ -72,11 +72,11 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
     from trace_dag.benchmark.build import benchmark_is_whole
-    from trace_dag.definitions.launch import open_instance, planned, run_batches, summarise, summary_is_current
+    from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
     from trace_dag.flow.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
-    with open_instance(workspace) as instance:
+    with dagster_records(workspace) as instance:
         batches = planned(workspace, instance, selection)
         if batches:
             summary, counts = RunSummary(), Counter[str]()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.printing import one_line, print_table, write_json
+from trace_dag.logs import complain
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import Cohort
@@ -153,22 +155,30 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.benchmark.removal import delete_artefacts
     from trace_dag.cohorts.registry import Registry
-    from trace_dag.definitions.launch import open_instance, summarise
+    from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.workspace import Workspace
     from trace_dag.storage import Storage
 
-    storage = Storage.open(root)
-    gone = Registry(storage).remove(name, only)
-    deleted = delete_artefacts(storage, gone) if artefacts else 0
-    workspace = Workspace.open(root)
-    with open_instance(workspace) as instance:
+    errors: tuple[str, ...] = ()
+    storage, workspace = Storage.open(root), Workspace.open(root)
+    registry = Registry(storage)
+    gone = registry.leaving(name, only)
+    with dagster_records(workspace) as instance:
+        # The registry last: where this breaks off, the same command does the rest.
         remove_partitions(instance, gone)
+        deleted = delete_artefacts(storage, gone) if artefacts else 0
+        registry.remove(name, only)
         if workspace.warehouse.is_file():
-            summarise(workspace, instance)
+            errors = summarise(workspace, instance).errors
     click.echo(
         f"Cohort {name}: {len(gone)} crashes removed"
         + (f", {deleted} files deleted." if artefacts else "; what was made of them is kept.")
     )
+    for error in errors:
+        complain(f"failed: {one_line(error, 500)}")
+    if errors:
+        complain("The warehouse and the pages are as they were before; trace-dag verify --repair makes them again.")
+        sys.exit(1)
 
 
 def _summary(found: Cohort) -> dict[str, object]:

@@ -116,11 +116,11 @@ def ingest(
 def _add_partitions(root: str) -> None:
     from trace_dag.assets.partitions import add_partitions
     from trace_dag.cohorts.registry import Registry
-    from trace_dag.definitions.launch import open_instance
+    from trace_dag.definitions.launch import dagster_records
     from trace_dag.flow.workspace import Workspace
     from trace_dag.storage import Storage
 
-    with open_instance(Workspace.open(root)) as instance:
+    with dagster_records(Workspace.open(root)) as instance:
         add_partitions(instance, Registry(Storage(root)).keys())
 
 

@@ -33,6 +33,7 @@ from trace_dag.cli.ui import ui
 from trace_dag.cli.validate import validate
 from trace_dag.cli.vary import vary
 from trace_dag.cli.verify import verify
+from trace_dag.disks import disk_failure
 from trace_dag.errors import Failure, UserError, UserErrors
 from trace_dag.logs import complain, configure_logging, writes_json
 from trace_dag.version import __version__
@@ -90,13 +91,16 @@ def main() -> None:
         for said in error.messages if isinstance(error, UserErrors) else (str(error),):
             complain(f"trace-dag: {_one_line(said)}")
         sys.exit(EXIT_USAGE)
-    except Failure as error:
-        complain(f"trace-dag: failed: {_one_line(str(error))}")
-        sys.exit(EXIT_FAILED)
     except BrokenPipeError:
         # The reader (head, less) has had enough.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
+    except Exception as error:
+        failure = error if isinstance(error, Failure) else disk_failure(error)
+        if failure is None:
+            raise
+        complain(f"trace-dag: failed: {_one_line(str(failure))}")
+        sys.exit(EXIT_FAILED)
 
 
 def _refuse_windows() -> None:

@@ -31,12 +31,12 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     It answers to its own names and pages alone, and knows no users: anyone who can reach the port may do anything.
     """
     from trace_dag.assets.partitions import add_partitions
-    from trace_dag.definitions.launch import open_instance
+    from trace_dag.definitions.launch import dagster_records
     from trace_dag.flow.workspace import Workspace
 
     _refuse_port_in_use(host, port)
     workspace = Workspace.open(root)
-    with open_instance(workspace) as instance:
+    with dagster_records(workspace) as instance:
         add_partitions(instance, workspace.registry.keys())
     os.chdir(workspace.dagster_home)
     os.environ.setdefault("PYTHONWARNINGS", "ignore")  # Dagster's to its own developers, one for each process

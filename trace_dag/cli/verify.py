@@ -41,13 +41,13 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     """
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark
-    from trace_dag.definitions.launch import open_instance, summarise
+    from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.verify import DisagreementKind, repair_storage
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root)
     storage = workspace.storage
-    with open_instance(workspace) as instance:
+    with dagster_records(workspace) as instance:
         report, found = _look(storage, workspace, instance, contents)
         before = found
         if repair and found:

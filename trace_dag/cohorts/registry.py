@@ -219,22 +219,30 @@ class Registry:
                 self._storage.write(f"{_FOLDER}/{each.name}.json", sealed(_COHORTS.dump_json(after, indent=1)))
         return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
 
-    def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
-        """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
+    def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
+        """The crashes that :meth:`remove` would take away, in order.
 
-        What was made of them stays in storage. Raises :class:`UserError` for a cohort or a crash that is not there.
+        Raises :class:`UserError` for a cohort or a crash that is not there.
         """
         before = self.cohort(cohort)
         for key in only:
             if key not in before.reports:
                 raise UserError(f"crash {key} is not in cohort {cohort}")
-        name = f"{_FOLDER}/{cohort}.json"
+        return tuple(in_order(only or before.keys))
+
+    def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
+        """Forget a cohort, or some of its crashes; the crashes that are registered no more, in order.
+
+        What was made of them stays in storage. Raises as :meth:`leaving`.
+        """
+        gone, name = self.leaving(cohort, only), f"{_FOLDER}/{cohort}.json"
         if not only:
             self._storage.delete(name)
-            return tuple(before.keys)
+            return gone
+        before = self.cohort(cohort)
         left = {key: report for key, report in before.reports.items() if key not in only}
         self._storage.write(name, sealed(_COHORTS.dump_json(replace(before, reports=left), indent=1)))
-        return tuple(in_order(only))
+        return gone
 
 
 def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:

@@ -5,7 +5,8 @@ what to run (:mod:`trace_dag.flow.planning`).
 """
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,8 @@ from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
 from trace_dag.assets.summaries import DAMAGED
 from trace_dag.definitions import build_definitions
-from trace_dag.errors import DamagedFile
+from trace_dag.disks import disk_failure
+from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.selection import PlannedBatch, Selection, plan
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 from trace_dag.processes import is_gone, this_process
@@ -84,10 +86,27 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
     try:
         instance = dagster_internals.open_instance(folder)
         _close_orphans(instance)
+        instance.has_dynamic_partition("crashes", "")  # a database that was emptied has no table for it
     except (DagsterError, SQLAlchemyError, YAMLError, UnicodeDecodeError) as error:
-        found = f"Dagster cannot read its records ({type(error).__name__})"
-        raise DamagedFile(folder, found, "delete that folder; trace-dag verify --repair tells Dagster anew") from error
+        raise _unusable(folder, error) from error
     return instance
+
+
+@contextmanager
+def dagster_records(workspace: Workspace) -> Iterator[DagsterInstance]:
+    """:func:`open_instance` for a command. What its databases say meanwhile is a :class:`Failure`, too: most of a
+    damaged file shows only when it is read."""
+    with open_instance(workspace) as instance:
+        try:
+            yield instance
+        except SQLAlchemyError as error:
+            raise _unusable(str(workspace.dagster_home), error) from error
+
+
+def _unusable(folder: str, error: BaseException) -> Failure:
+    found = f"Dagster cannot read its records ({type(error).__name__})"
+    remedy = "delete that folder; trace-dag verify --repair tells Dagster anew"
+    return disk_failure(error, f"a database of Dagster in {folder}") or DamagedFile(folder, found, remedy)
 
 
 def needing_records(instance: DagsterInstance, keys: Collection[str]) -> dict[str, Stage]:

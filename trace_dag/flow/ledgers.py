@@ -136,9 +136,13 @@ def not_as_listed(
             whole.append(file)
     for start in range(0, len(whole) if contents else 0, _READ_AT_ONCE):
         some = whole[start : start + _READ_AT_ONCE]
-        read = storage.read_many(file.name for file in some)
+        unreadable: list[DamagedFile] = []
+        read = storage.read_many((file.name for file in some), unreadable.append)
+        why = {damaged.name: damaged.found for damaged in unreadable}
         for file in some:
-            if not file.matches(read.get(file.name, b"")):
+            if file.name in why:
+                yield file, f"{file.name}: {why[file.name]}"
+            elif not file.matches(read.get(file.name, b"")):
                 yield file, f"{file.name} has its recorded size and another content"
         told(len(some))
 

@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.ledgers import Complaint
 from trace_dag.garbage import no_garbage_collection
-from trace_dag.provenance import Outcome, OutcomeRecord, record_from_json, record_name, record_to_json
+from trace_dag.provenance import MADE_AGAIN, Outcome, OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage
 
@@ -44,10 +44,13 @@ def read_records(
 ) -> dict[str, Records]:
     """The stored records of some crashes, by key and stage; every key has an entry.
 
-    A damaged record is left out, so that its stage runs again and writes it anew; ``complain`` is called with it.
+    A record that is damaged or cannot be read is left out, so that its stage runs again and writes it anew;
+    ``complain`` is called with it.
     """
     by_key: dict[str, Records] = {key: {} for key in keys}
-    for name, data in _contents(storage, [record_name(stage, key) for key in by_key for stage in stages]).items():
+    for name, data in _contents(
+        storage, [record_name(stage, key) for key in by_key for stage in stages], complain
+    ).items():
         record = readable_record(storage, name, data, complain)
         if record is not None:
             by_key[record.key][record.stage] = record
@@ -71,9 +74,9 @@ def readable_record(storage: Storage, name: str, data: bytes, complain: Complain
             return None
 
 
-def _contents(storage: Storage, names: Sequence[str]) -> dict[str, bytes]:
+def _contents(storage: Storage, names: Sequence[str], complain: Complaint) -> dict[str, bytes]:
     if storage.local_root is not None or len(names) <= _READ_ONE_BY_ONE:
-        return storage.read_many(names)
+        return storage.read_many(names, lambda damaged: complain(damaged.mended_by(MADE_AGAIN)))
     listed: dict[str, Entry] = {}
     for folder in {name.partition("/")[0] for name in names}:
         listed.update(storage.list(folder))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.tables import CRASH_RECORD
+from trace_dag.disks import disk_failure
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.ledgers import Complaint
 from trace_dag.stage import Stage
@@ -117,9 +118,11 @@ def execute_sql(connection: duckdb.DuckDBPyConnection, name: str, *, prefix: str
     sql = resources.files("trace_dag.warehouse").joinpath("sql", f"{name}.sql").read_text()
     try:
         connection.execute(f"{prefix} {sql}")
-    except duckdb.IOException as error:
-        raise FileNotFoundError(str(error)) from error
     except duckdb.Error as error:
+        if (failure := disk_failure(error)) is not None:
+            raise failure from error
+        if isinstance(error, duckdb.IOException):
+            raise FileNotFoundError(str(error)) from error
         raise Failure(f"{name}.sql: {error}") from error
 
 

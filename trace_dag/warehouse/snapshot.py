@@ -67,7 +67,7 @@ def _read(
         for stage, extension in documents
         if stage in of_crash and (file := of_crash[stage].artefact(extension)) is not None
     }
-    contents = storage.read_many(file.name for file in listed.values())
+    contents = storage.read_many((file.name for file in listed.values()), unreadable=lambda _: None)  # told of below
     for key, of_crash in valid.items():
         found: dict[tuple[Stage, str], bytes] = {}
         damaged = None
