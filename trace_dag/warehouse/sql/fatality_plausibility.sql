@@ -15,6 +15,10 @@ WITH violence AS (
 
 reported AS (
     SELECT key, count(*) AS events FROM events GROUP BY key
+),
+
+drawn AS (
+    SELECT key, max(high) AS delta_v_high_mps FROM estimate_intervals WHERE quantity = 'delta_v' GROUP BY key
 )
 
 SELECT
@@ -23,9 +27,11 @@ SELECT
     delta_v_mps,
     least((delta_v_mps / (71 * 0.44704)) ** 4, 1) AS fatality_risk,
     delta_v_mps * 3.6 < 8 AS harmless,
+    greatest(delta_v_high_mps, delta_v_mps) AS delta_v_high_mps,
     coalesce(events, 0) AS events,
     CASE
         WHEN delta_v_mps * 3.6 >= 8 THEN ''
+        WHEN delta_v_high_mps * 3.6 >= 8 THEN 'another course that the report allows, see delta_v_high_mps'
         WHEN crashes.kind = 'overturn' THEN 'the overturn'
         WHEN events > 1 THEN 'a later event, which is not simulated'
         ELSE 'age, no belt, illness, or a harder impact than the report says'
@@ -33,6 +39,7 @@ SELECT
 FROM violence
 JOIN crashes USING (key)
 LEFT JOIN reported USING (key)
+LEFT JOIN drawn USING (key)
 WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'overturn')
 ORDER BY delta_v_mps, key;
 
@@ -42,5 +49,6 @@ COMMENT ON COLUMN fatality_plausibility.kind IS 'Kind of crash';
 COMMENT ON COLUMN fatality_plausibility.delta_v_mps IS 'Largest change of velocity of any vehicle in any simulated contact, m/s';
 COMMENT ON COLUMN fatality_plausibility.fatality_risk IS 'Risk of death of an occupant of a car at that change, 0 to 1 (Joksch 1993)';
 COMMENT ON COLUMN fatality_plausibility.harmless IS 'Whether it is below the 8 km/h from which recorders record';
+COMMENT ON COLUMN fatality_plausibility.delta_v_high_mps IS 'What one in ten draws of the estimate exceeds, of the same vehicle or another, m/s';
 COMMENT ON COLUMN fatality_plausibility.events IS 'Events that the report lists';
 COMMENT ON COLUMN fatality_plausibility.explained_by IS 'What of the report would explain a harmless one; empty for others';

@@ -24,7 +24,8 @@ struck AS (
         max(shown.closing_speed_mps) / 0.44704 AS closing_mph,
         max(coalesce(non_motorists.age_years, 45)) AS age_years
     FROM shown
-    JOIN non_motorists ON non_motorists.key = shown.key AND non_motorists.party = shown.party_2
+    LEFT JOIN non_motorists ON non_motorists.key = shown.key AND non_motorists.party = shown.party_2
+    WHERE shown.party_2 BETWEEN 1001 AND 1999  -- persons; some reports do not list them
     GROUP BY shown.key, shown.party_2
 ),
 
