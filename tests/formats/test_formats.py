@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import math
+import os
+import pickle
+import struct
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,9 +17,11 @@ import shapely
 from lxml import etree
 
 import trace_dag
+from tests.roads import judges
 from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import STEP_S
+from trace_dag.formats.sumo import floating_car_data
 
 KEY = "2023-319003"
 GPX = "{http://www.topografix.com/GPX/1/1}"
@@ -88,6 +94,78 @@ def test_lanelets_meet_and_refer_to_what_is_there(commonroad):
             assert np.hypot(*(points(after.find("leftBound"))[0] - left[-1])) < 0.6
             links += 1
     assert links > len(lanelets) / 2
+
+
+def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, tmp_path):
+    assert export(home.workspace, [KEY], tmp_path, "scenarionet") == 3
+    (name,) = pickle.loads((tmp_path / "dataset_summary.pkl").read_bytes())
+    scenario = pickle.loads((tmp_path / name).read_bytes())
+    log, length = home[KEY].log, scenario["length"]
+    assert scenario["metadata"]["sdc_id"] in scenario["tracks"]
+    for vehicle in log.vehicles:
+        state = scenario["tracks"][f"V{vehicle.number}"]["state"]
+        assert {len(values) for values in state.values()} == {length}
+        np.testing.assert_allclose(state["position"][0, :2], (vehicle.x_m[0], vehicle.y_m[0]), atol=0.01)
+        np.testing.assert_allclose(np.diff(state["position"][:, :2], axis=0) / STEP_S, state["velocity"][1:], atol=1.0)
+    lanes = {name: each for name, each in scenario["map_features"].items() if each["type"].startswith("LANE")}
+    for lane in lanes.values():
+        for after in lane["exit_lanes"]:
+            assert np.hypot(*(lanes[after]["polyline"][0] - lane["polyline"][-1])[:2]) < 0.6
+
+
+def test_floating_cars_are_where_the_log_has_their_fronts(home):
+    log = home[KEY].log
+    root = etree.fromstring(floating_car_data(log))
+    for number, vehicle in enumerate(log.vehicles, 1):
+        first = root.find("timestep").findall("vehicle")[number - 1]
+        ahead_m = log.bodies[vehicle.number].length_m / 2
+        heading = vehicle.heading_rad[0]
+        assert float(first.get("x")) == pytest.approx(vehicle.x_m[0] + ahead_m * math.cos(heading), abs=1e-3)
+        assert float(first.get("y")) == pytest.approx(vehicle.y_m[0] + ahead_m * math.sin(heading), abs=1e-3)
+        clockwise = math.radians(float(first.get("angle")))  # from north
+        assert (math.sin(clockwise), math.cos(clockwise)) == pytest.approx(
+            (math.cos(heading), math.sin(heading)), abs=1e-3
+        )
+
+
+def test_a_network_for_sumo_keeps_its_places_and_the_same_map_gives_the_same_bytes(home, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(judges.judges_environment()), prepend=os.pathsep)
+    assert export(home.workspace, [KEY], tmp_path, "sumo") == 2
+    assert export(home.workspace, [KEY], tmp_path, "sumo") == 0
+    location = etree.parse(tmp_path / f"{KEY}.net.xml").find("location")
+    assert location.get("netOffset") == "0.00,0.00"
+    assert "+proj=tmerc" in location.get("projParameter")
+
+
+def test_a_trace_has_a_message_for_every_moment(home, tmp_path):
+    groundtruth = pytest.importorskip("osi3.osi_groundtruth_pb2")
+    assert export(home.workspace, [KEY], tmp_path, "osi") == 1
+    data, messages = (tmp_path / f"{KEY}_gt.osi").read_bytes(), []
+    while data:
+        (size,) = struct.unpack_from("<I", data)
+        messages.append(groundtruth.GroundTruth.FromString(data[4 : 4 + size]))
+        data = data[4 + size :]
+    log = home[KEY].log
+    assert len(messages) == pytest.approx(log.duration_s / 0.05, abs=1.5)
+    for message in (messages[0], messages[40]):
+        time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
+        for moving, vehicle in zip(message.moving_object, log.vehicles, strict=True):
+            for axis in "xy":
+                logged = np.interp(time_s, vehicle.time_s, getattr(vehicle, f"{axis}_m"))
+                assert getattr(moving.base.position, axis) == pytest.approx(logged, abs=1e-6)
+    assert messages[0].lane
+    assert not messages[1].lane, "what does not move is said once"
+
+
+def test_tags_say_what_the_report_says(home, tmp_path):
+    assert export(home.workspace, [KEY], tmp_path, "openlabel") == 1
+    document = json.loads((tmp_path / f"{KEY}.json").read_text())["openlabel"]
+    tags = {tag["type"]: tag for tag in document["tags"].values()}
+    record = home[KEY].record
+    assert tags["scenarioDescription"]["tag_data"]["text"][0]["val"] == record.summary
+    assert ("IlluminationDay" in tags) == (record.light_code == 1)
+    assert ("IntersectionCrossroad" in tags) == (record.intersection_type_code == 2)
+    assert any(name.startswith("Vehicle") for name in tags)
 
 
 def test_points_lie_where_the_reports_say(home, tmp_path):

@@ -1,0 +1,202 @@
+"""Scenario descriptions of ScenarioNet, which MetaDrive replays and drives in: a pickled dictionary per crash.
+
+The track that a driver under test takes over (``sdc_id``) is the striking vehicle's. Everybody's track is their course
+without the crash, every :data:`trace_dag.evaluation.drives.STEP_S`: others that were thrown about by a crash that a
+driver avoided would drive through the air. Frame: the crash's local frame.
+
+Format: Li et al., ScenarioNet: Open-source platform for large-scale traffic scenario simulation and modeling, NeurIPS
+2023, and MetaDrive 0.4's ``ScenarioDescription``.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from trace_dag.crash.parties import party_label
+from trace_dag.errors import UserError
+from trace_dag.evaluation.drives import STEP_S, Drive, drives_of
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.formats.exporter import as_driven
+from trace_dag.geometry import FloatArray
+from trace_dag.roads.map.lane_shapes import LaneShape, lane_shapes
+from trace_dag.roads.map.model import LaneRef, RoadMark
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.driving_files import lane_id
+from trace_dag.sim.types import BodyKind
+from trace_dag.studies.cases import AgentRole, number_of
+from trace_dag.units import mps_to_kmh
+from trace_dag.version import __version__
+
+_DATASET: Final = "trace-dag"
+_VERSION: Final = "MetaDrive v0.4.3"
+_PICKLE_PROTOCOL: Final = 4  # the oldest that all Pythons of today write and read
+_TYPES: Final = {
+    BodyKind.MOTOR_VEHICLE: "VEHICLE",
+    BodyKind.PEDESTRIAN: "PEDESTRIAN",
+    BodyKind.CYCLIST: "CYCLIST",
+    BodyKind.CONVEYANCE: "PEDESTRIAN",
+}
+_MOVES_M: Final = 1.0  # what MetaDrive counts as moving
+
+
+class ScenarioNet:
+    """``sd_trace-dag_<version>_<key>.pkl`` for each crash, and the two files that make a folder a data set."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        self._summaries: dict[str, dict[str, Any]] = {}
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.formats.exporter.Exporter`."""
+        case = as_driven(crash)
+        drives = drives_of(case)
+        if not any(each.is_driven for each in drives):
+            raise UserError("nobody drives in it")
+        length = len(drives[0].course)
+        tracks = {party_label(each.number): _track(each) for each in drives}
+        metadata = {
+            "dataset": _DATASET,
+            "scenario_id": crash.key,
+            "coordinate": "metadrive",
+            "metadrive_processed": False,
+            "ts": (np.arange(length) * STEP_S).astype(np.float32),
+            "sdc_id": party_label(number_of(case, AgentRole.STRIKING)),
+            "object_summary": {name: _summary(name, track) for name, track in tracks.items()},
+            "source_file": f"trace-dag {__version__}, FARS case {crash.key}",
+            "map_attribution": case.network.attribution,
+        }
+        scenario = {
+            "id": crash.key,
+            "version": _VERSION,
+            "length": length,
+            "metadata": metadata,
+            "tracks": tracks,
+            "dynamic_map_states": {},
+            "map_features": _map_features(case.network),
+        }
+        metadata["number_summary"] = _numbers(scenario)
+        name = f"sd_{_DATASET}_{__version__}_{crash.key}.pkl"
+        self._summaries[name] = metadata
+        return {name: pickle.dumps(scenario, _PICKLE_PROTOCOL)}
+
+    def beside(self) -> Mapping[str, bytes]:
+        """What is in the folder: each file's metadata, and that all lie in the folder itself."""
+        ordered = dict(sorted(self._summaries.items()))
+        return {
+            "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
+            "dataset_mapping.pkl": pickle.dumps(dict.fromkeys(ordered, ""), _PICKLE_PROTOCOL),
+        }
+
+
+def _track(drive: Drive) -> dict[str, Any]:
+    body, course = drive.participant.body, drive.course
+    heading, speed, length = course[:, 3], course[:, 4], len(course)
+
+    def always(value: float) -> FloatArray:
+        return np.full(length, value)
+
+    kind, name = _TYPES[body.kind], party_label(drive.number)
+    return {
+        "type": kind,
+        "state": {
+            "position": course[:, :3],
+            "heading": heading,
+            "velocity": np.column_stack([speed * np.cos(heading), speed * np.sin(heading)]),
+            "length": always(body.length_m),
+            "width": always(body.width_m),
+            "height": always(body.height_m),
+            "valid": np.ones(length, bool),
+        },
+        "metadata": {"type": kind, "object_id": name, "track_length": length, "vehicle_class": str(body.vehicle_class)},
+    }
+
+
+def _summary(name: str, track: Mapping[str, Any]) -> dict[str, Any]:
+    steps_m = np.hypot(*np.diff(track["state"]["position"][:, :2], axis=0).T)
+    length = len(track["state"]["valid"])
+    return {
+        "type": track["type"],
+        "object_id": name,
+        "track_length": length,
+        "moving_distance": float(steps_m.sum()),
+        "valid_length": length,
+        "continuous_valid_length": length,
+    }
+
+
+def _numbers(scenario: Mapping[str, Any]) -> dict[str, Any]:
+    """The counts by which ScenarioNet filters."""
+    objects = scenario["metadata"]["object_summary"].values()
+    moving = [each for each in objects if each["moving_distance"] > _MOVES_M]
+    heights = np.concatenate([np.asarray(each["polyline"])[:, 2] for each in scenario["map_features"].values()])
+    return {
+        "num_objects": len(objects),
+        "object_types": {each["type"] for each in objects},
+        "num_objects_each_type": dict(Counter(each["type"] for each in objects)),
+        "num_moving_objects": len(moving),
+        "num_moving_objects_each_type": dict(Counter(each["type"] for each in moving)),
+        "num_traffic_lights": 0,
+        "num_traffic_light_types": set(),
+        "num_traffic_light_each_step": {},
+        "num_map_features": len(scenario["map_features"]),
+        "map_height_diff": float(np.ptp(heights)),
+    }
+
+
+# --- map ---------------------------------------------------------------------------------------------------------
+def _map_features(network: RoadNetwork) -> dict[str, dict[str, Any]]:
+    shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
+    known = {shape.ref for shape in shapes}
+    features = {lane_id(shape.ref): _lane(shape, known) for shape in shapes}
+    for shape in shapes:
+        features |= _lines(network, shape)
+    return features
+
+
+def _lane(shape: LaneShape, known: set[LaneRef]) -> dict[str, Any]:
+    def ids(refs: Iterable[LaneRef | None]) -> list[str]:
+        return [lane_id(ref) for ref in refs if ref is not None and ref in known]
+
+    return {
+        "type": "LANE_SURFACE_STREET" if shape.junction_id is None else "LANE_SURFACE_UNSTRUCTURE",
+        "polyline": shape.centre_m,
+        "polygon": np.concatenate([shape.left_m, shape.right_m[::-1]])[:, :2],
+        "entry_lanes": ids(shape.predecessors),
+        "exit_lanes": ids(shape.successors),
+        "left_neighbor": ids([shape.left]) if shape.left_same_way else [],
+        "right_neighbor": ids([shape.right]) if shape.right_same_way else [],
+        **({} if shape.speed_mps is None else {"speed_limit_kmh": mps_to_kmh(shape.speed_mps)}),
+    }
+
+
+def _lines(network: RoadNetwork, shape: LaneShape) -> dict[str, dict[str, Any]]:
+    """What is painted on the borders of a lane, and where the carriageway ends; nothing within junctions."""
+    if shape.junction_id is not None:
+        return {}
+    section = network.road_by_id[shape.ref.road_id].lane_sections[shape.ref.section]
+    marks = {lane.id: lane.legal_mark or lane.mark for lane in section.lanes}
+    lines = {}
+    edge = shape.right is None
+    kind = "ROAD_EDGE_BOUNDARY" if edge else _line_type(marks[shape.ref.lane_id])
+    if kind:
+        lines[f"{lane_id(shape.ref)}.right"] = {"type": kind, "polyline": shape.right_m}
+    if shape.left is None:
+        lines[f"{lane_id(shape.ref)}.left"] = {"type": "ROAD_EDGE_BOUNDARY", "polyline": shape.left_m}
+    elif shape.ref.lane_id == -1 and (kind := _line_type(marks.get(0))):  # the centre line, once
+        lines[f"{lane_id(shape.ref)}.left"] = {"type": kind, "polyline": shape.left_m}
+    return lines
+
+
+def _line_type(mark: RoadMark | None) -> str:
+    if mark is None or mark.type == "none":
+        return ""
+    colour = "YELLOW" if mark.colour == "yellow" else "WHITE"
+    if mark.type == "solid solid":
+        return f"ROAD_LINE_SOLID_DOUBLE_{colour}"
+    if "broken" in mark.type and "solid" in mark.type:
+        return "ROAD_LINE_PASSING_DOUBLE_YELLOW"
+    return f"ROAD_LINE_{'SOLID' if mark.type == 'solid' else 'BROKEN'}_SINGLE_{colour}"

@@ -1,0 +1,130 @@
+"""SUMO: the road as a network, and the crash as floating-car data, in one system of coordinates.
+
+``<key>.net.xml`` is made of the OpenDRIVE map by SUMO's own netconvert; ``<key>.fcd.xml`` has everybody's simulated
+motion through the crash, every :data:`STEP_S`. Both are in the crash's local frame, which is the projection that the
+network names. A vehicle's place is the middle of its front, angles are clockwise from north, as in what SUMO writes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from lxml import etree
+
+from trace_dag.crash.parties import party_label
+from trace_dag.crash.record import VehicleClass
+from trace_dag.errors import Failure, UserError
+from trace_dag.flow.artefacts import XODR
+from trace_dag.flow.contract import CrashFiles
+from trace_dag.geometry import FloatArray
+from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
+
+STEP_S: Final = 0.1
+_CLASSES: Final = {
+    VehicleClass.MOTORCYCLE: "motorcycle",
+    VehicleClass.BUS: "bus",
+    VehicleClass.TRUCK: "truck",
+    VehicleClass.LIGHT_TRUCK: "delivery",
+    VehicleClass.TRACTOR_TRAILER: "trailer",
+}
+_TIME_LIMIT_S: Final = 300.0
+
+
+class Sumo:
+    """``<key>.net.xml`` and ``<key>.fcd.xml`` for each crash. Needs netconvert, which the extra ``sumo`` brings."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        self._netconvert = netconvert()
+
+    def of_crash(self, crash: CrashFiles) -> Mapping[str, bytes]:
+        """See :class:`trace_dag.formats.exporter.Exporter`."""
+        log = crash.shown_log()
+        assert log is not None, "a verified crash was simulated"
+        return {
+            f"{crash.key}.net.xml": _network(self._netconvert, crash.key, crash.load(XODR)),
+            f"{crash.key}.fcd.xml": floating_car_data(log),
+        }
+
+    def beside(self) -> Mapping[str, bytes]:
+        """Nothing: a network and a trace belong together by their names."""
+        return {}
+
+
+def netconvert() -> str:
+    """SUMO's netconvert: of the extra ``sumo``, of ``SUMO_HOME``, or on the path. Raises :class:`UserError`."""
+    package = find_spec("sumo")
+    homes = [Path(each) for each in (package.submodule_search_locations or [])] if package else []
+    if "SUMO_HOME" in os.environ:
+        homes.append(Path(os.environ["SUMO_HOME"]))
+    found = next(filter(None, (shutil.which("netconvert", path=str(home / "bin")) for home in homes)), None)
+    found = found or shutil.which("netconvert")
+    if found is None:
+        raise UserError("networks for SUMO are made by its netconvert: pip install 'trace-dag[sumo]', or set SUMO_HOME")
+    return found
+
+
+def floating_car_data(log: SimulationLog) -> bytes:
+    """The motion of a log as SUMO's floating-car data (``fcd_file.xsd``)."""
+    root = etree.Element("fcd-export")
+    steps = {each.number: _rows(each, log.bodies[each.number]) for each in log.vehicles}
+    times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
+    people = [each.number for each in log.vehicles if log.bodies[each.number].kind is BodyKind.PEDESTRIAN]
+    order = sorted(steps, key=lambda number: number in people)  # the schema has vehicles first
+    for step, time_s in enumerate(times):
+        moment = etree.SubElement(root, "timestep", time=f"{time_s:.2f}")
+        for number in order:
+            x, y, z, angle_deg, speed = steps[number][step]
+            place = {"x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}", "angle": f"{angle_deg:.2f}"}
+            etree.SubElement(
+                moment,
+                "person" if number in people else "vehicle",
+                {"id": party_label(number), **place, "type": _type(log.bodies[number]), "speed": f"{speed:.3f}"},
+            )
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def _type(body: Body) -> str:
+    if body.kind is BodyKind.PEDESTRIAN:
+        return "pedestrian"
+    return "bicycle" if body.is_person else _CLASSES.get(body.vehicle_class, "passenger")
+
+
+def _rows(moved: VehicleLog, body: Body) -> FloatArray:
+    """x, y, z of the middle of the front (m), angle (degrees clockwise from north) and speed (m/s) every step."""
+    last_s = float(moved.time_s[-1])
+    times = np.arange(0.0, last_s + STEP_S / 2, STEP_S)
+    heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))
+    x, y, z = (np.interp(times, moved.time_s, values) for values in (moved.x_m, moved.y_m, moved.z_m))
+    ahead_m = 0.0 if body.kind is BodyKind.PEDESTRIAN else body.length_m / 2
+    speed = np.hypot(*(np.interp(times, moved.time_s, each) for each in (moved.velocity_x_mps, moved.velocity_y_mps)))
+    angle_deg = np.remainder(np.degrees(math.pi / 2 - heading), 360.0)
+    return np.column_stack([x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), z, angle_deg, speed])
+
+
+def _network(program: str, key: str, xodr: bytes) -> bytes:
+    """The map as netconvert writes it, its places left where they are. Raises :class:`Failure` if it cannot."""
+    with tempfile.TemporaryDirectory() as folder:
+        given, made = Path(folder) / f"{key}.xodr", Path(folder) / f"{key}.net.xml"
+        given.write_bytes(xodr)
+        command = [program, "--opendrive-files", given.name, "--output-file", made.name]
+        command += ["--offset.disable-normalization", "true", "--no-warnings", "true"]
+        try:
+            done = subprocess.run(  # noqa: S603 - SUMO's own program
+                command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise Failure(f"{key}: netconvert took longer than {_TIME_LIMIT_S:g} s") from error
+        if done.returncode or not made.exists():
+            raise Failure(f"{key}: netconvert made no network: {' '.join(done.stderr.split())[-300:]}")
+        # netconvert begins with a comment that has the time and its command: the same map is to give the same bytes.
+        root = etree.fromstring(made.read_bytes(), etree.XMLParser(remove_comments=True))
+        return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
