@@ -18,7 +18,7 @@ from trace_dag.osm.xml import read_osm, write_osm
 from trace_dag.roads.from_osm.beside_tags import Beside, read_beside
 from trace_dag.roads.from_osm.convert import convert
 from trace_dag.roads.gates.gates import check_map
-from trace_dag.roads.map.model import Crosswalk, LaneType
+from trace_dag.roads.map.model import Crosswalk, LaneRef, LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.people import crosswalks, crosswalks_near, lanes_beside, sidewalks_at
 from trace_dag.roads.map.reader import read_opendrive
@@ -298,3 +298,77 @@ def test_walkways_come_with_the_roads_and_are_none(tmp_path: Path) -> None:
     (tmp_path / "lonely.osm").write_bytes(write_osm(lonely.extract()))
     rejected = MapCatalog.open([tmp_path / "lonely.osm"]).extract([site], OsmSettings())["a"]
     assert not isinstance(rejected, OsmExtract)
+
+
+def _lanes_through_junctions(network: RoadNetwork, kind: LaneType) -> dict[frozenset[str], Road]:
+    """Roads of junctions with a lane of one kind, by the names of the two roads they lead between."""
+    found = {}
+    for road in network.roads:
+        if road.junction_id is not None and any(lane.type is kind for lane in road.lane_sections[0].lanes):
+            assert road.predecessor is not None
+            assert road.successor is not None
+            ends = (road.predecessor.element_id, road.successor.element_id)
+            found[frozenset(network.road_by_id[end].name for end in ends)] = road
+    return found
+
+
+def _arms_with(**tags: str) -> RoadNetwork:
+    """A crossing of four streets, each named by where it leads from there."""
+    town = Town()
+    for name, end in (("east", (100, 0)), ("north", (0, 100)), ("west", (-100, 0)), ("south", (0, -100))):
+        town.street([(0, 0), end], name=name, incline="2%", **tags)
+    return town.network()
+
+
+def test_sidewalks_go_round_the_corners_of_a_junction() -> None:
+    """Each joins two streets side by side, touches the sidewalks of both, and keeps their width and height."""
+    network = _arms_with(sidewalk="both")
+    found = _lanes_through_junctions(network, LaneType.SIDEWALK)
+    sides = ("east", "north", "west", "south")
+    assert set(found) == {frozenset(pair) for pair in zip(sides, (*sides[1:], sides[0]), strict=True)}
+    for road in found.values():
+        (ref,) = (ref for ref in network.lanes() if ref.road_id == road.id)
+        lane, geometry = network.lane(ref), network.geometry(ref)
+        for link, lane_id, s_m in (
+            (road.predecessor, lane.predecessor, 0.0),
+            (road.successor, lane.successor, road.length_m),
+        ):
+            assert link is not None
+            assert lane_id is not None
+            arm = network.road_by_id[link.element_id]
+            at_start = link.contact_point == "start"
+            there = network.geometry(LaneRef(arm.id, 0 if at_start else len(arm.lane_sections) - 1, lane_id))
+            assert there.lane.type is LaneType.SIDEWALK
+            arm_s_m = 0.0 if at_start else arm.length_m
+            here, beyond = geometry.pose(s_m), there.pose(arm_s_m)
+            gap_m = (here.x_m - beyond.x_m, here.y_m - beyond.y_m, here.z_m - beyond.z_m)
+            assert gap_m == pytest.approx((0, 0, 0), abs=1e-6)
+            assert geometry.width.at(s_m) == pytest.approx(there.width.at(arm_s_m))
+        for x_m, y_m, *_ in geometry.between(0.0, road.length_m, 0.5).tolist():
+            assert not [match for match in network.nearest_lanes(x_m, y_m, 0.0) if match.outside_m <= 0]
+
+
+def test_a_sidewalk_goes_on_past_a_street_that_joins_on_the_other_side() -> None:
+    town = Town()
+    town.street([(-100, 0), (0, 0)], name="west", sidewalk="both")
+    town.street([(0, 0), (100, 0)], name="east", sidewalk="both")
+    town.street([(0, 0), (0, 100)], name="north")
+    (ends,) = _lanes_through_junctions(town.network(), LaneType.SIDEWALK)
+    assert ends == {"west", "east"}
+
+
+def test_cycle_lanes_go_on_straight_and_to_the_right() -> None:
+    network = _arms_with(cycleway="lane")
+    roads = [
+        r
+        for r in network.roads
+        if r.junction_id and any(lane.type is LaneType.BIKING for lane in r.lane_sections[0].lanes)
+    ]
+    ends = {
+        tuple(network.road_by_id[link.element_id].name for link in (road.predecessor, road.successor) if link)
+        for road in roads
+    }
+    right_of = {"east": "north", "north": "west", "west": "south", "south": "east"}  # coming from there
+    straight = {("east", "west"), ("west", "east"), ("north", "south"), ("south", "north")}
+    assert ends == straight | set(right_of.items())
+    assert len(roads) == len(ends)

@@ -5,7 +5,8 @@ in it; every junction gets a connecting road per permitted movement. The parts a
 :mod:`~trace_dag.roads.from_osm.street_graph`, :mod:`~trace_dag.roads.from_osm.lanes`,
 :mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.movements` and
 :mod:`~trace_dag.roads.from_osm.connecting_roads`; what people walk and ride on is laid beside the finished roads by
-:mod:`~trace_dag.roads.from_osm.beside` and across them by :mod:`~trace_dag.roads.from_osm.crosswalks`.
+:mod:`~trace_dag.roads.from_osm.beside`, across them by :mod:`~trace_dag.roads.from_osm.crosswalks` and through
+junctions by :mod:`~trace_dag.roads.from_osm.corners`.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
 from trace_dag.roads.from_osm.beside import with_lanes_beside
+from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.connecting_roads import build_connections
 from trace_dag.roads.from_osm.controllers import with_controllers
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
+from trace_dag.roads.from_osm.corners import with_lanes_through_junctions
 from trace_dag.roads.from_osm.crosswalks import with_crosswalks
 from trace_dag.roads.from_osm.elevation import elevate
 from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, end_profile, lay_out
@@ -145,8 +148,10 @@ def convert(
     if settings.elevation:
         network = elevate(network, extract)
     # Last, so that nothing that traffic drives on depends on what is mapped for people.
-    roads_out = with_lanes_beside(network.roads, extract, graph, plans, built)
-    return replace(network, roads=with_crosswalks(roads_out, extract, graph, plans, built))
+    carriageways = Carriageways(network.roads)
+    roads_out = with_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
+    network = replace(network, roads=with_crosswalks(roads_out, extract, graph, plans, built))
+    return with_lanes_through_junctions(network, carriageways, new_id)
 
 
 def _least_radius_m(street: Street) -> float:

@@ -68,11 +68,13 @@ class LanesBeside(NamedTuple):
 
 
 def lanes_beside(network: RoadNetwork) -> LanesBeside:
-    """The sidewalks and cycle lanes of a map, looked at every five metres."""
+    """The sidewalks and cycle lanes of a map, looked at every five metres. In junctions cycle lanes are left out: those
+    who turn right drive across them."""
     length_m, places = 0.0, 0
     wrong: Counter[str] = Counter()
     for ref in network.lanes():
-        if network.lane(ref).type not in (LaneType.SIDEWALK, LaneType.BIKING):
+        lane_type, in_junction = network.lane(ref).type, network.road_by_id[ref.road_id].junction_id is not None
+        if lane_type is not LaneType.SIDEWALK and (lane_type is not LaneType.BIKING or in_junction):
             continue
         geometry = network.geometry(ref)
         stations = geometry.road.line.stations(_BESIDE_STEP_M, geometry.begin_m, geometry.end_m)

@@ -1,0 +1,198 @@
+"""Where OpenStreetMap has sidewalks and cycle lanes along streets: as tags of the road, or as ways of their own."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
+from typing import Final, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trace_dag.geometry import FloatArray, arc_lengths
+from trace_dag.osm.types import OsmExtract
+from trace_dag.osm.walkways import is_crossing
+from trace_dag.roads.from_osm.beside_tags import NOTHING, SIDEWALK_WIDTH_M, Beside, read_beside
+from trace_dag.roads.from_osm.street_graph import Street, StreetGraph
+from trace_dag.roads.from_osm.street_roads import StreetRoads
+from trace_dag.roads.map.curves import PlanView
+from trace_dag.roads.map.model import LaneType
+
+STEP_M: Final = 4.0  # between places at which a sidewalk is compared with the roads
+_SAME_WALK_M: Final = 15.0  # places of one sidewalk are no further apart: it goes on past a driveway
+_FARTHEST_M: Final = 16.0  # of a sidewalk's way from the middle of its street
+_WIDEST_VERGE_M: Final = 6.0
+_PARALLEL: Final = math.cos(math.radians(20))
+
+
+class Strip(NamedTuple):
+    """A sidewalk or cycle lane along a street, from ``begin_m`` to ``end_m`` of its plan. ``side`` is +1 on the left,
+    -1 on the right; ``verge_m`` the width of what lies between it and the carriageway."""
+
+    type: LaneType
+    side: int
+    begin_m: float
+    end_m: float
+    width_m: float
+    verge_m: float = 0.0
+
+
+Strips = dict[int, list[Strip]]  # by street
+
+
+def strips_along(
+    extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
+) -> Strips:
+    """Every sidewalk and cycle lane along the streets that have roads, ``built``."""
+    strips = _tagged(extract, graph.streets, plans, built)
+    for street, found in _mapped_sidewalks(extract, graph, plans, built, strips).items():
+        strips.setdefault(street, []).extend(found)
+    return strips
+
+
+def _tagged(
+    extract: OsmExtract, streets: Sequence[Street], plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
+) -> Strips:
+    """What the tags of roads say."""
+    tags_of = {way.id: way.tags for way in extract.ways}
+    said: dict[int, Beside] = {}
+    strips: Strips = {}
+    for index in built:
+        for span in streets[index].spans:
+            way_id = span.profile.way_id
+            if way_id not in said:
+                tags = tags_of.get(way_id, {})
+                against = tags.get("oneway") in ("-1", "reverse")
+                said[way_id] = read_beside(tags, oneway=span.profile.oneway, against_way=against)
+            beside = said[way_id].reversed() if span.profile.against_way else said[way_id]
+            if beside == NOTHING:
+                continue
+            begin_m, end_m = (plans[index].vertex_s_m[k] for k in (span.first, span.last))
+            for lane_type, side, width_m in (
+                (LaneType.SIDEWALK, 1, beside.sidewalk_left_m),
+                (LaneType.SIDEWALK, -1, beside.sidewalk_right_m),
+                (LaneType.BIKING, 1, beside.cycle_left_m),
+                (LaneType.BIKING, -1, beside.cycle_right_m),
+            ):
+                if width_m is not None:
+                    _append(strips.setdefault(index, []), Strip(lane_type, side, begin_m, end_m, width_m))
+    return strips
+
+
+def _append(strips: list[Strip], new: Strip) -> None:
+    """Add a strip, or what it goes on with the strip before it."""
+    for number, old in enumerate(strips):
+        if new._replace(begin_m=old.begin_m) == old._replace(end_m=new.end_m) and abs(new.begin_m - old.end_m) < 1e-6:
+            strips[number] = old._replace(end_m=new.end_m)
+            return
+    strips.append(new)
+
+
+def _mapped_sidewalks(
+    extract: OsmExtract,
+    graph: StreetGraph,
+    plans: Sequence[PlanView],
+    built: Mapping[int, StreetRoads],
+    tagged: Strips,
+) -> Strips:
+    """Sidewalks that are ways of their own, each as part of the street that it runs along."""
+    points, directions = _walked(extract, graph)
+    if not len(points):
+        return {}
+    numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
+    shapes = [np.array(graph.streets[index].points) for index in numbers]
+    lines = np.asarray(
+        shapely.linestrings(np.concatenate(shapes), indices=np.repeat(np.arange(len(shapes)), [len(s) for s in shapes]))
+    )
+    at = np.asarray(shapely.points(points))
+    point, line = shapely.STRtree(lines).query(at, predicate="dwithin", distance=_FARTHEST_M)
+    along_m = shapely.line_locate_point(lines[line], at[point])
+    here, before, after = (
+        shapely.get_coordinates(shapely.line_interpolate_point(lines[line], np.maximum(along_m + ahead, 0.0)))
+        for ahead in (0.0, -0.5, 0.5)
+    )
+    ahead = after - before
+    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    out = points[point] - here
+    parallel = np.abs((directions[point] * ahead).sum(axis=1)) >= _PARALLEL
+    abreast = np.abs((out * ahead).sum(axis=1)) < 0.5  # not beyond the street's end
+    aside_m = ahead[:, 0] * out[:, 1] - ahead[:, 1] * out[:, 0]
+    use = np.flatnonzero(parallel & abreast)
+    use = use[np.lexsort((np.abs(aside_m[use]), point[use]))]
+    use = use[np.unique(point[use], return_index=True)[1]]  # of several streets the nearest
+    places: dict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
+    use = use[np.argsort(line[use], kind="stable")]
+    for number, group in zip(*_grouped(line[use]), strict=True):
+        index, here_k = numbers[number], use[group]
+        stations_m = np.interp(along_m[here_k], arc_lengths(shapes[number]), plans[index].vertex_s_m)
+        for s_m, t_m in zip(stations_m.tolist(), aside_m[here_k].tolist(), strict=True):
+            places[index, 1 if t_m > 0 else -1].append((s_m, abs(t_m)))
+    strips: Strips = {}
+    for (index, side), found in sorted(places.items()):
+        known = [strip for strip in tagged.get(index, ()) if strip.type is LaneType.SIDEWALK and strip.side == side]
+        for run in _runs(sorted(found), _SAME_WALK_M):
+            begin_m, end_m = run[0][0] - STEP_M / 2, run[-1][0] + STEP_M / 2
+            verge_m = _verge_m(graph.streets[index], plans[index], run, side)
+            if verge_m is not None and not any(k.begin_m < end_m and k.end_m > begin_m for k in known):
+                strip = Strip(LaneType.SIDEWALK, side, begin_m, end_m, SIDEWALK_WIDTH_M, verge_m)
+                strips.setdefault(index, []).append(strip)
+    return strips
+
+
+def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatArray]:
+    """Places along all sidewalks that are ways of their own, and the directions there, (n, 2) each."""
+    ways = [
+        [graph.positions[node] for node in way.node_ids if node in graph.positions]
+        for way in extract.walkways
+        if not is_crossing(way.tags)
+    ]
+    ways = [line for line in ways if len(line) > 1]
+    if not ways:
+        return np.empty((0, 2)), np.empty((0, 2))
+    nodes = np.array([point for line in ways for point in line])
+    last = np.cumsum([len(line) for line in ways]) - 1
+    first = np.concatenate([[0], last[:-1] + 1])
+    along_m = arc_lengths(nodes)  # from way to way, too; only differences within one are used
+    lengths_m = along_m[last] - along_m[first]
+    counts = np.maximum(np.ceil((lengths_m - STEP_M / 2) / STEP_M), 0).astype(int)
+    counts[lengths_m < STEP_M] = 0
+    rank = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    at_m = np.repeat(along_m[first], counts) + (rank + 0.5) * STEP_M
+    before = np.searchsorted(along_m, at_m, side="right") - 1
+    before = np.clip(before, np.repeat(first, counts), np.repeat(last - 1, counts))
+    step = nodes[before + 1] - nodes[before]
+    step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    return nodes[before] + (at_m - along_m[before])[:, None] * step, step
+
+
+def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
+    """The values of an array in order, each once, and where each stands."""
+    values, starts = np.unique(ordered, return_index=True)
+    ends = [*starts[1:].tolist(), len(ordered)]
+    return values.tolist(), [slice(*each) for each in zip(starts.tolist(), ends, strict=True)]
+
+
+def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterator[list[tuple[float, float]]]:
+    """Places in order of their first number, parted where that leaps."""
+    run: list[tuple[float, float]] = []
+    for place in places:
+        if run and place[0] - run[-1][0] > longest_gap_m:
+            yield run
+            run = []
+        run.append(place)
+    if run:
+        yield run
+
+
+def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]], side: int) -> float | None:
+    """What is between carriageway and sidewalk, by the middle of a run's places; None for one that runs elsewhere."""
+    s_m, aside_m = (median(values) for values in zip(*run, strict=True))
+    span = next((span for span in street.spans if plan.vertex_s_m[span.last] >= s_m), street.spans[-1])
+    section = span.profile.section
+    lanes = section.left if side > 0 else section.forward
+    edge_m = side * section.offset_m + sum(lane.width_m for lane in lanes)
+    verge_m = aside_m - edge_m - SIDEWALK_WIDTH_M / 2
+    return max(verge_m, 0.0) if -SIDEWALK_WIDTH_M < verge_m < _WIDEST_VERGE_M else None
