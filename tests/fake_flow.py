@@ -46,7 +46,7 @@ REASON_OF = {
 }
 
 
-def _count(key: str, services: Services, stage: Stage) -> int:
+def count_call(key: str, services: Services, stage: Stage) -> int:
     """Note a call; how many there have been for this crash and stage."""
     root = services.storage.local_root
     assert root is not None
@@ -68,7 +68,7 @@ def calls(root: Path) -> dict[tuple[str, str], int]:
 
 
 def _behave(key: str, services: Services, stage: Stage, content: bytes) -> StageProduct:
-    times = _count(key, services, stage)
+    times = count_call(key, services, stage)
     words = content.decode().splitlines()
     if f"slow:{stage}" in words:
         time.sleep(0.2)

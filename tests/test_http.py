@@ -89,10 +89,8 @@ def test_nonsense_in_retry_after_does_no_harm() -> None:
 
 
 def test_silence_is_a_time_out() -> None:
-    start_s = time.monotonic()
     with serving(lambda *_: Answer(b"late", delay_s=30)) as server, pytest.raises(TransientFailure, match=r"0\.3 s"):
         HttpClient(QUICK).get(server.url)
-    assert time.monotonic() - start_s < 5
 
 
 def test_a_torn_answer_is_asked_for_again() -> None:

@@ -130,18 +130,14 @@ def test_removing_crashes_leaves_the_others_and_what_was_made_of_them(storage):
         Registry(storage).remove("some")
 
 
-def test_thousands_of_crashes_are_registered_in_seconds_and_become_partitions(tmp_path, storage):
-    """A tenth of a national year; processor time, since the machine may be busy with other things."""
-    import time
-
+def test_thousands_of_crashes_are_registered_and_become_partitions(tmp_path, storage):
+    """A tenth of a national year; how long it takes is measured by ``benchmarks/registering.py``."""
     from dagster import DagsterInstance
 
     folder = fars_folder(tmp_path / "csv", 4_000)
-    began_s = time.process_time()
     report = ingest(storage, "year", tables=[("fars-csv", str(folder))])
     with DagsterInstance.ephemeral() as instance:
         assert add_partitions(instance, report.registration.added) == 4_000
-        assert time.process_time() - began_s < 6.0
         keys = Registry(storage).keys("year")
         assert list(instance.get_dynamic_partitions("crashes")) == keys
         assert remove_partitions(instance, keys[:10]) == 10

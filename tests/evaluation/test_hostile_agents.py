@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from waiting import eventually
 
 from tests.evaluation.cases import drive, rear_end
 from trace_dag.errors import UserError
@@ -28,10 +28,7 @@ MODULE = "tests.evaluation.hostile_agents"
 def nothing_is_left() -> Iterator[None]:
     before = len(descendants(os.getpid()))
     yield
-    until_s = time.monotonic() + 5.0
-    while (now := len(descendants(os.getpid()))) > before + 1 and time.monotonic() < until_s:  # the nursery stays
-        time.sleep(0.05)
-    assert now <= before + 1
+    eventually(lambda: len(descendants(os.getpid())) <= before + 1, "a process was left")  # the nursery stays
 
 
 def driven(name: str, around: Isolation | None = None, **arguments: str) -> Evaluation:

@@ -6,13 +6,13 @@ import os
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from waiting import eventually
 
 from trace_dag.storage import Storage
 
@@ -77,11 +77,12 @@ def dask_cluster(folder: Path, workers: int, environment: Mapping[str, str]) -> 
 
 def kill_when_under_way(cluster: DaskCluster, run: subprocess.Popen[str], storage: Storage) -> None:
     """Kill one worker once maps have been made."""
-    deadline = time.monotonic() + 600
-    while len(storage.list("road_map")) < 2:
+
+    def under_way() -> bool:
         assert run.poll() is None, run.communicate()[0]
-        assert time.monotonic() < deadline, "the run never got going"
-        time.sleep(0.2)
+        return len(storage.list("road_map")) >= 2
+
+    eventually(under_way, "the run never got going")
     cluster.workers[0].kill()
 
 
@@ -102,12 +103,12 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _wait_for(address: str, server: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + 60
-    while True:
+    def answers() -> bool:
         try:
             urllib.request.urlopen(address, timeout=5).close()
-            return
         except OSError:
             assert server.poll() is None, "the server ended"
-            assert time.monotonic() < deadline, "the server never answered"
-            time.sleep(0.1)
+            return False
+        return True
+
+    eventually(answers, "the server never answered")

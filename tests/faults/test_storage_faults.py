@@ -27,7 +27,7 @@ BEHAVIOURS = {f"2023-5100{number}": "" for number in range(10, 16)} | {"2023-510
 @pytest.fixture
 def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[TroubledStore]]:
     monkeypatch.setattr("time.sleep", lambda _: None)
-    monkeypatch.setattr(fake_flow, "_count", lambda key, services, stage: 1)
+    monkeypatch.setattr(fake_flow, "count_call", lambda key, services, stage: 1)
     TroubledStore.reset()
     yield TroubledStore
     TroubledStore.reset()

@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import fake_flow
 import pytest
+from waiting import eventually
 
 from trace_dag.errors import UserError
 from trace_dag.flow.batch import first_stale, run_stages
@@ -111,18 +111,16 @@ def test_sigkill_in_the_middle_loses_nothing_finished_and_leaves_nothing_half_wr
     script = tmp_path / "run.py"
     script.write_text(RUN_FOR_EVER.format(tests=str(Path(fake_flow.__file__).parent), root=workspace.storage.root))
     process = subprocess.Popen([sys.executable, str(script)])
-    deadline = time.monotonic() + 30
-    while len(list(Path(workspace.storage.root, "verdict").glob("*.outcome.json"))) < 2:
-        assert time.monotonic() < deadline, "the run never got going"
+
+    def under_way() -> bool:
         assert process.poll() is None, "the run ended before it could be killed"
-        time.sleep(0.05)
+        return len(list(Path(workspace.storage.root, "verdict").glob("*.outcome.json"))) >= 2
+
+    eventually(under_way, "the run never got going")
     process.send_signal(signal.SIGKILL)
     process.wait()
     workers = {int(pid) for log in (tmp_path / "root/calls").iterdir() for pid in log.read_text().split()}
-    deadline = time.monotonic() + 10
-    while any(_alive(pid) for pid in workers):
-        assert time.monotonic() < deadline, "workers outlived their parent"
-        time.sleep(0.05)
+    eventually(lambda: not any(_alive(pid) for pid in workers), "workers outlived their parent")
 
     finished = outcomes(workspace)
     for (key, stage), (outcome, _, digests) in finished.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,15 @@ def registered(workspace: Workspace, folder: Path) -> None:
     cohorts.ingest(workspace.storage, "sample", reports=[reports_of(folder / "reports", KEYS[:1])])
 
 
+def lacking(workspace: Workspace, stages: Iterable[Stage]) -> str | None:
+    """What the stages lack to begin, None if nothing."""
+    try:
+        check_requirements(workspace, stages)
+    except UserError as error:
+        return str(error)
+    return None
+
+
 def test_without_a_carla_server_no_run_begins(tmp_path, silent_port):
     pytest.importorskip("carla", reason="the carla extra is not installed")
     workspace = opened(tmp_path, sim={"backend": "carla", "carla_port": silent_port})
@@ -44,17 +54,19 @@ def test_without_a_carla_server_no_run_begins(tmp_path, silent_port):
 def test_a_listening_server_is_enough_to_begin(tmp_path):
     pytest.importorskip("carla", reason="the carla extra is not installed")
     with socket.create_server(("127.0.0.1", 0)) as server:
-        check_requirements(opened(tmp_path, sim={"backend": "carla", "carla_port": server.getsockname()[1]}), Stage)
+        workspace = opened(tmp_path, sim={"backend": "carla", "carla_port": server.getsockname()[1]})
+        assert lacking(workspace, Stage) is None
 
 
 def test_stages_that_are_not_run_require_nothing(tmp_path, silent_port):
     workspace = opened(tmp_path, sim={"backend": "carla", "carla_port": silent_port})
-    check_requirements(workspace, [Stage.ROAD_MAP, Stage.VERDICT])
+    assert lacking(workspace, [Stage.ROAD_MAP, Stage.VERDICT]) is None
+    assert lacking(workspace, [Stage.SIMULATION_LOG]) is not None
 
 
 def test_workers_of_a_cluster_have_their_own(tmp_path, silent_port):
     sections = {"sim": {"backend": "carla", "carla_port": silent_port}, "execution": {"executor": "dask"}}
-    check_requirements(opened(tmp_path, **sections), Stage)
+    assert lacking(opened(tmp_path, **sections), Stage) is None
 
 
 def test_without_its_key_a_model_is_not_asked_and_no_run_begins(tmp_path, monkeypatch):

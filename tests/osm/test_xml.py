@@ -57,7 +57,8 @@ def test_the_same_extract_gives_the_same_bytes(extract: OsmExtract) -> None:
 def test_any_text_makes_a_readable_file(text: str) -> None:
     nodes = {1: OsmNode(1, 0.0, 0.0, {"name": text}), 2: OsmNode(2, 0.0, 1.0)}
     extract = OsmExtract(BoundingBox(0, 0, 1, 1), nodes, (OsmWay(1, (1, 2), {text: "x"}),), source=text)
-    read_osm(write_osm(extract), name="text")
+    again = read_osm(write_osm(extract), name="text")
+    assert (again.nodes.keys(), [way.node_ids for way in again.ways]) == (nodes.keys(), [(1, 2)])
 
 
 def test_libosmium_reads_what_we_write(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from dataclasses import asdict
 
 import pytest
 from cases import sample_case
@@ -12,9 +14,10 @@ from loopback import serving
 from model_server import COST_USD, KEY, knowing, llm_settings
 
 from trace_dag.errors import Failure, TransientFailure
+from trace_dag.sealing import sealed
 from trace_dag.settings import StateSettings
 from trace_dag.states.llm.estimator import estimate_llm, llm_client
-from trace_dag.states.llm.ledger import FOLDER, SpendingLedger
+from trace_dag.states.llm.ledger import FOLDER, Page, SpendingLedger
 from trace_dag.states.types import StateEstimate
 from trace_dag.storage import Storage
 
@@ -55,9 +58,9 @@ def test_requests_keep_the_rate_over_all_processes(files):
 
 def test_who_has_waited_longer_comes_first(files):
     time = Time()
-    one, two = ledgers(files, 2, time, requests_per_minute=60.0)
-    one._page.waiting_since_s = time.now_s - 0.5  # it is about to take its turn
-    one._put()
+    (two,) = ledgers(files, 1, time, requests_per_minute=60.0)
+    waiting = Page("another process", waiting_since_s=time.now_s - 0.5)  # it is about to take its turn
+    files.write(f"{FOLDER}/run/another.json", sealed(json.dumps(asdict(waiting)).encode()))
     two.reserve()
     assert time.slept == pytest.approx([1.0])
     time.now_s += 100.0  # and died before it did

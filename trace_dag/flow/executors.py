@@ -207,12 +207,13 @@ class ProcessExecutor:
             )
         return self._pool
 
-    def _processes(self) -> list[multiprocessing.process.BaseProcess]:
+    def processes(self) -> list[multiprocessing.process.BaseProcess]:
+        """The worker processes there are."""
         return list((self._pool._processes or {}).values()) if self._pool is not None else []
 
     def _end_stopped(self) -> None:
         """Kill workers that somebody stopped (SIGSTOP) some time ago: their tasks would never be finished."""
-        stopped = [each for each in self._processes() if each.pid is not None and is_stopped(each.pid)]
+        stopped = [each for each in self.processes() if each.pid is not None and is_stopped(each.pid)]
         since = {worker: self._stopped.get(worker, time.monotonic()) for worker in stopped}
         self._stopped = since
         for worker, first_seen_s in since.items():
@@ -224,7 +225,7 @@ class ProcessExecutor:
         if self._pool is None or self._lifeline is None:
             return
         if at_once:
-            for worker in self._processes():  # one that was stopped would not notice that nobody wants it any more
+            for worker in self.processes():  # one that was stopped would not notice that nobody wants it any more
                 worker.kill()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._lifeline.close()

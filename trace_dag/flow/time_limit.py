@@ -21,7 +21,7 @@ from trace_dag.errors import Failure
 
 _AGAIN_S = 5.0  # the alarm goes off again, should somebody have swallowed it
 _LATER = 1.5  # a worker ends itself after this share of the limit
-_LATER_S = 10.0  # and so much
+GRACE_S = 10.0  # and so much
 
 
 class _TimeIsUpError(BaseException):
@@ -44,7 +44,7 @@ def at_most(limit_s: float, what: str) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
         if in_worker:
             with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - kept by its number
-                faulthandler.dump_traceback_later(limit_s * _LATER + _LATER_S, exit=True, file=nowhere)
+                faulthandler.dump_traceback_later(limit_s * _LATER + GRACE_S, exit=True, file=nowhere)
                 yield
         else:
             yield

@@ -41,7 +41,7 @@ def site() -> tuple[OsmExtract, LocalFrame]:
 def raw(site: tuple[OsmExtract, LocalFrame]) -> RoadNetwork:
     pytest.importorskip("carla", reason="the carla extra is not installed")
     extract, frame = site
-    return osm2odr._without_dangling_links(read_opendrive(osm2odr._run(write_osm(extract), frame), name="raw"))
+    return osm2odr.without_dangling_links(read_opendrive(osm2odr.run_osm2odr(write_osm(extract), frame), name="raw"))
 
 
 def _drives(network: RoadNetwork) -> set[tuple[tuple[float, ...], ...]]:
@@ -118,6 +118,6 @@ def test_a_converter_that_breaks_is_a_failure(
     site: tuple[OsmExtract, LocalFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(osm2odr.importlib.util, "find_spec", lambda name: True)
-    monkeypatch.setattr(osm2odr, "_SCRIPT", "import sys; sys.exit('no map today')")
+    monkeypatch.setattr(osm2odr, "SCRIPT", "import sys; sys.exit('no map today')")
     with pytest.raises(Failure, match="no map today"):
         osm2odr.convert_with_osm2odr(*site)

@@ -94,7 +94,7 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
     Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than
     two minutes, :class:`Rejection` (``map_distorted``) when it makes nothing of the extract.
     """
-    network = read_opendrive(_run(write_osm(extract), frame), name="Osm2Odr's map")
+    network = read_opendrive(run_osm2odr(write_osm(extract), frame), name="Osm2Odr's map")
     if not any(road.junction_id is None for road in network.roads):
         raise Rejection(Reason.MAP_DISTORTED, "Osm2Odr made no road of the extract.")
     network = replace(
@@ -103,7 +103,7 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
         converter=f"CARLA Osm2Odr {importlib.metadata.version('carla')}",
         attribution=extract.attribution,
     )
-    return with_way_tags(merge_directions(_without_dangling_links(network)), extract)
+    return with_way_tags(merge_directions(without_dangling_links(network)), extract)
 
 
 def require_osm2odr() -> None:
@@ -115,12 +115,16 @@ def require_osm2odr() -> None:
         )
 
 
-def _run(osm: bytes, frame: LocalFrame) -> bytes:
+def run_osm2odr(osm: bytes, frame: LocalFrame) -> bytes:
+    """The OpenDRIVE that Osm2Odr makes of OSM XML, in ``frame``, run in a process of its own.
+
+    Raises as :func:`convert_with_osm2odr` does.
+    """
     require_osm2odr()
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "map.osm", Path(folder) / "map.xodr"
         source.write_bytes(osm)
-        command = [sys.executable, "-c", _SCRIPT, str(source), str(target), frame.proj]
+        command = [sys.executable, "-c", SCRIPT, str(source), str(target), frame.proj]
         try:
             done = subprocess.run(command, capture_output=True, timeout=_TIME_LIMIT_S, check=False)  # noqa: S603
         except subprocess.TimeoutExpired as error:
@@ -131,7 +135,7 @@ def _run(osm: bytes, frame: LocalFrame) -> bytes:
         return target.read_bytes()
 
 
-_SCRIPT: Final = """
+SCRIPT: Final = """
 import sys
 from pathlib import Path
 import carla
@@ -145,8 +149,8 @@ Path(target).write_text(carla.Osm2Odr.convert(Path(source).read_text(encoding="u
 """
 
 
-def _without_dangling_links(network: RoadNetwork) -> RoadNetwork:
-    """Osm2Odr links dead ends to junctions that it then leaves out."""
+def without_dangling_links(network: RoadNetwork) -> RoadNetwork:
+    """The network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
 
     def kept(link: RoadLink | None) -> RoadLink | None:
         known = network.junction_by_id if link is not None and link.element_type == "junction" else network.road_by_id
