@@ -74,9 +74,9 @@ class StaleResult:
 
 
 def stale_results(workspace: Workspace, keys: Sequence[str]) -> list[StaleResult]:
-    """The first result of each crash that does not hold any more, though nothing has failed; what follows hangs on it.
+    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
 
-    Not among them: what was never made, and what a run has tried to make again and could not.
+    Results that were never made, or that a run tried to make again without success, are not listed.
     """
     crashes = _Crashes(work_of(workspace, ""), keys, workspace.registry.sources(keys))
     found = []
@@ -93,8 +93,8 @@ def stale_results(workspace: Workspace, keys: Sequence[str]) -> list[StaleResult
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
     """Raise :class:`trace_dag.errors.UserError` if this machine lacks what the settings ask of some stages.
 
-    What asking costs counts for the run. Workers of a cluster have an installation of their own, about which nothing is
-    known here.
+    A paid question that is asked here counts towards the run's budget. The workers of a cluster have an installation of
+    their own, which is not checked.
     """
     if workspace.settings.execution.executor == "dask":
         return
@@ -114,8 +114,8 @@ def run_stages(
 ) -> Iterator[StageEvent]:
     """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
 
-    What is current is not run again unless its stage is in ``force``. A crash that fails never keeps another from
-    going on. Events of one crash come in the order of the stages.
+    A current result is not made again unless its stage is in ``force``. A crash that fails does not stop the others.
+    Events of one crash come in the order of the stages.
 
     Raises :class:`trace_dag.errors.UserError`, before anything is touched, for what :func:`check_requirements` finds.
     """

@@ -226,7 +226,7 @@ class Flow:
     """The stages in order, the artefacts they pass on, by parameter, and what draws a crash.
 
     ``picture`` (``module:function``) is given the :class:`CrashFiles` of a crash and returns files by extension:
-    ``png``, ``webp`` small enough for an event log, ``svg`` a sketch; none where nothing can be drawn yet.
+    ``png`` the picture, ``svg`` a sketch; none where nothing can be drawn yet.
     """
 
     stages: tuple[StageDefinition, ...]

@@ -1,9 +1,9 @@
 """Reading and writing outcome records, for one crash and for many.
 
-Records lie one by one beside their artefacts, and those are what counts. On an object store each costs a request, a
-hundred thousand for a national year. So the parent of a run also writes what the run recorded as one file,
-``ROOT/outcomes/<run>.jsonl.gz``. An entry is believed only while the MD5 that the store lists for the record's own file
-is that of the entry; any other record is read by itself.
+Each record is a file beside its artefacts, and these files are the truth. On an object store each costs a request, a
+hundred thousand for a national year. So the parent of a run also writes all its records as one file,
+``ROOT/outcomes/<run>.jsonl.gz``. An entry of it is used only if the store lists the same MD5 for the record's own file;
+any other record is read by itself.
 """
 
 from __future__ import annotations
@@ -100,8 +100,8 @@ def intact(storage: Storage, records: Iterable[OutcomeRecord]) -> dict[str, bool
 def after_failure(storage: Storage, earlier: OutcomeRecord | None, failed: OutcomeRecord) -> OutcomeRecord:
     """The record that stands after an attempt that failed: the failure, or the earlier result, marked as outdated.
 
-    A result outlasts the failure while it is whole and what it was made from is still what there is: it says what it
-    said before. After a change of its inputs it would contradict them.
+    An earlier result is kept while its files are whole and its inputs are still the same. After a change of its inputs
+    it would contradict them.
     """
     if (
         earlier is not None

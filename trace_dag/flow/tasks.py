@@ -1,4 +1,4 @@
-"""What is sent to the workers and back, and what is recorded of their work.
+"""The messages between a run and its workers, and the records of their work.
 
 Belongs here: crashes and stages to run and what each stage did, what a stage's result would be made from, whether a
 stored one still holds, and the words and numbers of a record. Does not belong here: doing the work

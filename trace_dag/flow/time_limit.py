@@ -1,8 +1,8 @@
 """A limit on the time a stage may take for a crash.
 
-An alarm interrupts Python code. Where the main thread is deep in a library and never comes back to Python, a worker of
-a pool ends itself a while later, by a thread that needs no interpreter; its crash is then that of a lost worker. There
-is no limit in threads that are not the main one (those of a Dask worker) nor on Windows.
+An alarm interrupts Python code. If the main thread hangs inside a library and never returns to Python, a worker of a
+pool ends itself a while later, by a thread that needs no interpreter; its crash is then treated like that of any lost
+worker. There is no limit in other threads than the main one (those of a Dask worker), nor on Windows.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ GOES_ON_M: Final = 60.0
 
 
 def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
-    """Slope of a course that has come so far off its lane by a lateral acceleration, at a speed."""
+    """Slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed."""
     steep = math.sqrt(2 * off_m * lateral_mps2 / (1.5 * max(speed_mps, 5.0) ** 2))
     return min(max(steep, FLATTEST), _STEEPEST)
 

@@ -1,8 +1,8 @@
 """Work that may never end: tasks in worker processes of their own, each step of them with a deadline that is kept.
 
-For code of others (agents under test): what loops for ever, eats all memory or ends its process costs its own step and
-nothing else. A task is a sequence of steps; its worker answers after each, so a worker that is killed loses the step it
-was in, and the rest of the task goes to a new one. Work of our own runs in :mod:`trace_dag.flow.executors`.
+For other people's code (agents under test): if it loops for ever, uses up the memory or ends its process, only its own
+step is lost. A task is a sequence of steps. Its worker answers after each one, so a worker that is killed loses the
+step it was in, and a new worker does the rest. Our own work runs in :mod:`trace_dag.flow.executors`.
 """
 
 from __future__ import annotations

@@ -43,8 +43,8 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 def settings_of(estimator: str, states: StateSettings) -> StateSettings:
     """The settings an estimator's name stands for: that of one that is installed, such as ``analytic`` or ``llm``.
 
-    Behind it may stand what that one offers: ``llm:PROMPT``, ``llm@MODEL``. What the name does not say is as in
-    ``states``. Raises :class:`UserError` for any other name.
+    A name may go on with a variant: ``llm:PROMPT``, ``llm@MODEL``. Whatever the name does not say is taken from the
+    settings. Raises :class:`UserError` for any other name.
     """
     name, variant = _NAME.fullmatch(estimator).groups()  # type: ignore[union-attr] # it matches anything
     if name not in offered(PluginKind.ESTIMATOR):

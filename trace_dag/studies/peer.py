@@ -31,8 +31,8 @@ def published_comparison(
 ) -> PublishedComparison:
     """Our crashes beside the published ones of the same cases: simulated alike, judged alike. Stored for the warehouse.
 
-    A case in whose report no two vehicles are known to have touched is left out of both: it has no collision to judge.
-    So is a case of which something stored is damaged, which ``complain`` hears of.
+    Left out of both: a case whose report names no two vehicles that touched, since it has no collision to judge; and a
+    case with a damaged file, which is passed to ``complain``.
     ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
     :class:`UserError` if it does not, or if none of its cases is in the cohort.
     """

@@ -1,9 +1,9 @@
-"""Verified crashes with one thing of their reports changed: what does the verdict say then?
+"""Verified crashes with one detail of their reports changed: does the verdict notice?
 
-Every changed report goes through all stages, run by the flow's own worker on a storage of its own that is thrown away,
-so that no stored artefact is touched. What cannot differ is not made again: the extract where the place is the same,
-the road map where the record is, as far as maps go by it. The rows lie at ``ROOT/comparisons/perturbed-<cohort>.json``,
-from where the warehouse takes them. Does not belong here: what the changes are (:mod:`trace_dag.verdict.perturbed`).
+Every changed report goes through all stages in a temporary storage, so that no stored artefact is touched. Results that
+cannot differ are copied: the extract if the place is the same, the road map if everything that maps depend on is the
+same. The rows lie at ``ROOT/comparisons/perturbed-<cohort>.json``, from where the warehouse takes them. Does not belong
+here: what the changes are (:mod:`trace_dag.verdict.perturbed`).
 """
 
 from __future__ import annotations

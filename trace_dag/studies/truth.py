@@ -108,8 +108,9 @@ class SampleTruth(_Row):
 class TruthRow:
     """One vehicle of one crash: its errors. ``None`` for all of them where there is no estimate of that vehicle.
 
-    Heading and position errors of the initial pose include what an unreported speed makes them; ``speed_reported``
-    tells those vehicles apart. Speeds are signed along the body, so that a vehicle taken for backing counts as wrong.
+    An unreported speed also shows in the heading and position errors of the initial pose; ``speed_reported`` tells
+    those vehicles apart. Speeds are signed along the body, so a vehicle wrongly taken for backing up counts as an
+    error.
     """
 
     key: str

@@ -1,13 +1,13 @@
 """Where the crash is on the map: which road, where on it, and at which crossing.
 
-The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above.
-What the report says of the road decides: its name or number, its class, lanes, limit, whether it is divided, and how
-far the point lies from it. Each is a log-likelihood ratio (how many times likelier it is to be reported so of this
-road than of another), so that they add up. The weights were set by judgement. Beside them stands what
+The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. What
+the report says of the road decides: its name or number, its class, lanes, limit, whether it is divided, and how far the
+point lies from it. Each is a log-likelihood ratio (how many times likelier it is to be reported so of this road than of
+another), so that they add up. The weights were set by judgement. Beside them stands what
 ``benchmarks/placement_weights.py`` measured afterwards on the 80 stored maps of two cohorts (62 crashes in Virginia in
-2023, 210 of FARS 2012 to 2016): 52 roads that bear the reported name against 120 others within 100 m. A map is stored
-only if it agrees with the report in the main, so that what differs is rarer there than it is; limit and trafficway
-would weigh more by these figures. No weight was changed for them.
+2023, 210 of FARS 2012 to 2016): 52 roads that bear the reported name against 120 others within 100 m. Stored maps
+mostly agree with their report, so differences are rarer among them than in reality. By these figures limit and
+trafficway would weigh more; no weight was changed.
 """
 
 from __future__ import annotations
