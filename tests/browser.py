@@ -29,7 +29,7 @@ os.execv(sys.argv[3], sys.argv[3:])
 class Page:
     """One page. ``errors`` and ``requests`` are what has been written to its console and asked for since it opened."""
 
-    def __init__(self, profile: Path, *, width_px: int = 1280, height_px: int = 900) -> None:
+    def __init__(self, profile: Path, *, width_px: int = 1280, height_px: int = 900, webgl: bool = True) -> None:
         assert CHROMIUM is not None
         theirs_in, ours_out = os.pipe()
         ours_in, theirs_out = os.pipe()
@@ -37,7 +37,8 @@ class Page:
             *("--headless", "--no-sandbox", "--hide-scrollbars", "--disable-gpu", "--no-first-run", "--disable-sync"),
             *("--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe"),
         )
-        command = [CHROMIUM, *flags, f"--user-data-dir={profile}", "about:blank"]
+        drawing = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader") if webgl else ("--disable-3d-apis",)
+        command = [CHROMIUM, *flags, *drawing, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(
             [sys.executable, "-c", _START, str(theirs_in), str(theirs_out), *command],
             pass_fds=(theirs_in, theirs_out),

@@ -149,7 +149,7 @@ def test_in_a_browser_the_head_is_where_the_log_has_it(tmp_path: Path) -> None:
         page.open((tmp_path / "replay.html").as_uri())
         for k in (0, len(logged.time_s) // 2, len(logged.time_s) - 1):
             place = page.run(
-                f"show({float(logged.time_s[k])}); ['cx', 'cy'].map("
+                f"line.show({float(logged.time_s[k])}); ['cx', 'cy'].map("
                 "name => Number(document.querySelector('#bodies > circle').getAttribute(name)))"
             )
             expected = logged_shape(logged, k, log.bodies[1001]).head

@@ -1,4 +1,4 @@
-"""Replays in a browser: addresses of a moment and a view, the keyboard, two agents with one time line."""
+"""Replays in a browser: addresses, the keyboard, two agents with one time line, three dimensions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from tests.browser import CHROMIUM, Page
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.workspace import Workspace
 from trace_dag.studies.cases import AgentRole
+from trace_dag.studies.replays import replay as replay_of
 from trace_dag.studies.replays import replay_with
+from trace_dag.studies.stored_crashes import stored_crash
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 
@@ -78,4 +80,48 @@ def test_two_agents_are_beside_each_other_with_one_time_line(tmp_path):
         size_m = float(page.run(boxes)[0].split()[3])
         press(page, "+")
         page.wait(f"{boxes}.every((box) => Math.abs(box.split(' ')[3] - {0.8 * size_m}) < 0.1)")
+        assert page.errors == []
+
+
+# --- in three dimensions ---------------------------------------------------------------------------------------------
+DRAWN = "document.body.dataset.solid === 'drawn'"
+REFUSED = "document.getElementById('refused').textContent"
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["one file", "page of a site"])
+def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, replay, alone):
+    if alone:
+        workspace = Workspace.open(sample_runs.finished())
+        replay = tmp_path / "replay.html"
+        replay.write_bytes(replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "html"))
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{replay.as_uri()}#t=1.25&view=impact&pane=solid&from=behind-1")
+        page.wait(DRAWN)
+        assert page.run(LINK) == "#t=1.25&view=impact&pane=solid&from=behind-1"
+        assert page.run("solid.numbers") == page.run("D.vehicles.map((v) => v.number)")
+        for t in (0.5, 2.0):
+            page.run(f"line.show({t})")
+            for number, x, y in page.run(
+                f"D.vehicles.map((v) => [v.number, v.x[{round(t * 50)}], v.y[{round(t * 50)}]])"
+            ):
+                assert page.run(f"solid.place({number}).slice(0, 2)") == pytest.approx([x, y], abs=0.02)
+        page.run("solid.canvas.focus()")
+        before = page.run("solid.eye()")
+        press(page, "d")
+        assert page.run("solid.eye()") != before, "the keyboard turns the view"
+        # What is asked for is the page and, on a site, the scripts beside it.
+        names = {Path(url.partition("#")[0]).name for url in page.requests if not url.startswith(("data:", "blob:"))}
+        assert names == ({replay.name} if alone else {replay.name, "unpack.js", "replay3d.js"})
+        assert all(url.startswith(("file:", "data:", "blob:")) for url in page.requests)
+        assert page.errors == []
+
+
+def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
+    with Page(tmp_path / "profile", webgl=False) as page:
+        page.open(f"{replay.as_uri()}#t=1.25&pane=solid")
+        page.wait(f"{REFUSED} !== ''")
+        assert "cannot draw in three dimensions" in page.run(REFUSED)
+        assert page.run("document.getElementById('stage').dataset.pane") == "plan"
+        assert page.run("[...document.querySelectorAll('#panes button')].map((b) => b.disabled)") == [False, True, True]
+        assert page.run("document.querySelectorAll('#bodies g').length") > 0
         assert page.errors == []

@@ -243,6 +243,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
     from trace_dag.scenario.package import zip_files
     from trace_dag.scenario.page_templates import packed_page
+    from trace_dag.scenario.replay_library import LIBRARY, with_shared_library
     from trace_dag.scenario.thumbnail import moving_thumbnail
     from trace_dag.studies.replays import replay
 
@@ -264,7 +265,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
         watched = replay(files, "html") if files.has(LOGS) else None
     if watched is not None:
-        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.html", packed_page(watched, "../unpack.js")))
+        page_of_site = packed_page(with_shared_library(watched, f"../{LIBRARY}"), "../unpack.js")
+        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.html", page_of_site))
     picture = files.picture("png")
     page = CrashPage(
         crash.row,

@@ -24,9 +24,9 @@ from trace_dag.cli.progress import progress_of
     metavar="NAME",
     default="packages",
     show_default=True,
-    help="packages (a folder per crash), commonroad, scenarionet (MetaDrive), sumo, osi, openlabel (tags), points "
-    "(GeoParquet and GPX), published (the published benchmark's layout), or what another package offers: trace-dag "
-    "plugins.",
+    help="packages (a folder per crash), commonroad, glb (glTF), scenarionet (MetaDrive), sumo, osi, openlabel (tags), "
+    "points (GeoParquet and GPX), published (the published benchmark's layout), or what another package offers: "
+    "trace-dag plugins.",
 )
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes, such as 2023-510179.")

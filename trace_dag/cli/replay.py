@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 @click.option(
     "--format",
     "replay_format",
-    type=click.Choice(["html", "webp", "gif", "mp4"]),
+    type=click.Choice(["html", "glb", "webp", "gif", "mp4"]),
     default="html",
     show_default=True,
-    help="A page with a time slider, an animated picture, or a video (the extra mp4).",
+    help="A page with a time slider, glTF in three dimensions, an animated picture, or a video (the extra mp4).",
 )
 @click.option(
     "--agent",

@@ -59,6 +59,9 @@ class Replay:
         from base64 import b64encode
 
         data = b64encode(self.content).decode()
+        if self.format == "glb":
+            address = f"data:model/gltf-binary;base64,{data}"
+            return f'<a download="crash.glb" href="{address}">{escape(self.title)}, glTF</a>'
         if self.format == "mp4":
             return f'<video controls src="data:video/mp4;base64,{data}" title="{escape(self.title)}"></video>'
         return f'<img src="data:image/{self.format};base64,{data}" alt="{escape(self.title)}">'
@@ -251,7 +254,7 @@ class Crash:
         return picture
 
     def replay(self, replay_format: ReplayFormat = "html") -> Replay:
-        """The simulated crash to watch: a page with a time slider, or a moving picture."""
+        """The simulated crash to watch: a page with a time slider, a moving picture, or glTF in three dimensions."""
         from trace_dag.studies.replays import replay
 
         if self._stored.shown_log() is None:

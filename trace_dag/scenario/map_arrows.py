@@ -37,7 +37,7 @@ _TURN_SHAFTS: Final = {
 
 
 class Arrows:
-    """The arrows on the lanes of one level, those inside junctions left out."""
+    """The arrows on the lanes of one level, but inside junctions; ``turns`` are the strokes of painted ones."""
 
     def __init__(self, sections: Sequence[SeenSection]) -> None:
         travel: list[FloatArray] = []
@@ -55,7 +55,7 @@ class Arrows:
                 pose = geometry.pose(ends[geometry.direction > 0])
                 for turn in geometry.lane.turns:
                     turns += [pose.to_world(stroke) for stroke in _strokes(turn)]
-        self._travel, self._turns = Shapes(travel), Shapes(turns)
+        self._travel, self.turns = Shapes(travel), Shapes(turns)
 
     def draw(self, panel: Panel, z: float) -> None:
         """Draw those that the window shows."""
@@ -63,7 +63,7 @@ class Arrows:
 
         if travel := [self._travel.points_m[number] for number in self._travel.within(panel.window)]:
             panel.add(PolyCollection(travel, facecolors=WHITE, alpha=0.28, linewidths=0, zorder=z))
-        if turns := [self._turns.points_m[number] for number in self._turns.within(panel.window)]:
+        if turns := [self.turns.points_m[number] for number in self.turns.within(panel.window)]:
             panel.add(LineCollection(turns, colors=WHITE, linewidths=1.0, zorder=z + 0.05))
 
 

@@ -21,23 +21,23 @@ _OUTLINE_PT: Final = 0.9
 
 
 class Crosswalks:
-    """The crosswalks of the roads in sight."""
+    """The crosswalks of the roads in sight: painted bars, and the outlines of those without paint."""
 
     def __init__(self, scene: MapScene) -> None:
         seen = {section.road.id for section in scene.sections}
         places = [place for place in crosswalks(scene.network) if place.road_id in seen]
         bars = [bar for place in places if place.crosswalk.marked for bar in _bars(place)]
-        self._bars = Shapes(bars)
-        self._outlines = Shapes([place.corners_m for place in places if not place.crosswalk.marked])
+        self.bars = Shapes(bars)
+        self.outlines = Shapes([place.corners_m for place in places if not place.crosswalk.marked])
 
     def draw(self, panel: Panel, z: float) -> None:
         """Draw what the window shows."""
         from matplotlib.collections import PolyCollection
 
-        bars = [self._bars.points_m[number] for number in self._bars.within(panel.window)]
+        bars = [self.bars.points_m[number] for number in self.bars.within(panel.window)]
         if bars:
             panel.add(PolyCollection(bars, facecolors=WHITE, linewidths=0, zorder=z))
-        outlines = [self._outlines.points_m[number] for number in self._outlines.within(panel.window)]
+        outlines = [self.outlines.points_m[number] for number in self.outlines.within(panel.window)]
         if outlines:
             rings = PolyCollection(
                 outlines, facecolors="none", edgecolors=WHITE, linewidths=_OUTLINE_PT, linestyles=(0, (3, 2)), zorder=z

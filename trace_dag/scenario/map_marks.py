@@ -10,7 +10,7 @@ import numpy as np
 
 from trace_dag.roads.map.model import RoadMark
 from trace_dag.scenario.map_panel import Panel
-from trace_dag.scenario.map_scene import SeenSection, Shapes
+from trace_dag.scenario.map_scene import SeenSection, Shapes, Window
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
@@ -20,7 +20,8 @@ _YELLOW: Final = "#F2C230"
 _COLOURS: Final = {"yellow": _YELLOW, "white": WHITE, "standard": WHITE}
 _DASH_M: Final = 3.05  # MUTCD 2009, section 3A.06: segments of 10 ft, gaps of 30 ft
 _PERIOD_M: Final = 12.19
-_STROKE_M: Final = 0.15
+STROKE_M: Final = 0.15
+"""Width of a painted line."""
 _APART_M: Final = 0.13  # from the middle of a double line, if that can be seen
 _NOT_PAINTED: Final = frozenset({"none", "grass", "curb"})
 
@@ -38,8 +39,15 @@ class Marks:
         from matplotlib.collections import LineCollection
 
         apart_m = max(_APART_M, 0.8 / panel.points_per_m)
-        strokes: dict[str, list[FloatArray]] = defaultdict(list)
-        for number in self._lines.within(panel.window):
+        width = min(max(STROKE_M * panel.points_per_m, 0.45), 3.0)
+        for colour, lines in self.strokes(panel.window, apart_m).items():
+            panel.add(LineCollection(lines, colors=colour, linewidths=width, zorder=z))
+
+    def strokes(self, window: Window, apart_m: float = _APART_M) -> dict[str, list[FloatArray]]:
+        """What is painted in a window, by colour: lines, shape (n, 2), m, of which double ones lie ``apart_m`` from the
+        middle."""
+        found: dict[str, list[FloatArray]] = defaultdict(list)
+        for number in self._lines.within(window):
             line, mark = self._lines.points_m[number], self._kinds[number]
             kinds = mark.type.split()
             offsets = (0.0,) if len(kinds) == 1 else (apart_m, -apart_m)
@@ -47,10 +55,8 @@ class Marks:
                 if kind in _NOT_PAINTED:
                     continue
                 shifted = _shifted(line, offset) if offset else line
-                strokes[_COLOURS.get(mark.colour, mark.colour)] += _dashes(shifted) if kind == "broken" else [shifted]
-        width = min(max(_STROKE_M * panel.points_per_m, 0.45), 3.0)
-        for colour, lines in strokes.items():
-            panel.add(LineCollection(lines, colors=colour, linewidths=width, zorder=z))
+                found[_COLOURS.get(mark.colour, mark.colour)] += _dashes(shifted) if kind == "broken" else [shifted]
+        return found
 
 
 def _marks(sections: Sequence[SeenSection], legal: bool) -> Iterator[tuple[FloatArray, RoadMark]]:

@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 _RED: Final = "#C1272D"
 _BLACK: Final = "#202327"
 _LAMPS: Final = ("#E5443B", "#F2C230", "#3FB35F")
-_LIGHT, _STOP, _YIELD, _LIMIT = "1000001", "206", "205", "274"
+LIGHT, STOP, YIELD, LIMIT = "1000001", "206", "205", "274"
+"""Signals by OpenDRIVE type: a traffic light, and the signs that are drawn."""
 _NEAR_M: Final = 150.0  # windows wider than this have smaller symbols
 _NEAR_HALF_PT, _FAR_HALF_PT = 3.9, 2.75  # of a symbol
 _LIMIT_SIZE_PT: Final = 5.5
@@ -35,8 +36,8 @@ class Signs:
 
     def __init__(self, scene: MapScene) -> None:
         kinds: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
-        for kind, place in _places(scene):
-            kinds[kind].append(place)
+        for each in placed_signs(scene):
+            kinds[each.signal.type, each.text].append(each.xy_m)
         self._kinds = {kind: np.array(places) for kind, places in sorted(kinds.items())}
 
     def draw(self, panel: Panel, z: float) -> None:
@@ -44,29 +45,41 @@ class Signs:
         half_pt = _NEAR_HALF_PT if panel.span_m < _NEAR_M else _FAR_HALF_PT
         for (kind, text), places in self._kinds.items():
             shown = places[inside(places, panel.window)]
-            if len(shown) and kind == _LIMIT:
+            if len(shown) and kind == LIMIT:
                 board, digits = _limit_paths(text)
                 _stamp(panel, shown, [board], ["white"], z, edge=_BLACK, line=0.7)
                 _stamp(panel, shown, [digits], [_BLACK], z + 0.1)
-            elif len(shown) and kind == _LIGHT:
+            elif len(shown) and kind == LIGHT:
                 _stamp(panel, shown, [_symbol("s", half_pt)], [_BLACK], z, edge=_BLACK)
                 # The lamps of a signal head, above each other inside its symbol.
                 lamps = [_symbol("o", 0.27 * half_pt, up * 0.6 * half_pt) for up in (1, 0, -1)]
                 _stamp(panel, shown, lamps, _LAMPS, z + 0.1)
             elif len(shown):
-                marker = (8, 0, 22) if kind == _STOP else "v"
-                face, edge = (_RED, WHITE) if kind == _STOP else (WHITE, _RED)
+                marker = (8, 0, 22) if kind == STOP else "v"
+                face, edge = (_RED, WHITE) if kind == STOP else (WHITE, _RED)
                 _stamp(panel, shown, [_symbol(marker, half_pt)], [face], z, edge=edge)
 
 
-def _places(scene: MapScene) -> Iterator[tuple[tuple[str, str], tuple[float, float]]]:
+class PlacedSign(NamedTuple):
+    """A signal or sign where it stands: its place (m), the way the traffic goes that it is for (rad), and what it
+    says."""
+
+    signal: Signal
+    xy_m: tuple[float, float]
+    heading_rad: float
+    text: str
+
+
+def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
+    """The traffic lights, and the signs of the kinds that are drawn."""
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line
         for signal in road.signals:
-            if signal.type in (_LIGHT, _STOP, _YIELD, _LIMIT):
+            if signal.type in (LIGHT, STOP, YIELD, LIMIT):
                 x, y, heading, _ = line.at(signal.s_m)
                 place = (x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading))
-                yield (signal.type, _limit_text(signal) if signal.type == _LIMIT else ""), place
+                text = _limit_text(signal) if signal.type == LIMIT else ""
+                yield PlacedSign(signal, place, heading + (math.pi if signal.orientation == "-" else 0.0), text)
 
 
 def _stamp(

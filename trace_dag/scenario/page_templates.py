@@ -65,17 +65,21 @@ def templates() -> Environment:
     return environment
 
 
+def packed(data: bytes) -> str:
+    """What a page holds for its scripts to unpack: gzip, in base64. The same data gives the same text."""
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode()
+
+
 def packed_page(page: bytes, script: str) -> bytes:
     """A page kept compressed inside a small one, a quarter of its size; ``script`` is where ``unpack.js`` lies.
 
     It opens like the page itself, from a file too: there a browser lets a page read no other file, so that its content
     has to be within it. The same page gives the same bytes.
     """
-    content = base64.b64encode(gzip.compress(page, 6, mtime=0)).decode()
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Opening</title>'
         "<noscript>This page is kept compressed and opens with JavaScript.</noscript>"
-        f'<script src="{script}"></script><script>unpack("{content}")</script></html>\n'
+        f'<script src="{script}"></script><script>unpack("{packed(page)}")</script></html>\n'
     ).encode()
 
 

@@ -26,9 +26,10 @@ from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
-from trace_dag.scenario.page_templates import templates
+from trace_dag.scenario.page_templates import packed, templates
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
-from trace_dag.scenario.sketch import data_url
+from trace_dag.scenario.replay_library import library_within
+from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
 
@@ -106,12 +107,16 @@ def write_html_player(
             dark=is_dark(record),
             paired=beside is not None,
             outcome=drive.title if drive else _outcome(verdict),
-            map_svg=data_url(svg),
+            map_svg=packed(svg.encode()),
+            solid="" if beside else packed(crash_glb(record.key, network, log, drive, surroundings=surroundings)),
+            library=library_within(),
             data=_script_safe(
                 {
                     **_data(record, network, log, windows),
                     **_ghost(drive, log),
                     "map": [round(value, 2) for value in map_window],
+                    "key": record.key,
+                    "night": is_dark(record),
                 }
             ),
         )
@@ -235,6 +240,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
         "object_colour": OBJECT_COLOUR,
         "contact_colour": CONTACT_COLOUR,
         "attribution": network.attribution,
+        "moment": None if (moment := moment_of(log)) is None else round(moment.time_s, 4),
         "termination": log.termination.replace("_", " "),
         "overview": [round(value, 2) for value in windows.overview],
         "impact": [round(value, 2) for value in windows.impact],

@@ -31,7 +31,7 @@ _TREE_RADIUS_M: Final = 2.0
 _TREE: Final = "#A3BE96"
 
 
-class _Look(NamedTuple):
+class Look(NamedTuple):
     """How an area or a line is drawn: from the lowest ``z`` up, lines ``width_m`` wide."""
 
     z: float
@@ -42,25 +42,25 @@ class _Look(NamedTuple):
 
 _WATER: Final = "#A9CBE0"
 _LOOKS: Final = {
-    ("landuse", "farmland"): _Look(0.1, "#EDE8CF"),
-    ("landuse", "meadow"): _Look(0.1, "#DFE8CB"),
-    ("landuse", "grass"): _Look(0.2, "#DCE7C9"),
-    ("natural", "grassland"): _Look(0.1, "#DFE8CB"),
-    ("landuse", "orchard"): _Look(0.2, "#D3E2BC"),
-    ("landuse", "vineyard"): _Look(0.2, "#D3E2BC"),
-    ("natural", "scrub"): _Look(0.3, "#CFDDB8"),
-    ("landuse", "forest"): _Look(0.3, "#C2D7B0"),
-    ("natural", "wood"): _Look(0.3, "#C2D7B0"),
-    ("natural", "wetland"): _Look(0.3, "#CBDFD6"),
-    ("natural", "tree_row"): _Look(0.4, _TREE, width_m=3.0),
-    ("natural", "water"): _Look(0.4, _WATER),
-    ("landuse", "basin"): _Look(0.4, _WATER),
-    ("landuse", "reservoir"): _Look(0.4, _WATER),
-    ("waterway", ""): _Look(0.4, _WATER, width_m=3.0),
-    ("amenity", "parking"): _Look(0.5, "#DAD7D1", "#C6C2BA"),
-    ("railway", ""): _Look(0.7, "#8C8680", width_m=1.8),
-    ("barrier", ""): _Look(0.75, "#A89F90", width_m=0.4),
-    ("building", ""): _Look(0.8, "#D2C5B4", "#B0A18D"),
+    ("landuse", "farmland"): Look(0.1, "#EDE8CF"),
+    ("landuse", "meadow"): Look(0.1, "#DFE8CB"),
+    ("landuse", "grass"): Look(0.2, "#DCE7C9"),
+    ("natural", "grassland"): Look(0.1, "#DFE8CB"),
+    ("landuse", "orchard"): Look(0.2, "#D3E2BC"),
+    ("landuse", "vineyard"): Look(0.2, "#D3E2BC"),
+    ("natural", "scrub"): Look(0.3, "#CFDDB8"),
+    ("landuse", "forest"): Look(0.3, "#C2D7B0"),
+    ("natural", "wood"): Look(0.3, "#C2D7B0"),
+    ("natural", "wetland"): Look(0.3, "#CBDFD6"),
+    ("natural", "tree_row"): Look(0.4, _TREE, width_m=3.0),
+    ("natural", "water"): Look(0.4, _WATER),
+    ("landuse", "basin"): Look(0.4, _WATER),
+    ("landuse", "reservoir"): Look(0.4, _WATER),
+    ("waterway", ""): Look(0.4, _WATER, width_m=3.0),
+    ("amenity", "parking"): Look(0.5, "#DAD7D1", "#C6C2BA"),
+    ("railway", ""): Look(0.7, "#8C8680", width_m=1.8),
+    ("barrier", ""): Look(0.75, "#A89F90", width_m=0.4),
+    ("building", ""): Look(0.8, "#D2C5B4", "#B0A18D"),
 }
 """By key and value of a tag; a value of "" is any other one. The first that fits, from above."""
 
@@ -69,19 +69,19 @@ class Scenery:
     """What is beside the roads, ready to be drawn in any windows inside an extent (m, local frame)."""
 
     def __init__(self, features: Sequence[OsmFeature], frame: LocalFrame, extent_m: Window) -> None:
-        areas: dict[_Look, list[FloatArray]] = {}
-        lines: dict[_Look, list[FloatArray]] = {}
+        areas: dict[Look, list[FloatArray]] = {}
+        lines: dict[Look, list[FloatArray]] = {}
         trees: list[tuple[float, float]] = []
         for feature in features:
-            look = _look(feature)
+            look = look_of(feature)
             if feature.tags.get("natural") == "tree":
-                trees += [tuple(place) for place in _local(feature.geometry, frame)]
+                trees += [tuple(place) for place in local_points(feature.geometry, frame)]
             elif look is not None:
-                for part in _parts(feature.geometry):
+                for part in parts_of(feature.geometry):
                     if isinstance(part, shapely.Polygon):
-                        areas.setdefault(look, []).append(_local(part.exterior, frame))
+                        areas.setdefault(look, []).append(local_points(part.exterior, frame))
                     elif isinstance(part, shapely.LineString) and look.width_m:
-                        lines.setdefault(look, []).append(_local(part, frame))
+                        lines.setdefault(look, []).append(local_points(part, frame))
         self._areas = [(look, Shapes(rings)) for look, rings in sorted(areas.items())]
         self._lines = [(look, Shapes(each)) for look, each in sorted(lines.items())]
         west, south, east, north = extent_m
@@ -111,18 +111,21 @@ class Scenery:
             panel.add(trees)
 
 
-def _look(feature: OsmFeature) -> _Look | None:
+def look_of(feature: OsmFeature) -> Look | None:
+    """How something beside the roads is drawn, if it is."""
     for (key, value), look in _LOOKS.items():
         if key in feature.tags and value in ("", feature.tags[key]):
             return look
     return None
 
 
-def _parts(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
+def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
+    """The single points, lines and polygons of a geometry."""
     yield from getattr(geometry, "geoms", (geometry,))
 
 
-def _local(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
+def local_points(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
+    """The coordinates of a geometry in WGS84 in the local frame, shape (n, 2), m."""
     places = shapely.get_coordinates(geometry)
     return frame.to_local(places[:, 1], places[:, 0])
 

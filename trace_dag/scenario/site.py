@@ -14,6 +14,7 @@ from typing import Any
 
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.page_templates import read, templates
+from trace_dag.scenario.replay_library import LIBRARY
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]
@@ -74,8 +75,10 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 
 def static_files() -> dict[str, bytes]:
-    """Style and script of the site by name."""
-    return {name: read(name).encode() for name in ("site.css", "site.js", "site_map.js", "unpack.js")}
+    """Style and scripts of the site by name."""
+    files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", LIBRARY)}
+    files["unpack.js"] = read("unpacked.js") + read("unpack.js")
+    return {name: text.encode() for name, text in files.items()}
 
 
 _FINAL_STATES = ("verified", "rejected", "failed", "pending")

@@ -22,16 +22,17 @@ from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
 from trace_dag.units import mps_to_mph
 
-ReplayFormat = Literal["html", "webp", "gif", "mp4"]
+ReplayFormat = Literal["html", "glb", "webp", "gif", "mp4"]
 
 
 def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
-    """The replay of one crash as stored: a page or a moving picture.
+    """The replay of one crash as stored: a page, a moving picture, or glTF in three dimensions.
 
     Raises :class:`UserError` for a crash that was not simulated, or an MP4 without its extra.
     """
     from trace_dag.scenario.animation import write_animation
     from trace_dag.scenario.replay import write_html_player
+    from trace_dag.scenario.solid.scene import crash_glb
 
     log = crash.shown_log()
     if log is None:
@@ -40,6 +41,8 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
     if replay_format == "html":
         return write_html_player(record, network, log, verdict, surroundings=surroundings_of(crash))
+    if replay_format == "glb":
+        return crash_glb(record.key, network, log, surroundings=surroundings_of(crash))
     return write_animation(record, network, log, verdict, image_format=replay_format)
 
 
@@ -58,6 +61,7 @@ def replay_with(
     """
     from trace_dag.scenario.animation import write_animation
     from trace_dag.scenario.replay import write_html_pair, write_html_player
+    from trace_dag.scenario.solid.scene import crash_glb
 
     if len(agents) > 1 and replay_format != "html":
         raise UserError(f"--format {replay_format} shows one agent; several beside each other need --format html")
@@ -71,6 +75,8 @@ def replay_with(
     ((drive, log),) = driven
     if replay_format == "html":
         return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings)
+    if replay_format == "glb":
+        return crash_glb(record.key, case.network, log, drive, surroundings=surroundings)
     return write_animation(record, case.network, log, drive=drive, image_format=replay_format)
 
 

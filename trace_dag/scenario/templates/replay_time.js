@@ -1,5 +1,7 @@
-// The controls and keys of a time line that ends at `end` (s). `draw` shows a moment; the clock is `draw`'s answer.
-function timeline(end, draw) {
+// The controls and keys of a time line that ends at `end` (s). `draw` shows a moment; the clock is `draw`'s answer. Around
+// the `impact` (s, or null) time runs slower if that is chosen.
+const SLOW = { before: .4, after: .8, rate: .25 };
+function timeline(end, draw, impact) {
   const line = { now: 0, show, stop };
   let playing = false, last = 0;
   function show(t) {
@@ -11,9 +13,13 @@ function timeline(end, draw) {
   function play() { if (line.now >= end) line.now = 0; playing = true; $("play").textContent = "Pause"; last = performance.now(); requestAnimationFrame(tick); }
   function tick(stamp) {
     if (!playing) return;
-    show(line.now + (stamp - last) / 1000 * Number($("rate").value));
+    show(line.now + (stamp - last) / 1000 * rate());
     last = stamp;
     if (line.now >= end) stop(); else requestAnimationFrame(tick);
+  }
+  function rate() {
+    if ($("rate").value !== "slow") return Number($("rate").value);
+    return impact !== null && line.now > impact - SLOW.before && line.now < impact + SLOW.after ? SLOW.rate : 1;
   }
   function toggle() { if (playing) stop(); else play(); }
   function step(by) { stop(); show(line.now + by); }

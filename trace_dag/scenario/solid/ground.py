@@ -1,0 +1,236 @@
+"""Roads and what is around them as surfaces: pavement by type, kerbs, paint, and the ground between.
+
+Seen from above nothing covers anything else: where lanes overlap, as in junctions, they are one surface. Heights are
+those of the lanes nearest to a point; the ground reaches from road to road.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from trace_dag.roads.map.model import LaneType
+from trace_dag.scenario.map_arrows import Arrows
+from trace_dag.scenario.map_crosswalks import Crosswalks
+from trace_dag.scenario.map_marks import STROKE_M, WHITE, Marks
+from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Window
+from trace_dag.scenario.map_surfaces import SURFACES
+from trace_dag.scenario.paving import paved_gaps
+from trace_dag.scenario.solid.gltf import Material
+from trace_dag.scenario.solid.shapes import Mesh, flat, joined, prism, ribbon
+
+if TYPE_CHECKING:
+    from trace_dag.geometry import FloatArray
+
+KERB_M: Final = 0.15
+"""Height of a kerb: AASHTO Green Book, 7th edition, section 4.7.1 (6 in)."""
+_RAISED: Final = frozenset({LaneType.SIDEWALK, LaneType.MEDIAN})
+_GRASS: Final = Material("#8FA36B", roughness=1.0)
+_KERB: Final = Material("#B9B5AB")
+_DECK: Final = Material("#8A8880")
+_DECK_M: Final = 0.9
+_ABOVE_M: Final = 0.02  # paint above pavement
+_STEP_M: Final = 1.0 / 256.0  # points are rounded to this: what repeats compresses
+_WAY_M: Final = 2.5  # to each side of where a body went
+_JOIN_M: Final = 0.02
+_BORDER_M: Final = 4.0  # where there are slopes, borders have a point so often
+_TURN_STROKE_M: Final = 0.18
+
+
+class Heights:
+    """Heights of a surface by known points, shape (n, 3): between the nearest ones, the nearer the more; 0 without
+    any. Along a ``way``, points where bodies went beside roads, it is as high as they had it."""
+
+    def __init__(self, points_m: FloatArray, way_m: FloatArray | None = None) -> None:
+        self._z = points_m[:, 2]
+        self._tree = cKDTree(points_m[:, :2]) if len(points_m) and np.ptp(self._z) > 0.005 else None
+        self._level_m = float(self._z[0]) if len(points_m) else 0.0
+        self._way = None if way_m is None or not len(way_m) else Heights(way_m)
+        self._way_tree = None if self._way is None or way_m is None else cKDTree(way_m[:, :2])
+
+    @property
+    def level(self) -> bool:
+        """Whether every height is the same."""
+        return self._tree is None
+
+    def at(self, places_m: FloatArray) -> FloatArray:
+        """Heights at some places, shape (n, 2)."""
+        if self._tree is None:
+            return np.full(len(places_m), self._level_m)
+        away, nearest = self._tree.query(places_m, k=min(4, self._tree.n))
+        weights = 1.0 / np.maximum(away, 1e-3) ** 2
+        z = np.asarray((self._z[nearest] * weights).sum(axis=1) / weights.sum(axis=1))
+        if self._way is not None and self._way_tree is not None:
+            near = self._way_tree.query(places_m)[0] < _WAY_M + _JOIN_M
+            z[near] = self._way.at(places_m[near])
+        return z
+
+    def on(self, mesh: Mesh, above_m: float = 0.0) -> Mesh:
+        """A flat shape laid on the surface."""
+        return Mesh(np.column_stack([mesh.points_m[:, :2], self.at(mesh.points_m[:, :2]) + above_m]), mesh.triangles)
+
+
+class Terrain:
+    """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground. ``areas`` are what else the
+    ground is made of, each with its material, the later above the earlier; ``ways``, each of shape (n, 3), m, are where
+    bodies went: beside roads the ground is as high there as they had it."""
+
+    def __init__(
+        self,
+        scene: MapScene,
+        window: Window,
+        areas: Sequence[tuple[Material, shapely.Geometry]] = (),
+        ways: Sequence[FloatArray] = (),
+    ) -> None:
+        self._window = window
+        self._parts: dict[Material, list[Mesh]] = defaultdict(list)
+        on_ground: list[shapely.Geometry] = []
+        known: list[FloatArray] = []
+        levels = []
+        for level, sections in scene.sections_by_layer():
+            points = [line for section in sections for lane in section.lanes for line in (lane.inner_m, lane.outer_m)]
+            points_m = np.concatenate(points) if points else np.zeros((0, 3))
+            levels.append((level, sections, Heights(points_m), points_m))
+            if level <= 0:
+                known.append(points_m)
+        self._crossings = Crosswalks(scene)
+        everywhere: list[shapely.Geometry] = []
+        for level, sections, heights, _ in levels:
+            everywhere.append(self._pave(scene, sections, heights, bridge=level > 0))
+            if level <= 0:
+                on_ground.append(everywhere[-1])
+        off_road, beside = _beside(ways, shapely.union_all(everywhere))
+        self.heights = Heights(np.concatenate([np.zeros((0, 3)), *known]), off_road)
+        if not self.heights.level:
+            areas = [*areas, (_GRASS, beside)]
+        self._lay_ground(shapely.union_all(on_ground), areas)
+
+    @property
+    def parts(self) -> list[tuple[Material, Mesh]]:
+        """Surfaces by material."""
+        return by_material(self._parts)
+
+    def _pave(
+        self, scene: MapScene, sections: list[SeenSection], heights: Heights, *, bridge: bool
+    ) -> shapely.Geometry:
+        """Lay the surfaces of one level; returns what they cover."""
+        frame = shapely.box(*self._window)
+        covered: shapely.Geometry = shapely.Polygon()
+        for lane_type, area in _areas(scene, sections):
+            area = _clean(shapely.difference(shapely.intersection(area, frame), covered))
+            if not heights.level:
+                area = shapely.segmentize(area, _BORDER_M)
+            covered = shapely.union(covered, area)
+            raised = KERB_M if lane_type in _RAISED else 0.0
+            self._parts[Material(SURFACES[lane_type])].append(heights.on(flat(area), raised))
+            if raised:
+                self._parts[_KERB] += _walls(area, heights, 0.0, raised)
+        if bridge:
+            self._parts[_DECK] += _walls(covered, heights, -_DECK_M, 0.0)
+            below = heights.on(flat(covered), -_DECK_M)
+            self._parts[_DECK].append(Mesh(below.points_m, below.triangles[:, ::-1]))
+        self._paint(sections, heights, covered)
+        return covered
+
+    def _paint(self, sections: list[SeenSection], heights: Heights, covered: shapely.Geometry) -> None:
+        strokes = Marks(sections, legal=True).strokes(self._window)
+        for colour, lines in strokes.items():
+            self._parts[_paint(colour)] += [_stroke(line, heights, STROKE_M) for line in lines if len(line) > 1]
+        turns = Arrows(sections).turns
+        self._parts[_paint(WHITE)] += [
+            _stroke(turns.points_m[number], heights, _TURN_STROKE_M) for number in turns.within(self._window)
+        ]
+        shapely.prepare(covered)
+        for number in self._crossings.bars.within(self._window):
+            bar = shapely.Polygon(self._crossings.bars.points_m[number])
+            if shapely.intersects(covered, bar):
+                self._parts[_paint(WHITE)].append(heights.on(flat(bar), _ABOVE_M))
+
+    def _lay_ground(self, paved: shapely.Geometry, areas: Sequence[tuple[Material, shapely.Geometry]]) -> None:
+        ground = shapely.difference(shapely.box(*self._window), paved)
+        for material, area in reversed(areas):
+            piece = _clean(shapely.intersection(area, ground))
+            if not piece.is_empty:
+                self._parts[material].append(self.heights.on(flat(piece)))
+                ground = shapely.difference(ground, piece)
+        self._parts[_GRASS].append(self.heights.on(flat(_clean(ground))))
+
+
+def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatArray, shapely.Geometry]:
+    """The points of ways that lie on no road, shape (n, 3), and the ground around these."""
+    points = np.concatenate([np.zeros((0, 3)), *ways])
+    shapely.prepare(paved)
+    off_road = points[~shapely.intersects_xy(paved, points[:, 0], points[:, 1])]
+    return off_road, shapely.union_all(shapely.buffer(shapely.points(off_road[:, :2]), _WAY_M, quad_segs=2))
+
+
+def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:
+    """One shape of each material that there is something of, its points on a grid of 4 mm."""
+    shapes = [(material, joined(meshes)) for material, meshes in made.items()]
+    return [
+        (material, Mesh(np.round(shape.points_m / _STEP_M) * _STEP_M, shape.triangles))
+        for material, shape in shapes
+        if len(shape.triangles)
+    ]
+
+
+def _paint(colour: str) -> Material:
+    return Material(colour, roughness=0.8, layer=1)
+
+
+def _stroke(line: FloatArray, heights: Heights, width_m: float) -> Mesh:
+    """A painted line; where the road bends its points are as dense as the line has them."""
+    return ribbon(np.column_stack([line, heights.at(line) + _ABOVE_M]), width_m)
+
+
+def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneType, shapely.Geometry]]:
+    """What is paved on one level by the type of its lanes, what covers the others first: what traffic drives on."""
+    lanes: dict[LaneType, list[SeenLane]] = defaultdict(list)
+    for section in sections:
+        for lane in section.lanes:
+            kind = lane.geometry.lane.type
+            if kind is not LaneType.NONE:
+                lanes[LaneType.DRIVING if SURFACES[kind] == SURFACES[LaneType.DRIVING] else kind].append(lane)
+    driving = lanes[LaneType.DRIVING]
+    if driving:
+        outlines = [*(lane.outline_m for lane in driving), *_gaps(driving)]
+        yield LaneType.DRIVING, _united(outlines)
+    for kind in sorted(lanes.keys() - {LaneType.DRIVING}, key=lambda kind: (kind in _RAISED, not kind.drivable, kind)):
+        yield kind, _united(lane.outline_m for lane in lanes[kind])
+
+
+def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
+    """What is paved between the lanes of junctions."""
+    inside = [lane for lane in lanes if lane.road.junction_id is not None]
+    through: dict[str | None, list[int]] = defaultdict(list)
+    for number, lane in enumerate(inside):
+        through[lane.road.junction_id].append(number)
+    for gap in paved_gaps([lane.outline_m for lane in inside], through.values()):
+        yield gap.outline_m
+
+
+def _united(outlines: Iterable[FloatArray]) -> shapely.Geometry:
+    rings = [shapely.make_valid(shapely.Polygon(outline)) for outline in outlines if len(outline) > 3]
+    joined_up = shapely.buffer(shapely.union_all(rings), _JOIN_M, join_style="mitre")
+    return shapely.make_valid(shapely.buffer(joined_up, -_JOIN_M, join_style="mitre"))
+
+
+def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
+    """The polygons of a geometry, without slivers."""
+    polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon) and part.area > 0.02]
+    return shapely.MultiPolygon(polygons)
+
+
+def _walls(area: shapely.Geometry, heights: Heights, low_m: float, high_m: float) -> Iterator[Mesh]:
+    """Upright walls around an area, facing away from it."""
+    for polygon in shapely.get_parts(area):
+        for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
+            corners = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(ring)))[:-1]
+            z = heights.at(corners)
+            wall = prism(corners, z + low_m, z + high_m)
+            yield wall if k == 0 else Mesh(wall.points_m, wall.triangles[:, ::-1])

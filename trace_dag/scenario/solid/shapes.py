@@ -1,0 +1,159 @@
+"""Triangles and the simple shapes that everything else is put together from.
+
+Axes of a shape are those of what it belongs to: x ahead, y left, z up, metres. Triangles are counter-clockwise seen
+from outside. Normals are left out: glTF then has every triangle flat, as these shapes are meant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trace_dag.geometry import FloatArray
+
+
+class Mesh(NamedTuple):
+    """Points, shape (n, 3), m, and triangles as numbers of points, shape (k, 3)."""
+
+    points_m: FloatArray
+    triangles: NDArray[np.int64]
+
+    def moved(self, by_m: Sequence[float]) -> Mesh:
+        """The same shape somewhere else."""
+        return Mesh(self.points_m + np.asarray(by_m), self.triangles)
+
+    def turned(self, matrix: FloatArray) -> Mesh:
+        """The same shape turned by a matrix, shape (3, 3)."""
+        return Mesh(self.points_m @ matrix.T, self.triangles)
+
+
+def joined(meshes: Iterable[Mesh]) -> Mesh:
+    """Several shapes as one."""
+    parts = [mesh for mesh in meshes if len(mesh.triangles)]
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
+    starts = np.cumsum([0, *(len(mesh.points_m) for mesh in parts[:-1])])
+    return Mesh(
+        np.concatenate([mesh.points_m for mesh in parts]),
+        np.concatenate([mesh.triangles + start for mesh, start in zip(parts, starts, strict=True)]),
+    )
+
+
+def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
+    """A box from its lowest to its highest corner.
+
+    >>> box((0, 0, 0), (2, 1, 1)).points_m.max(axis=0).tolist()
+    [2.0, 1.0, 1.0]
+    """
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    ring = np.array([(y0, z0), (y1, z0), (y1, z1), (y0, z1)])
+    return loft(np.array([x0, x1]), np.stack([ring, ring]))
+
+
+def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
+    """A body along x with closed ends: rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to front,
+    each counter-clockwise seen from the front."""
+    n, k, _ = rings.shape
+    points = np.concatenate([np.repeat(stations, k)[:, None], rings.reshape(-1, 2)], axis=1)
+    near = np.arange(k)
+    triangles = []
+    for i in range(n - 1):
+        a, b = i * k + near, i * k + (near + 1) % k
+        c, d = a + k, b + k
+        triangles += [np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)]
+    # Ends have points of their own, so that they are flat and their edges sharp.
+    points = np.concatenate([points, points[:k], points[-k:]])
+    fan = np.stack([np.zeros(k - 2, int), np.arange(1, k - 1), np.arange(2, k)], axis=1)
+    triangles += [n * k + fan[:, ::-1], n * k + k + fan]
+    return Mesh(points, np.concatenate(triangles).astype(np.int64))
+
+
+def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_m: float | None = None) -> Mesh:
+    """An upright cylinder from one height to another; with a radius of its own at the top a cone."""
+    angles = np.arange(sides) * math.tau / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])  # x ahead becomes up once it is turned
+    upper = radius_m if top_m is None else max(top_m, 1e-3)
+    lying = loft(np.array([low_m, high_m]), np.stack([ring * radius_m, ring * upper]))
+    return Mesh(lying.points_m[:, [1, 2, 0]], lying.triangles)
+
+
+def across(mesh: Mesh) -> Mesh:
+    """An upright shape laid on its side: what was up points left."""
+    return Mesh(mesh.points_m[:, [1, 2, 0]], mesh.triangles)
+
+
+def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) -> Mesh:
+    """A ball around the origin, stretched along z."""
+    up = np.linspace(-math.pi / 2, math.pi / 2, rings + 2)[1:-1]
+    heights = np.array([-1.0, *np.sin(up), 1.0]) * radius_m * stretch
+    radii = np.array([0.02, *np.cos(up), 0.02]) * radius_m
+    return turned_body(heights, radii, sides)
+
+
+def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
+    """A body around the z axis: its radius at some heights, from below."""
+    angles = np.arange(sides) * math.tau / sides
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    lying = loft(heights_m, radii_m[:, None, None] * ring[None])
+    return Mesh(lying.points_m[:, [1, 2, 0]], lying.triangles)
+
+
+def bar(start: Sequence[float], end: Sequence[float], radius_m: float, sides: int = 6) -> Mesh:
+    """A round bar from one point to another."""
+    one, two = np.asarray(start, float), np.asarray(end, float)
+    length_m = float(np.linalg.norm(two - one))
+    return cylinder(radius_m, 0.0, length_m, sides).turned(turned_to((two - one) / length_m)).moved(one.tolist())
+
+
+def turned_to(up: FloatArray) -> FloatArray:
+    """A rotation that turns the z axis to a direction, shape (3, 3)."""
+    side = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    x = np.cross(side, up)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(up, x), up])
+
+
+def about_z(heading_rad: float) -> FloatArray:
+    """The rotation to a heading, shape (3, 3)."""
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    return np.array([(c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)])
+
+
+def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
+    """An area seen from above as triangles that face up."""
+    parts = shapely.get_parts(area)
+    found = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[shapely.get_type_id(parts) == 3]))
+    corners = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)[:, :3]
+    points, numbers = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    triangles = numbers.reshape(-1, 3).astype(np.int64)
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    clockwise = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    return Mesh(np.column_stack([points, np.full(len(points), z_m)]), triangles)
+
+
+def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | float) -> Mesh:
+    """Upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all."""
+    ring = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(outline)))[:-1]
+    n = len(ring)
+    low, high = np.broadcast_to(low_m, n), np.broadcast_to(high_m, n)
+    points = np.concatenate([np.column_stack([ring, low]), np.column_stack([ring, high])])
+    a = np.arange(n)
+    b = (a + 1) % n
+    return Mesh(points, np.concatenate([np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)]))
+
+
+def ribbon(line: FloatArray, width_m: float) -> Mesh:
+    """A strip along a line of points, shape (n, 3), level across and facing up."""
+    step = np.gradient(line[:, :2], axis=0)
+    left = np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
+    beside = np.column_stack([left * width_m / 2, np.zeros(len(line))])
+    n = len(line)
+    a = np.arange(n - 1)
+    triangles = np.concatenate([np.stack([a, a + 1, a + n + 1], axis=1), np.stack([a, a + n + 1, a + n], axis=1)])
+    return Mesh(np.concatenate([line - beside, line + beside]), triangles)

@@ -1,0 +1,83 @@
+"""Motion as key frames: where a body is and how it is turned, with no more keys than it takes to follow the log.
+
+Quaternions are x, y, z, w, as in glTF.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from trace_dag.geometry import FloatArray
+from trace_dag.scenario.solid.gltf import Keys
+from trace_dag.sim.types import VehicleLog
+
+PLACE_M: Final = 0.003
+"""Between key frames a body is off its logged place by so much at most."""
+TURN: Final = 0.001
+"""And the parts of its quaternion by so much: a turn of 0.1 degrees."""
+_LARGEST_TURN_RAD: Final = 1.5  # from key to key: a quaternion knows no more than half a turn
+
+
+def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
+    """Key frames of a way, shape (n, 3)."""
+    kept = _needed(time_s, places_m, PLACE_M)
+    return Keys(time_s[kept], places_m[kept])
+
+
+def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
+    """Key frames of how something is turned at each time; it turns less than half a turn from one to the next."""
+    values = turns.as_quat()
+    flipped = np.cumprod(np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+    values[1:] *= flipped[:, None]  # the same turn has two quaternions: the one nearer to the last
+    kept = _needed(time_s, values, TURN)
+    return Keys(time_s[kept], values[kept])
+
+
+def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
+    """Key frames of something that shows (1) or does not (0), shape (n,)."""
+    changes = np.flatnonzero(np.diff(sizes, prepend=np.nan))
+    return Keys(time_s[changes], np.repeat(sizes[changes, None], 3, axis=1), step=True)
+
+
+def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
+    """Key frames of a wheel that has turned by some angles about the axis to its left."""
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angles_rad)))])
+    steps = math.ceil(turned[-1] / _LARGEST_TURN_RAD)
+    if not steps:
+        return Keys(time_s[:1], Rotation.identity(1).as_quat())
+    times = np.unique(np.interp(np.linspace(0.0, turned[-1], steps + 1), turned, time_s))
+    at = np.interp(times, time_s, angles_rad)
+    return Keys(times, np.column_stack([0 * at, np.sin(at / 2), 0 * at, np.cos(at / 2)]))
+
+
+def body_places(log: VehicleLog) -> FloatArray:
+    """Where the middle of a body is, shape (n, 3)."""
+    return np.column_stack([log.x_m, log.y_m, log.z_m + log.above_road_m])
+
+
+def body_turns(log: VehicleLog) -> Rotation:
+    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead."""
+    angles = np.column_stack([log.heading_rad, log.pitch_rad, log.roll_rad])
+    return Rotation.from_euler("ZYX", angles)
+
+
+def _needed(time_s: FloatArray, values: FloatArray, tolerance: float) -> list[int]:
+    """The rows that keep every other one within a tolerance of the straight line between them (Douglas, Peucker)."""
+    last = len(time_s) - 1
+    kept, open_spans = {0, last}, [(0, last)]
+    while open_spans:
+        a, b = open_spans.pop()
+        if b - a < 2:
+            continue
+        share = ((time_s[a + 1 : b] - time_s[a]) / (time_s[b] - time_s[a]))[:, None]
+        off = np.abs(values[a + 1 : b] - values[a] - share * (values[b] - values[a])).max(axis=1)
+        worst = int(off.argmax())
+        if off[worst] > tolerance:
+            middle = a + 1 + worst
+            kept.add(middle)
+            open_spans += [(a, middle), (middle, b)]
+    return sorted(kept)

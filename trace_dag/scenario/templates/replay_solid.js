@@ -1,0 +1,59 @@
+// The 3D view beside the plan: it shows the same moments, from wherever one likes to look.
+const PANES = ["plan", "both", "solid"];
+let solid = null, shown = "plan", chosen = false;
+function run(code) {
+  const script = document.createElement("script");
+  script.textContent = code;
+  document.head.append(script);
+}
+// "no", "slow" without a graphics processor, or "fast"
+function drawing() {
+  const asked = options => { const gl = document.createElement("canvas").getContext("webgl2", options); gl?.getExtension("WEBGL_lose_context")?.loseContext(); return Boolean(gl); };
+  try { return asked({ failIfMajorPerformanceCaveat: true }) ? "fast" : asked({}) ? "slow" : "no"; } catch { return "no"; }
+}
+const able = drawing();
+let started = null;
+function start() {
+  return started ??= (async () => {
+    if (typeof replay3d === "undefined") run(new TextDecoder().decode(await held("library")));
+    const dim = matchMedia("(prefers-color-scheme: dark)").matches;
+    const colours = Object.fromEntries(D.vehicles.map(v => [v.number, v.colour]));
+    solid = await replay3d.create($("solid"), await held("solid-data"), { night: D.night, dim, colours });
+    look_from();
+    solid.show(line.now);
+    requestAnimationFrame(() => { document.body.dataset.solid = "drawn"; performance.mark("drawn in 3D"); });
+  })().catch(error => refuse(`The 3D view could not be drawn (${error.message}); the plan view shows the same.`));
+}
+function refuse(why) {
+  $("refused").textContent = why;
+  for (const b of document.querySelectorAll("#panes button")) b.disabled = b.dataset.pane !== "plan";
+  show_pane("plan");
+}
+function show_pane(name) {
+  shown = name;
+  $("stage").dataset.pane = name;
+  for (const b of document.querySelectorAll("#panes button")) b.setAttribute("aria-pressed", b.dataset.pane === name);
+  if (name !== "plan") start().then(() => solid?.resize());
+  frame();
+}
+// From where: "around" what the plan shows, "behind" a party, or through its "eyes".
+function look_from() {
+  if (!solid) return;
+  const [name, number] = $("camera").value.split(" ");
+  if (name !== "around") solid.camera(name === "eyes" ? "eyes" : "follow", { number: Number(number) });
+  else if (view === "follow") solid.camera("follow", { number: D.vehicles[0].number });
+  else {
+    const [w, s, e, n] = view === "overview" ? D.overview : D.impact;
+    if (view !== "free") solid.camera("orbit", { place: [(w + e) / 2, (s + n) / 2, e - w] });
+  }
+}
+for (const v of D.vehicles) for (const [name, words] of [["behind", `Behind ${v.name}`], ["eyes", `Eyes of ${v.name}`]])
+  $("camera").add(new Option(words, `${name} ${v.number}`));
+$("camera").addEventListener("change", () => { chosen = true; look_from(); frame(); });
+for (const b of document.querySelectorAll("#panes button")) b.addEventListener("click", () => { chosen = true; show_pane(b.dataset.pane); });
+$("save").addEventListener("click", async () => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([await held("solid-data")], { type: "model/gltf-binary" }));
+  link.download = `${D.key}.glb`;
+  link.click();
+});
