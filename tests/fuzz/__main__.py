@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import resource
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,8 @@ for each in ("tests", "tests/crash", "tests/states"):  # as pytest has it
 from tests.fuzz.fuzzing import fuzz_long
 from tests.fuzz.targets import targets
 
+_MOST_MEMORY = 4 << 30  # bytes
+
 
 def main() -> None:
     """Fuzz the targets asked for, or all."""
@@ -31,6 +34,7 @@ def main() -> None:
     asked.add_argument("--package", type=Path)
     given = asked.parse_args()
     logging.disable()
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))  # more is a fault, MemoryError
     all_targets = targets(given.package or _a_package())
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
     faults = 0

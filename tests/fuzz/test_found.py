@@ -58,3 +58,17 @@ def test_a_table_with_a_column_twice_is_no_table(tmp_path: Path) -> None:
     (tmp_path / "accident.csv").write_text("ST_CASE,STATE,YEAR,STATE\n510001,51,2023,51\n")
     with pytest.raises(UserError, match="column STATE is there more than once"):
         FarsCsvSource.open(tmp_path).listings()
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        (b'<laneSection s="0"', b'<laneSection s="-1e9"', "lane section at s=-1e.09 of a road of"),
+        (b"<line/>", b'<spiral curvStart="0" curvEnd="1e30"/>', "turns more than 100 rad"),
+    ],
+)
+def test_no_number_of_a_map_asks_for_more_points_than_there_is_memory(right: bytes, wrong: bytes, said: str) -> None:
+    data = write_opendrive(STREET)
+    assert right in data
+    with pytest.raises(UserError, match=said):
+        read_opendrive(data.replace(right, wrong, 1), name="map.xodr")

@@ -58,6 +58,7 @@ _OTHER_LANE_TYPES: Final = {
 }
 _LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
 _LONGEST_ROAD_M: Final = 1e6  # longer is a slip, and sampling it would fill the memory
+_MOST_TURN_RAD: Final = 100.0  # of a piece of road: 16 full circles
 _ARC_TURN_RAD: Final = 0.005
 """Turn per arc that stands for a piece of a spiral: off the clothoid by less than a millimetre on any road."""
 
@@ -213,6 +214,8 @@ class _Reader:
         number = self._number
         place = (number(geometry, "s"), number(geometry, "x"), number(geometry, "y"), number(geometry, "hdg"))
         length = number(geometry, "length")
+        if not 0.0 <= length <= _LONGEST_ROAD_M:
+            raise self._fail(geometry, f"<geometry> of length {length:g}; expected 0 to {_LONGEST_ROAD_M:g} m")
         shape = next(iter(geometry), None)
         if shape is None:
             raise self._fail(geometry, "<geometry> without a shape")
@@ -234,6 +237,8 @@ class _Reader:
                 return (PlanElement(*place, length, poly=scaled, poly_normalized=True),)
             case "spiral":
                 start, end = number(shape, "curvStart"), number(shape, "curvEnd")
+                if not max(abs(start), abs(end)) * length <= _MOST_TURN_RAD:
+                    raise self._fail(geometry, f"spiral of {length:g} m that turns more than {_MOST_TURN_RAD:g} rad")
                 return _spiral_as_arcs(PlanElement(*place, length), start, end)
             case other:
                 raise self._fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
@@ -325,6 +330,8 @@ class _Reader:
         ends = [*(self._number(section, "s") for section in sections[1:]), road_length_m]
         for section, end in zip(sections, ends, strict=True):
             begin = self._number(section, "s")
+            if not -1e-6 <= begin <= road_length_m:
+                raise self._fail(section, f"lane section at s={begin:g} of a road of {road_length_m:g} m")
             # A section without length holds no place on the road and would have to be skipped by every query.
             if end - begin <= 1e-9 and len(sections) > 1:
                 raise self._fail(section, f"lane section at s={begin:g} without length")
