@@ -53,7 +53,9 @@ def test_a_release_is_whole(released: Path, verified: list[str]) -> None:
     assert {name for _, name in listed} == present - {"SHA256SUMS"}
     for sha256, name in listed:
         assert hashlib.sha256((released / name).read_bytes()).hexdigest() == sha256
-    index = pq.read_table(released / "index.parquet").to_pylist()
+    table = pq.read_table(released / "index.parquet")
+    assert json.loads(table.schema.metadata[b"geo"])["primary_column"] == "geometry"
+    index = table.drop_columns(["geometry"]).to_pylist()
     assert [row["key"] for row in index] == verified
     assert index == json.loads((released / "index.json").read_bytes())["packages"]
     for row in index:
@@ -62,6 +64,22 @@ def test_a_release_is_whole(released: Path, verified: list[str]) -> None:
         assert row["collision_type"]
         assert row["kind"] == "two_vehicles"
         assert row["contact_distance_m"] < 5.0
+
+
+def test_search_engines_and_archives_are_told_what_it_is(released: Path, verified: list[str]) -> None:
+    croissant = json.loads((released / "croissant.json").read_bytes())
+    index = pq.read_table(released / "index.parquet")
+    fields = croissant["recordSet"][0]["field"]
+    assert [each["source"]["extract"]["column"] for each in fields] == index.drop_columns(["geometry"]).column_names
+    (file, packages) = croissant["distribution"]
+    assert file["sha256"] == hashlib.sha256((released / "index.parquet").read_bytes()).hexdigest()
+    assert len(list(released.glob(packages["includes"]))) == len(verified)
+    datacite = json.loads((released / "datacite.json").read_bytes())
+    assert datacite["publicationYear"] == croissant["datePublished"][:4]
+    assert {each["rightsIdentifier"] for each in datacite["rightsList"]} == {"CC0-1.0"}
+    card = (released / "README.md").read_text().split("---\n")[1]
+    assert "license: cc0-1.0" in card
+    assert "data_files: index.parquet" in card
 
 
 def test_the_datasheet_counts_what_is_there(root: Path, released: Path, verified: list[str]) -> None:

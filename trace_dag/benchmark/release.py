@@ -19,6 +19,7 @@ from trace_dag.benchmark.build import SUBJECT, build_benchmark, package_name
 from trace_dag.benchmark.export import write_if_changed
 from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.errors import Failure, UserError
+from trace_dag.evaluation.splits import splits_of
 from trace_dag.flow.ledgers import Complaint, raised, read_ledger
 from trace_dag.flow.records import read_records
 from trace_dag.flow.workspace import Workspace
@@ -109,15 +110,18 @@ def build_release(
     complete = _complete(folder)
     files = read_ledger(workspace.storage, SUBJECT).files
     packages = {row["key"]: files[package_name(row["key"])] for row in rows}
-    records = read_records(workspace.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT])
+    records = read_records(workspace.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT, Stage.VERDICT])
+    splits = splits_of({row["key"]: (row["latitude_deg"], row["longitude_deg"]) for row in rows})
+    made_on = max((records[row["key"]][Stage.VERDICT].started_at[:10] for row in rows), default="")
     sums: dict[str, str] = {}
     for row in rows:
         package = packages[row["key"]]
         row["package"] = f"packages/{row['key']}.zip"
+        row["split"] = splits[row["key"]].value
         row["map_attribution"] = map_attribution(records[row["key"]])
         row["package_bytes"] = package.size
         row["package_sha256"] = sums[row["package"]] = package.sha256
-    documents = release_documents(BenchmarkRelease(version, cohorts, crashes, rows))
+    documents = release_documents(BenchmarkRelease(version, made_on, cohorts, crashes, rows))
     sums |= {name: hashlib.sha256(data).hexdigest() for name, data in documents.items()}
     if complete and not missing and complete != sums:
         raise UserError(_other_content(folder, version, complete, sums))

@@ -28,6 +28,7 @@ _FAULTS_SHOWN = 5
     epilog=examples(
         "trace-dag evaluate --agent my_module:MyAgent --ego striking",
         "trace-dag evaluate --variations --by road_topology",
+        "trace-dag evaluate --agent my_module:MyAgent --split test --results results.json",
         "trace-dag evaluate --remove my_module:MyAgent",
     ),
 )
@@ -44,6 +45,16 @@ _FAULTS_SHOWN = 5
 )
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
+@click.option(
+    "--split",
+    type=click.Choice(["train", "validation", "test"]),
+    help="Only this part of the crashes, split by place as in a release; see its PROTOCOL.md.",
+)
+@click.option(
+    "--results",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Also write the results of a --split to this file, to hand in: leaderboard add takes it.",
+)
 @click.option("--variations", is_flag=True, help="The stored variations of the crashes instead of the crashes.")
 @click.option(
     "--hz", "rate_hz", type=click.FloatRange(20, 100), default=20.0, show_default=True, help="How often it acts."
@@ -97,6 +108,8 @@ def evaluate(
     ego: str,
     cohort: str | None,
     only: tuple[str, ...],
+    split: str | None,
+    results: Path | None,
     variations: bool,
     rate_hz: float,
     range_m: float,
@@ -120,16 +133,23 @@ def evaluate(
     """
     from trace_dag.benchmark.build import publish_leaderboard
     from trace_dag.cli.complaints import Complaints
+    from trace_dag.errors import UserError
     from trace_dag.evaluation.agent_main import AgentLimits
     from trace_dag.evaluation.evaluate import Conditions
     from trace_dag.evaluation.isolation import isolation
     from trace_dag.evaluation.observation import Sensing
     from trace_dag.evaluation.registry import BASELINES, with_arguments
+    from trace_dag.evaluation.splits import Split
     from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.cases import AgentRole, verified_cases
     from trace_dag.studies.evaluations import evaluate_agents, remove_agent, try_agents
+    from trace_dag.studies.handed_in import results_file
 
+    if split and (only or variations):
+        raise UserError("--split takes a part as a whole; leave --only and --variations away")
+    if results and not split:
+        raise UserError("--results goes with --split: what is handed in is of one part")
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     complaints = Complaints()
@@ -139,7 +159,8 @@ def evaluate(
         publish_leaderboard(workspace.storage, workspace.warehouse)
         click.echo(f"{rows_removed} evaluations of {remove} removed")
         sys.exit(complaints.told())
-    cases = verified_cases(workspace, cohort, only, complain=complaints.hear)
+    part = Split(split) if split else None
+    cases = verified_cases(workspace, cohort, only, split=part, complain=complaints.hear)
     if variations:
         from trace_dag.studies.cases import stored_variations
 
@@ -163,6 +184,8 @@ def evaluate(
         )
     into_warehouse(workspace, complaints)
     publish_leaderboard(workspace.storage, workspace.warehouse)
+    if results and part:
+        results.write_bytes(results_file(rows, part, cohort))
     if as_json:
         write_json(rows)
     else:

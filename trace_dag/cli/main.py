@@ -14,6 +14,7 @@ from trace_dag.cli.demo import demo
 from trace_dag.cli.evaluate import evaluate
 from trace_dag.cli.export import export
 from trace_dag.cli.ingest import ingest
+from trace_dag.cli.leaderboard import leaderboard
 from trace_dag.cli.national import national
 from trace_dag.cli.open import open_page
 from trace_dag.cli.options import GroupedCommands, examples
@@ -68,7 +69,7 @@ def cli(context: click.Context, root: str | None) -> None:
 cli.add_under("Start", demo, ingest, run, rerun, cohort)
 cli.add_under("Look", status, show, open_page, ui, replay, sql, tables)
 cli.add_under("Judge the results", controls, peer, compare, score_truth, national, validate, verify)
-cli.add_under("Use them", export, release, evaluate, vary)
+cli.add_under("Use them", export, release, evaluate, leaderboard, vary)
 cli.add_under("Set up", settings, plugins)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -11,6 +9,7 @@ from lxml import etree
 
 from trace_dag.flow.artefacts import RECORD, VERDICT
 from trace_dag.flow.contract import CrashFiles
+from trace_dag.scenario.geoparquet import geoparquet
 from trace_dag.version import __version__
 
 _GPX: Final = "http://www.topografix.com/GPX/1/1"
@@ -52,34 +51,13 @@ class CrashPoints:
     def beside(self) -> Mapping[str, bytes]:
         """See :class:`trace_dag.formats.exporter.Exporter`."""
         rows = sorted(self._rows, key=lambda row: str(row["key"]))
-        return {"crashes.parquet": geoparquet(rows), "crashes.gpx": _gpx(rows)} if rows else {}
+        return {"crashes.parquet": _geoparquet(rows), "crashes.gpx": _gpx(rows)} if rows else {}
 
 
-def geoparquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Rows with ``latitude_deg`` and ``longitude_deg`` as GeoParquet 1.1: the column ``geometry`` has points as
-    well-known binary, longitude first."""
+def _geoparquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
     import pyarrow as pa
-    import pyarrow.parquet as pq
-    import shapely
 
-    table = pa.Table.from_pylist([dict(row) for row in rows])
-    points = shapely.points([row["longitude_deg"] for row in rows], [row["latitude_deg"] for row in rows])
-    table = table.append_column("geometry", pa.array(shapely.to_wkb(points).tolist(), pa.binary()))
-    about = {
-        "version": "1.1.0",
-        "primary_column": "geometry",
-        "columns": {
-            "geometry": {
-                "encoding": "WKB",
-                "geometry_types": ["Point"],
-                "bbox": shapely.total_bounds(points).tolist(),
-            }
-        },
-    }
-    table = table.replace_schema_metadata({**(table.schema.metadata or {}), "geo": json.dumps(about)})
-    stream = io.BytesIO()
-    pq.write_table(table, stream, compression="zstd")
-    return stream.getvalue()
+    return geoparquet(pa.Table.from_pylist([dict(row) for row in rows]))
 
 
 def _gpx(rows: Sequence[Mapping[str, Any]]) -> bytes:

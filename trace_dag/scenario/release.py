@@ -1,14 +1,14 @@
 """What stands beside the packages of a benchmark release: index, datasheet, checksums, citation, and its archive.
 
 A release is a folder ``trace-dag-benchmark-<version>``: ``packages/<key>.zip``, ``index.parquet`` and ``index.json``
-with a row per package, ``README.md``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12),
-2021), ``LICENSES.md``, ``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
+with a row per package, ``README.md`` (with the head of a data set card), ``PROTOCOL.md``, ``croissant.json``,
+``datacite.json``, ``DATASHEET.md`` (after Gebru et al., Datasheets for Datasets, CACM 64(12), 2021), ``LICENSES.md``,
+``CITATION.cff`` and ``SHA256SUMS`` over all of them. The same crashes give the same bytes.
 Belongs here: what these say. Does not belong here: collecting it (:mod:`trace_dag.benchmark.release`).
 """
 
 from __future__ import annotations
 
-import io
 import json
 import statistics
 import tarfile
@@ -22,8 +22,11 @@ from typing import Any, Literal
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.errors import Reason
+from trace_dag.evaluation.splits import SITE_M, Split
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.documents import render_document
+from trace_dag.scenario.geoparquet import geoparquet
+from trace_dag.scenario.release_metadata import croissant, datacite, licences
 from trace_dag.schemas import Column, ColumnType, TableSchema
 from trace_dag.version import __version__
 
@@ -39,6 +42,7 @@ RELEASE_INDEX = TableSchema(
     "One row per scenario package of a release",
     (
         Column("key", _T.TEXT, "Key of the crash, <caseYear>-<stateCase>", required=True),
+        Column("split", _T.TEXT, "Part it belongs to: train, validation or test; no site is in two", required=True),
         Column("package", _T.TEXT, "Its package, a path in the release", required=True),
         Column("package_bytes", _T.INTEGER, "Size of the package", required=True),
         Column("package_sha256", _T.TEXT, "SHA-256 of the package, hexadecimal", required=True),
@@ -89,15 +93,18 @@ _CLASSES: Mapping[str, type[StrEnum]] = {
     "road_topology": RoadTopology,
     "vehicle_trajectory": VehicleTrajectory,
 }
+_THOUSAND = 1000
 _EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
 
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkRelease:
     """What a release is made of: ``crashes`` are the rows of all registered crashes of the ``cohorts``, verified or not
-    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`."""
+    (warehouse table ``crashes``), ``packages`` rows with the columns of :data:`RELEASE_INDEX`. ``made_on`` is the day
+    on which the newest of them was verified, as ISO 8601 has it."""
 
     version: str
+    made_on: str
     cohorts: Sequence[str]
     crashes: Sequence[Row]
     packages: Sequence[Row]
@@ -115,13 +122,27 @@ class BenchmarkRelease:
 
 def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
     """The files beside the packages by name, all but the checksums."""
+    index = _index_parquet(release)
     return {
-        "README.md": _rendered("release_readme.md.jinja", release),
+        "README.md": _card(release) + _rendered("release_readme.md.jinja", release),
+        "PROTOCOL.md": _rendered("release_protocol.md.jinja", release),
         "DATASHEET.md": _rendered("release_datasheet.md.jinja", release),
         "CITATION.cff": _rendered("release_citation.cff.jinja", release),
         "LICENSES.md": render_document("licenses.md.jinja", rights=release.rights, inferred=True),
         "index.json": _index_json(release),
-        "index.parquet": _index_parquet(release),
+        "index.parquet": index,
+        "croissant.json": croissant(
+            NAME, release.version, release.made_on, _about(release), release.rights, RELEASE_INDEX, index
+        ),
+        "datacite.json": datacite(
+            NAME,
+            release.version,
+            release.made_on,
+            f"{NAME}: fatal crashes reconstructed from police reports, as scenarios",
+            _about(release),
+            release.rights,
+            _box_deg(release),
+        ),
     }
 
 
@@ -157,6 +178,43 @@ def write_archive(folder: Path, names: Iterable[str], target: Path, archive_form
 
 
 # --- documents ---------------------------------------------------------------------------------------------------
+def _card(release: BenchmarkRelease) -> bytes:
+    """The head of a data set card as the Hugging Face hub reads it, in front of the README."""
+    names = [each.rpartition("/")[2].lower() for each in licences(release.rights)]
+    lines = [
+        "---",
+        f"pretty_name: {NAME} {release.version}",
+        f"license: {names[0] if len(names) == 1 else 'other'}",
+        *([] if len(names) == 1 else [f"license_name: {'-and-'.join(names)}", "license_link: LICENSES.md"]),
+        "language: [en]",
+        "tags: [automated-driving, crash-reconstruction, openscenario, opendrive, fars, croissant]",
+        f"size_categories: [{'n<1K' if len(release.packages) < _THOUSAND else '1K<n<10K'}]",
+        "configs:",
+        "  - config_name: crashes",
+        "    data_files: index.parquet",
+        "---",
+        "",
+        "",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _about(release: BenchmarkRelease) -> str:
+    what = "fictional" if release.rights.fictional else "police-reported fatal"
+    return (
+        f"{len(release.packages)} {what} crashes, each with its report, an OpenDRIVE map of the road, the simulated "
+        "motion of everybody, OpenSCENARIO files and the verdict by which it agrees with the report; split by place "
+        "for training, validation and test."
+    )
+
+
+def _box_deg(release: BenchmarkRelease) -> tuple[float, float, float, float]:
+    """West, south, east and north of the crashes."""
+    places = [(float(row["longitude_deg"]), float(row["latitude_deg"])) for row in release.packages]
+    east_west, north_south = zip(*places, strict=True)
+    return min(east_west), min(north_south), max(east_west), max(north_south)
+
+
 def _index_json(release: BenchmarkRelease) -> bytes:
     content = {
         "name": NAME,
@@ -170,11 +228,8 @@ def _index_json(release: BenchmarkRelease) -> bytes:
 
 def _index_parquet(release: BenchmarkRelease) -> bytes:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    stream = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(list(release.packages), schema=RELEASE_INDEX.arrow()), stream)
-    return stream.getvalue()
+    return geoparquet(pa.Table.from_pylist(list(release.packages), schema=RELEASE_INDEX.arrow()))
 
 
 def _rendered(template: str, release: BenchmarkRelease) -> bytes:
@@ -198,6 +253,8 @@ def _rendered(template: str, release: BenchmarkRelease) -> bytes:
         estimators=Counter(_estimator(row) for row in release.packages).most_common(),
         backends=Counter(str(row["backend"]) for row in release.packages).most_common(),
         speeds_reported=sum(int(row["speeds_reported"] or 0) for row in release.packages),
+        splits=[(each.value, sum(row["split"] == each for row in release.packages)) for each in Split],
+        site_m=SITE_M,
         megabytes=sum(int(row["package_bytes"]) for row in release.packages) / 1e6,
     )
 

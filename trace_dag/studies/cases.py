@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
+from trace_dag.evaluation.splits import Split, splits_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
@@ -119,10 +120,16 @@ def number_of(case: Case, role: AgentRole) -> int:
 
 
 def verified_cases(
-    workspace: Workspace, cohort: str | None, only: Collection[str], *, complain: Complaint = log_complaint
+    workspace: Workspace,
+    cohort: str | None,
+    only: Collection[str],
+    *,
+    split: Split | None = None,
+    complain: Complaint = log_complaint,
 ) -> list[StoredCase]:
     """The verified ones of the crashes asked for in which somebody met somebody; :class:`UserError` if there are none.
-    A vehicle that left the road by itself had nobody to react to.
+    A vehicle that left the road by itself had nobody to react to. ``split`` takes one part of them, as a release of the
+    same crashes has it.
 
     ``complain`` is called for damaged records: whether their crash is verified cannot be told.
     """
@@ -136,6 +143,12 @@ def verified_cases(
         raise UserError(
             f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
         )
+    if split is not None:
+        records = {case.key: case.files.unread().load(RECORD) for case in cases}
+        parts = splits_of({key: (record.latitude_deg, record.longitude_deg) for key, record in records.items()})
+        cases = [case for case in cases if parts[case.key] is split]
+        if not cases:
+            raise UserError(f"none of the {len(parts)} verified crashes is in the part {split}")
     met = [case for case in cases if somebody_met(case.files)]
     if not met:
         raise UserError(

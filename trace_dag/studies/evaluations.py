@@ -38,6 +38,7 @@ FOLDER = "evaluations"
 
 _OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
 _OUR_MEMORY_MB = 4096
+_ABOUT = ("rate_hz", "range_m", "noise_m", "occlusion", "traffic", "seed", "agent_code", "code_version")
 
 
 @dataclass(frozen=True)
@@ -112,8 +113,7 @@ def evaluate_agents(
     pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
         work, workers=workers, step_limit_s=2 * limits.time_s + _OURS_S, memory_mb=_OUR_MEMORY_MB
     )
-    baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
-    code = code_of((evaluate.__module__, *sorted(baselines)), workspace.settings.sim).digest
+    code = evaluating_code(workspace.settings.sim)
     digests = {name: agent_code(reference) for name, reference in references.items()}
     results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
     try:
@@ -143,6 +143,12 @@ def evaluate_agents(
     return results.in_order()
 
 
+def evaluating_code(settings: SimSettings) -> str:
+    """The version of the code that evaluates: measures of one code are not compared with those of another."""
+    baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
+    return code_of((evaluate.__module__, *sorted(baselines)), settings).digest
+
+
 class _Results:
     """Rows as they come; stored at the end, also if the batch is interrupted, so that finished work is kept."""
 
@@ -161,40 +167,34 @@ class _Results:
         return [each for rows in self._rows.values() for each in sorted(rows, key=_identity)]
 
     def store(self, references: Mapping[str, str]) -> None:
-        """Merge what came with what is stored: a row for the same case and vehicle replaces the one before."""
+        """Merge what came with what is stored."""
         for name, rows in self._rows.items():
-            if not rows:
-                continue
-            subject = f"{FOLDER}/{self.labels[name]}"
-            try:
-                merged = {_identity(each): each for each in stored_rows(self._storage, subject)}
-            except DamagedFile as damaged:
-                self._complain(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
-                merged = {}
-            merged |= {_identity(each): each for each in rows}
-            table = self._storage.write(f"{subject}.parquet", rows_to_parquet(merged[each] for each in sorted(merged)))
-            first = rows[0]
-            about = {
-                "agent": self.labels[name],
-                "reference": references[name],
-                "evaluated_at": now(),
-                "evaluations": len(rows),
-                **{
-                    key: first[key]
-                    for key in (
-                        "rate_hz",
-                        "range_m",
-                        "noise_m",
-                        "occlusion",
-                        "traffic",
-                        "seed",
-                        "agent_code",
-                        "code_version",
-                    )
-                },
-            }
-            made = self._storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
-            write_ledger(self._storage, subject, [table, made])
+            if rows:
+                store_rows(self._storage, self.labels[name], references[name], rows, self._complain)
+
+
+def store_rows(storage: Storage, agent: str, reference: str, rows: Sequence[Row], complain: Complaint = raised) -> None:
+    """Store evaluations of one agent, a label: a row for the same case and vehicle replaces the one before.
+
+    ``reference`` says where they come from; ``complain`` hears of what is stored of the agent and damaged.
+    """
+    subject = f"{FOLDER}/{agent}"
+    try:
+        merged = {_identity(each): each for each in stored_rows(storage, subject)}
+    except DamagedFile as damaged:
+        complain(damaged.mended_by("what it held of other crashes is lost; evaluate them again"))
+        merged = {}
+    merged |= {_identity(each): each for each in rows}
+    table = storage.write(f"{subject}.parquet", rows_to_parquet(merged[each] for each in sorted(merged)))
+    about = {
+        "agent": agent,
+        "reference": reference,
+        "evaluated_at": now(),
+        "evaluations": len(rows),
+        **{name: rows[0][name] for name in _ABOUT},
+    }
+    made = storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
+    write_ledger(storage, subject, [table, made])
 
 
 def _identity(row_of_table: Row) -> tuple[str, int]:

@@ -1,0 +1,41 @@
+"""Results that others hand in: ``leaderboard add``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from trace_dag.cli.options import examples
+from trace_dag.cli.study import into_warehouse
+
+
+@click.group(epilog=examples("trace-dag leaderboard add results.json"))
+def leaderboard() -> None:
+    """Enter results of agents that were evaluated elsewhere; evaluate enters those of here."""
+
+
+@leaderboard.command(epilog=examples("trace-dag leaderboard add results.json"))
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.pass_obj
+def add(root: str, file: Path) -> None:
+    """Check a file of evaluate --results against the crashes of this root, and enter it.
+
+    Refused with a line: a file that was changed, that lacks runs, whose crashes have been judged again or were measured
+    by other code, or whose outcomes do not follow from its measures. Who drove is not proved.
+    """
+    from trace_dag.benchmark.build import publish_leaderboard
+    from trace_dag.cli.complaints import Complaints
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.studies.evaluations import store_rows
+    from trace_dag.studies.handed_in import check
+
+    workspace, complaints = Workspace.open(root), Complaints()
+    agents = check(workspace, file.read_bytes(), str(file), complain=complaints.hear)
+    for agent, rows in agents.items():
+        store_rows(workspace.storage, agent, f"handed in: {file.name}", rows, complaints.hear)
+        click.echo(f"{agent}  {len(rows)} runs entered")
+    into_warehouse(workspace, complaints)
+    publish_leaderboard(workspace.storage, workspace.warehouse)
+    sys.exit(complaints.told())
