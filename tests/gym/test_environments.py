@@ -70,6 +70,31 @@ def test_the_recorded_driver_has_the_recorded_crash(home):
     assert info["metrics"]["contact_shift_m"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_environments_of_one_place_share_what_is_loaded(home):
+    first, second = (make(home).unwrapped.tracks[KEY] for _ in range(2))
+    assert first is second
+    assert first.loaded is second.loaded
+
+
+def test_reactive_traffic_leaves_the_recorded_crash_and_keeps_its_distance_from_who_drives_otherwise(home):
+    env = make(home, actions="discrete", traffic="reactive")
+    *_, (_, _, terminated, _, info) = driven(env, RECORDED, seed=1)
+    assert (terminated, info["outcome"]) == (True, "same")
+    driven(env, BRAKE_HARD, seed=1)
+    other = next(each for each in env.unwrapped._episode.log.vehicles if each.number != info["ego"])
+    recorded = next(each for each in braked_log(home).vehicles if each.number == other.number)
+    assert other.speed_mps.mean() <= recorded.speed_mps.mean() + 0.1
+    with pytest.raises(UserError, match="traffic 'none': expected recorded or reactive"):
+        make(home, traffic="none")
+
+
+def braked_log(home):
+    """The run with the same driving beside traffic that does as recorded."""
+    env = make(home, actions="discrete")
+    driven(env, BRAKE_HARD, seed=1)
+    return env.unwrapped._episode.log
+
+
 def test_who_stands_still_in_time_avoids_the_crash_and_gets_nothing_for_the_way(home):
     *steps, (_, _, terminated, truncated, info) = driven(make(home, actions="discrete"), BRAKE_HARD, seed=1)
     assert (terminated, truncated, info["outcome"]) == (False, True, "avoided")

@@ -16,8 +16,10 @@ from greenlet import GreenletExit, getcurrent, greenlet
 from trace_dag.evaluation.agents import Motion, Observation, Recorded, Scenario
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.control import MotionController
+from trace_dag.evaluation.evaluate import LEAST_RATE_HZ
 from trace_dag.evaluation.observation import Sensing, Sensor
-from trace_dag.sim.driving import BodyState, Pedals
+from trace_dag.evaluation.traffic import Traffic, reactive_drivers
+from trace_dag.sim.driving import BodyState, Driver, Pedals
 from trace_dag.sim.types import Simulation, SimulationLog
 
 AFTER_CONTACT_S = 0.5
@@ -62,10 +64,22 @@ class _Seat:
 
 
 class Episode:
-    """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'."""
+    """A case with some of its vehicles, ``egos``, driven from outside every ``period_s``. ``seed`` is the sensors'.
+
+    With reactive ``traffic`` the others keep their distance from the one ego, as in an evaluation, and look
+    :data:`trace_dag.evaluation.evaluate.LEAST_RATE_HZ` times a second however seldom the ego acts.
+    """
 
     def __init__(
-        self, case: Case, egos: tuple[int, ...], simulation: Simulation, *, period_s: float, sensing: Sensing, seed: int
+        self,
+        case: Case,
+        egos: tuple[int, ...],
+        simulation: Simulation,
+        *,
+        period_s: float,
+        sensing: Sensing,
+        seed: int,
+        traffic: Traffic = Traffic.RECORDED,
     ) -> None:
         self.case = case
         self.log: SimulationLog | None = None
@@ -82,6 +96,10 @@ class Episode:
             )
             for number in egos
         }
+        self._others: Mapping[int, Driver] = {}
+        if traffic is Traffic.REACTIVE:
+            (ego,) = egos
+            self._others = reactive_drivers(case, ego, period_s=1 / LEAST_RATE_HZ, seed=seed)
         self._running = greenlet(self._simulate)
         self._resume()
 
@@ -129,7 +147,7 @@ class Episode:
         self.log = self._simulation.run(
             self.case.going_on,
             time_limit_s=self.case.end_s,
-            drivers=dict(self._seats),
+            drivers={**self._seats, **self._others},
             after_contact_s=AFTER_CONTACT_S,
         )
 

@@ -1,11 +1,12 @@
-"""Which crashes an environment drives in, loaded when first driven."""
+"""Which crashes an environment drives in, loaded when first driven, once for all environments of a process."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
@@ -21,9 +22,24 @@ from trace_dag.studies.cases import case_of, load_case, somebody_met, stored_var
 Place = str | os.PathLike[str] | Crashes
 
 
-@dataclass(frozen=True)
+LOADED_AT_ONCE = 64
+"""So many cases stay loaded, the ones driven last: a map takes megabytes, and a release has hundreds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A case made ready to be driven: read, and its map given to the simulator. No run changes it, so environments
+    share it."""
+
+    case: Case
+    simulation: Simulation
+    lanes: LanePoints
+
+
+@dataclass(frozen=True, eq=False)
 class Track:
-    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash."""
+    """A case to drive in: ``load`` reads it, ``crash`` is what is stored of the crash. Of one opened place all
+    environments have the same tracks."""
 
     case_id: str
     crash: CrashArtefacts
@@ -35,20 +51,36 @@ class Track:
         """The crash's key."""
         return self.crash.key
 
-    @cached_property
+    @property
+    def loaded(self) -> Loaded:
+        """The case made ready; loaded again where too many others were driven since."""
+        return _loaded(self)
+
+    @property
     def case(self) -> Case:
         """The case."""
-        return self.load()
+        return self.loaded.case
 
-    @cached_property
+    @property
     def simulation(self) -> Simulation:
         """What runs it."""
-        return backend(self.settings).load(self.case.network, self.case.xodr, friction=self.case.friction)
+        return self.loaded.simulation
 
-    @cached_property
+    @property
     def lanes(self) -> LanePoints:
         """The lanes of its map."""
-        return LanePoints(self.case.network)
+        return self.loaded.lanes
+
+
+@lru_cache(maxsize=LOADED_AT_ONCE)
+def _loaded(track: Track) -> Loaded:
+    case = track.load()
+    simulation = backend(track.settings).load(case.network, case.xodr, friction=case.friction)
+    return Loaded(case, simulation, LanePoints(case.network))
+
+
+_known: WeakKeyDictionary[Crashes, dict[str, Track]] = WeakKeyDictionary()
+"""The tracks made of each opened place. A place given by name is opened anew for each environment."""
 
 
 def tracks(home: Place | None, keys: Sequence[str], *, variations: bool) -> dict[str, Track]:
@@ -71,7 +103,8 @@ def tracks(home: Place | None, keys: Sequence[str], *, variations: bool) -> dict
         ]
     if not found:
         raise UserError(f"{crashes.place}: no crash in which anybody met somebody; an agent has nobody to react to")
-    return {track.case_id: track for track in found}
+    shared = _known.setdefault(crashes, {})
+    return {track.case_id: shared.setdefault(track.case_id, track) for track in found}
 
 
 def _of_root(home: Home, keys: Sequence[str], *, variations: bool) -> list[Track]:

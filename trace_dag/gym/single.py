@@ -13,6 +13,7 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.metrics import Metrics, measure, outcome_of
 from trace_dag.evaluation.observation import Sensing
+from trace_dag.evaluation.traffic import Traffic
 from trace_dag.gym.acting import ActionKind, Hands, action_space
 from trace_dag.gym.drawing import Camera, show_page
 from trace_dag.gym.episode import Episode
@@ -68,7 +69,8 @@ def recorded_m(case: Case, ego: int) -> float:
 
 
 class CrashEnv(gymnasium.Env[Seen, Any]):
-    """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit.
+    """Somebody else at the wheel of one vehicle of a verified crash; the others do as was recorded until they are hit,
+    or keep their distance (``traffic="reactive"``).
 
     Args:
         home: a storage root, a package or a release, or what ``trace_dag.open`` gave; by default as it does.
@@ -78,6 +80,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         actions: ``continuous`` or ``discrete``; see :mod:`trace_dag.gym.acting`.
         rate_hz: steps per second, 1 to 100.
         sensing: how well it sees.
+        traffic: how everybody else moves, as ``trace-dag evaluate --traffic`` has it.
         reward: weights; see :class:`trace_dag.gym.rewards.Reward`.
         render_mode: ``rgb_array``, or ``human``: the replay of each episode as a page in the browser.
 
@@ -100,11 +103,14 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         actions: ActionKind = "continuous",
         rate_hz: float = 10.0,
         sensing: Sensing | None = None,
+        traffic: Literal["recorded", "reactive"] = "recorded",
         reward: Reward | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
         if not 1.0 <= rate_hz <= 100.0:
             raise UserError(f"rate_hz {rate_hz:g}: expected 1 to 100 steps a second")
+        if traffic not in list(Traffic):
+            raise UserError(f"traffic {traffic!r}: expected {' or '.join(Traffic)}")
         self.tracks = tracks(home, [key] if isinstance(key, str) else list(key), variations=variations)
         self.observation_space = observation_space()
         self.action_space = action_space(actions)
@@ -114,6 +120,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
         self._actions: ActionKind = actions
         self._period_s = 1.0 / rate_hz
         self._sensing = sensing or Sensing()
+        self._traffic = Traffic(traffic)
         self._reward = reward or Reward()
         self._episode: Episode | None = None
         self._camera: tuple[str, Camera] | None = None
@@ -132,6 +139,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
             period_s=self._period_s,
             sensing=self._sensing,
             seed=int(self.np_random.integers(_SEEDS)),
+            traffic=self._traffic,
         )
         self._driver = Driver(self._episode, ego, track.lanes, self._actions, self._reward)
         return self._driver.look(), {"case_id": track.case_id, "ego": ego}
