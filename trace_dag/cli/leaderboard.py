@@ -17,7 +17,7 @@ def leaderboard() -> None:
 
 
 @leaderboard.command(epilog=examples("trace-dag leaderboard add results.json"))
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.pass_obj
 def add(root: str, file: Path) -> None:
     """Check a file of evaluate --results against the crashes of this root, and enter it.
@@ -27,10 +27,13 @@ def add(root: str, file: Path) -> None:
     """
     from trace_dag.benchmark.build import publish_leaderboard
     from trace_dag.cli.complaints import Complaints
+    from trace_dag.errors import UserError
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.evaluations import store_rows
     from trace_dag.studies.handed_in import check
 
+    if not file.is_file():
+        raise UserError(f"{file}: there is no such file; trace-dag evaluate --results writes one")
     workspace, complaints = Workspace.open(root), Complaints()
     agents = check(workspace, file.read_bytes(), str(file), complain=complaints.hear)
     for agent, rows in agents.items():
