@@ -58,7 +58,7 @@ def replay(
     traffic: str,
     output: Path | None,
 ) -> None:
-    """Write a simulated crash to watch, seen from above: roads, vehicles, paths, contact and speeds."""
+    """Write a simulated crash to watch, from above and in three dimensions: roads, vehicles, contact and speeds."""
     from trace_dag.evaluation.registry import with_arguments
     from trace_dag.evaluation.traffic import Traffic
     from trace_dag.flow.workspace import Workspace

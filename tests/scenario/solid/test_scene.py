@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sample_runs
+import shapely
 import trimesh
 from scipy.spatial.transform import Rotation
 
@@ -191,6 +192,26 @@ def test_the_road_has_the_maps_heights() -> None:
     on_road = np.abs(points[:, 1]) <= 3.5
     assert on_road.sum() > 50
     assert points[on_road, 2] == pytest.approx(10.0 + 0.05 * (points[on_road, 0] + 300.0), abs=0.06)
+
+
+@pytest.mark.parametrize("bridge", [False, True])
+@pytest.mark.parametrize("grade", [0.0, 0.05])
+def test_one_surface_is_seen_where_the_road_is(log, bridge: bool, grade: float) -> None:
+    elevation = (Cubic(0.0, 0.0, grade),)
+    street = replace(STREET.roads[0], bridge=bridge, layer=int(bridge), elevation=elevation)
+    glb = Glb(crash_glb("2023-1", RoadNetwork(FRAME, (street,)), log))
+    _, node = glb.nodes["roads and ground"]
+    found = []
+    for each in glb.json["meshes"][node["mesh"]]["primitives"]:
+        if "extras" in glb.json["materials"][each["material"]]:
+            continue  # paint
+        corners = glb.values(each["attributes"]["POSITION"])[glb.values(each["indices"]).astype(int).reshape(-1, 3)]
+        under = shapely.intersects_xy(shapely.polygons(corners[:, :, :2]), 10.3, -1.6)
+        found += corners[under].mean(axis=1)[:, 2].tolist()
+    road_m = grade * 310.3
+    near = [z for z in found if abs(z - road_m) < 0.5]
+    assert near, "there is the road"
+    assert np.ptp(near) < 0.05, "and no ground through it"
 
 
 def test_every_kind_of_object_stands_where_it_is(log) -> None:

@@ -33,7 +33,8 @@ _RAISED: Final = frozenset({LaneType.SIDEWALK, LaneType.MEDIAN})
 _GRASS: Final = Material("#8FA36B", roughness=1.0)
 _KERB: Final = Material("#B9B5AB")
 _DECK: Final = Material("#8A8880")
-_DECK_M: Final = 0.9
+_DECK_M: Final = 0.9  # thickness
+_LIFTED_M: Final = 1.0  # a road that is higher than this above the ground is a bridge
 _ABOVE_M: Final = 0.02  # paint above pavement
 _STEP_M: Final = 1.0 / 256.0  # points are rounded to this: what repeats compresses
 _WAY_M: Final = 2.5  # to each side of where a body went
@@ -89,26 +90,16 @@ class Terrain:
     ) -> None:
         self._window = window
         self._parts: dict[Material, list[Mesh]] = defaultdict(list)
-        on_ground: list[shapely.Geometry] = []
-        known: list[FloatArray] = []
-        levels = []
-        for level, sections in scene.sections_by_layer():
-            points = [line for section in sections for lane in section.lanes for line in (lane.inner_m, lane.outer_m)]
-            points_m = np.concatenate(points) if points else np.zeros((0, 3))
-            levels.append((level, sections, Heights(points_m), points_m))
-            if level <= 0:
-                known.append(points_m)
         self._crossings = Crosswalks(scene)
-        everywhere: list[shapely.Geometry] = []
-        for level, sections, heights, _ in levels:
-            everywhere.append(self._pave(scene, sections, heights, bridge=level > 0))
-            if level <= 0:
-                on_ground.append(everywhere[-1])
-        off_road, beside = _beside(ways, shapely.union_all(everywhere))
-        self.heights = Heights(np.concatenate([np.zeros((0, 3)), *known]), off_road)
+        on_ground, lifted = _levels(scene)
+        paved = [self._pave(scene, sections, Heights(_points(sections)), bridge=False) for sections in on_ground]
+        decks = [(sections, Heights(_points(sections))) for sections in lifted]
+        above = [(self._pave(scene, sections, heights, bridge=True), heights) for sections, heights in decks]
+        off_road, beside = _beside(ways, shapely.union_all([*paved, *(deck for deck, _ in above)]))
+        self.heights = Heights(np.concatenate([np.zeros((0, 3)), *map(_points, on_ground)]), off_road)
         if not self.heights.level:
             areas = [*areas, (_GRASS, beside)]
-        self._lay_ground(shapely.union_all(on_ground), areas)
+        self._lay_ground(shapely.union_all(paved), above, areas)
 
     @property
     def parts(self) -> list[tuple[Material, Mesh]]:
@@ -151,14 +142,53 @@ class Terrain:
             if shapely.intersects(covered, bar):
                 self._parts[_paint(WHITE)].append(heights.on(flat(bar), _ABOVE_M))
 
-    def _lay_ground(self, paved: shapely.Geometry, areas: Sequence[tuple[Material, shapely.Geometry]]) -> None:
+    def _lay_ground(
+        self,
+        paved: shapely.Geometry,
+        decks: Sequence[tuple[shapely.Geometry, Heights]],
+        areas: Sequence[tuple[Material, shapely.Geometry]],
+    ) -> None:
         ground = shapely.difference(shapely.box(*self._window), paved)
+        for deck, heights in decks:  # where a bridge begins the ground is no higher than its underside
+            below = flat(_clean(shapely.intersection(ground, deck)))
+            if len(below.triangles):
+                z = np.minimum(self.heights.on(below).points_m[:, 2], heights.on(below, -_DECK_M).points_m[:, 2])
+                self._parts[_GRASS].append(Mesh(np.column_stack([below.points_m[:, :2], z]), below.triangles))
+                ground = shapely.difference(ground, deck)
         for material, area in reversed(areas):
             piece = _clean(shapely.intersection(area, ground))
             if not piece.is_empty:
                 self._parts[material].append(self.heights.on(flat(piece)))
                 ground = shapely.difference(ground, piece)
         self._parts[_GRASS].append(self.heights.on(flat(_clean(ground))))
+
+
+def _levels(scene: MapScene) -> tuple[list[list[SeenSection]], list[list[SeenSection]]]:
+    """The sections of each level that lie on the ground, from below, and of each that are above it.
+
+    A bridge of a map without heights is on the ground as well.
+    """
+    levels = scene.sections_by_layer()
+    low = {level: list(sections) for level, sections in levels if level <= 0}
+    known = Heights(np.concatenate([np.zeros((0, 3)), *map(_points, low.values())]))
+    above: list[list[SeenSection]] = []
+    for level, sections in levels:
+        if level > 0:
+            lifted = [each for each in sections if _rises(each, known)]
+            low.setdefault(0, []).extend(each for each in sections if not _rises(each, known))
+            above.append(lifted)
+    return [sections for _, sections in sorted(low.items()) if sections], [sections for sections in above if sections]
+
+
+def _rises(section: SeenSection, ground: Heights) -> bool:
+    points = _points([section])
+    return bool(len(points) and (points[:, 2] - ground.at(points[:, :2])).max() > _LIFTED_M)
+
+
+def _points(sections: Iterable[SeenSection]) -> FloatArray:
+    """The borders of the lanes of some sections, shape (n, 3)."""
+    lines = [line for section in sections for lane in section.lanes for line in (lane.inner_m, lane.outer_m)]
+    return np.concatenate([np.zeros((0, 3)), *lines])
 
 
 def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatArray, shapely.Geometry]:
