@@ -27,6 +27,12 @@ def press(page: Page, key: str) -> None:
         page.send("Input.dispatchKeyEvent", type=kind, key=key, **({"text": key} if len(key) == 1 else {}))
 
 
+def watch(page: Page, address: str) -> None:
+    """Open a replay; one of a site unpacks itself."""
+    page.open(address)
+    page.wait("document.getElementById('clock')?.textContent")
+
+
 @pytest.fixture
 def replay() -> Path:
     return sample_runs.finished() / f"benchmark/replays/{sample_runs.KEYS[0]}.html"
@@ -34,20 +40,20 @@ def replay() -> Path:
 
 def test_an_address_leads_to_a_moment_and_a_view(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
-        page.open(f"{replay.as_uri()}#t=1.25&view=10.0,-20.0,40.0")
+        watch(page, f"{replay.as_uri()}#t=1.25&view=10.0,-20.0,40.0")
         assert page.run(CLOCK).startswith("1.25 s")
         left, top, width, height = page.run(VIEW_BOX)
         assert (left + width / 2, top + height / 2) == pytest.approx((10.0, 20.0)), "y of SVG grows downward"
         assert min(width, height) == pytest.approx(40.0)
         assert page.run(LINK) == "#t=1.25&view=10.0,-20.0,40.0"
-        page.open(f"{replay.as_uri()}#t=0.50&view=impact")
+        watch(page, f"{replay.as_uri()}#t=0.50&view=impact")
         assert page.run(LINK) == "#t=0.50&view=impact"
         assert page.errors == []
 
 
 def test_the_keyboard_moves_the_view_and_the_time(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
-        page.open(f"{replay.as_uri()}#t=1.00&view=0.0,0.0,50.0")
+        watch(page, f"{replay.as_uri()}#t=1.00&view=0.0,0.0,50.0")
         page.run("document.getElementById('scene').focus()")
         press(page, "ArrowRight")
         press(page, "ArrowUp")
@@ -95,7 +101,7 @@ def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, rep
         replay = tmp_path / "replay.html"
         replay.write_bytes(replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "html"))
     with Page(tmp_path / "profile") as page:
-        page.open(f"{replay.as_uri()}#t=1.25&view=impact&pane=solid&from=behind-1")
+        watch(page, f"{replay.as_uri()}#t=1.25&view=impact&pane=solid&from=behind-1")
         page.wait(DRAWN)
         assert page.run(LINK) == "#t=1.25&view=impact&pane=solid&from=behind-1"
         assert page.run("solid.numbers") == page.run("D.vehicles.map((v) => v.number)")
@@ -118,7 +124,7 @@ def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, rep
 
 def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
     with Page(tmp_path / "profile", webgl=False) as page:
-        page.open(f"{replay.as_uri()}#t=1.25&pane=solid")
+        watch(page, f"{replay.as_uri()}#t=1.25&pane=solid")
         page.wait(f"{REFUSED} !== ''")
         assert "cannot draw in three dimensions" in page.run(REFUSED)
         assert page.run("document.getElementById('stage').dataset.pane") == "plan"

@@ -208,6 +208,7 @@ def test_in_a_browser_the_page_of_a_crash_plays_its_replay(tmp_path):
         page.run("document.querySelector('iframe').scrollIntoView()")
         page.wait("document.querySelector('img').complete && document.querySelector('img').naturalWidth > 0")
         page.open((sample_runs.finished() / f"benchmark/replays/{verified}.html").as_uri())
+        page.wait("document.getElementById('clock')?.textContent")  # the page unpacks itself
         clock = "document.body.innerText.match(/([0-9.]+) s/)[1]"
         before = page.run(clock)
         page.run("[...document.querySelectorAll('button')].find((b) => /Play/.test(b.textContent)).click()")
