@@ -140,16 +140,21 @@ class RoadsideRun(VehicleRun):
 
     def _contact_possible(self, step: int) -> bool:
         return super()._contact_possible(step) or any(
-            self._near(vehicle, obstacle) for vehicle in self._vehicles for obstacle in self._obstacles
+            self._may_touch(vehicle, obstacle) for vehicle in self._vehicles for obstacle in self._obstacles
         )
 
-    def _near(self, vehicle: Vehicle, obstacle: Obstacle) -> bool:
-        outline = obstacle.outline
+    def _may_touch(self, vehicle: Vehicle, obstacle: Obstacle) -> bool:
+        """Whether a vehicle may come to touch an object within the next step."""
         travel_m = (math.hypot(vehicle.vx, vehicle.vy) + abs(vehicle.yaw_rate) * vehicle.reach_m) * self._step_s * BOUND
-        apart_m = math.hypot(vehicle.x - outline.x_m, vehicle.y - outline.y_m)
-        if apart_m > vehicle.reach_m + obstacle.reach_m + travel_m + _NEAR_M:
+        if not self._near(vehicle, obstacle, travel_m):
             return False
-        return separation(vehicle.outline(), outline)[0] <= travel_m
+        return separation(vehicle.outline(), obstacle.outline)[0] <= travel_m
+
+    @staticmethod
+    def _near(vehicle: Vehicle, obstacle: Obstacle, travel_m: float) -> bool:
+        """Whether the circles about both come near each other after so long a way; far bodies cost no more."""
+        apart_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
+        return apart_m <= vehicle.reach_m + obstacle.reach_m + travel_m + _NEAR_M
 
     def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """The forces on the vehicles with those of the objects they touch."""
@@ -158,7 +163,7 @@ class RoadsideRun(VehicleRun):
             for j, obstacle in enumerate(self._obstacles):
                 struck = self._touching.get((i, j))
                 if struck is None or now_s > struck.over_s:
-                    if separation(vehicle.outline(), obstacle.outline)[0] > 0:
+                    if not self._near(vehicle, obstacle, 0.0) or separation(vehicle.outline(), obstacle.outline)[0] > 0:
                         continue
                     struck = self._strike(i, j, now_s)
                 for k, value in enumerate(struck.force(now_s, part_s)):

@@ -161,9 +161,16 @@ class PeopleRun(VehicleRun):
         if episode is None:
             return self._strikes_in_parts
         if now_s - episode.last_s < _TOUCHED_S:
-            pushed = now_s > episode.pulse_end_s and closing_mps < _PUSHED_MPS
-            return self._flight_in_parts if pushed else self._strikes_in_parts
+            slides = closing_mps < _PUSHED_MPS or self._runs_ahead(pair)
+            return self._flight_in_parts if now_s > episode.pulse_end_s and slides else self._strikes_in_parts
         return self._near_in_parts if pair in self._bodies.seen or pair in self._bodies.touches else 0
+
+    def _runs_ahead(self, pair: tuple[int, int]) -> bool:
+        """Whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes: nothing
+        strikes them."""
+        vehicle, person = self._vehicles[pair[0]], self._people[pair[1] - len(self._vehicles)]
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        return (person.vx - vehicle.vx) * c + (person.vy - vehicle.vy) * s > 0
 
     # --- contacts --------------------------------------------------------------------------------------------
     def _begin(

@@ -183,23 +183,19 @@ class Scene(RigidBodies):
         """Keep what vehicles and the road do to people in this step."""
         contacts: Any = self._data.contact
         over_s = self._last_step_s
-        forces = self._data.efc_force
+        forces, frames, points = self._data.efc_force, contacts.frame, contacts.pos
         owner, vehicles = self._owner, self._count
-        for geoms, row, frame, point, distance in zip(
-            contacts.geom.tolist(),
-            contacts.efc_address.tolist(),
-            contacts.frame.tolist(),
-            contacts.pos.tolist(),
-            contacts.dist.tolist(),
-            strict=True,
-        ):
+        # Most contacts are shapes that are near each other and do not touch: only of the others more is read.
+        near = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.dist.tolist(), strict=True)
+        for k, (geoms, row, distance) in enumerate(near):
             one, two = owner.get(geoms[0]), owner.get(geoms[1])
             if one is None or two is None:  # the road
                 tree = self._tree_of.get(geoms[1])  # MuJoCo names a plane first
                 if tree is not None and row >= 0:
                     carried_n = float(forces[row])
                     self._carried[tree] = self._carried.get(tree, 0.0) + carried_n
-                    self._push(tree, (carried_n * frame[0], carried_n * frame[1], carried_n * frame[2]))
+                    up_x, up_y, up_z = frames[k, :3].tolist()
+                    self._push(tree, (carried_n * up_x, carried_n * up_y, carried_n * up_z))
                 continue
             sense = 1.0 if one < vehicles else -1.0  # the frame's normal points to the second
             pair = (one, two) if one < vehicles else (two, one)
@@ -207,7 +203,7 @@ class Scene(RigidBodies):
                 self.seen.add(pair)
                 continue
             along, across_1, across_2 = forces[row : row + 3].tolist()
-            nx, ny, nz, ax, ay, az, bx, by, bz = frame
+            nx, ny, nz, ax, ay, az, bx, by, bz = frames[k].tolist()
             force = (
                 sense * (along * nx + across_1 * ax + across_2 * bx),
                 sense * (along * ny + across_1 * ay + across_2 * by),
@@ -216,7 +212,7 @@ class Scene(RigidBodies):
             tree = self._tree_of[geoms[1] if one < vehicles else geoms[0]]
             self._push(tree, force)
             normal = (sense * nx, sense * ny, sense * nz)
-            touch = PersonTouch(-distance, point, normal, force)
+            touch = PersonTouch(-distance, points[k].tolist(), normal, force)
             self.touches.setdefault(pair, []).append(touch)
             self._pressed.setdefault((pair, tree), []).append(touch)
             if self._lies(tree):
