@@ -1,8 +1,8 @@
 """Scenario descriptions of ScenarioNet, which MetaDrive replays and drives in: a pickled dictionary per crash.
 
-The track that a driver under test takes over (``sdc_id``) is the striking vehicle's. Everybody's track is their course
-without the crash, every :data:`trace_dag.evaluation.drives.STEP_S`: others that were thrown about by a crash that a
-driver avoided would drive through the air. Frame: the crash's local frame.
+The track that a driver under test takes over (``sdc_id``) is the striking vehicle's, or the first one's. Everybody's
+track is their course without the crash, every :data:`trace_dag.evaluation.drives.STEP_S`: others that were thrown about
+by a crash that a driver avoided would drive through the air. Frame: the crash's local frame.
 
 Format: Li et al., ScenarioNet: Open-source platform for large-scale traffic scenario simulation and modeling, NeurIPS
 2023, and MetaDrive 0.4's ``ScenarioDescription``.
@@ -19,6 +19,7 @@ import numpy as np
 
 from trace_dag.crash.parties import party_label
 from trace_dag.errors import UserError
+from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.drives import STEP_S, Drive, drives_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.formats.exporter import as_driven
@@ -64,7 +65,7 @@ class ScenarioNet:
             "coordinate": "metadrive",
             "metadrive_processed": False,
             "ts": (np.arange(length) * STEP_S).astype(np.float32),
-            "sdc_id": party_label(number_of(case, AgentRole.STRIKING)),
+            "sdc_id": party_label(_ego(case, drives)),
             "object_summary": {name: _summary(name, track) for name, track in tracks.items()},
             "source_file": f"trace-dag {__version__}, FARS case {crash.key}",
             "map_attribution": case.network.attribution,
@@ -90,6 +91,13 @@ class ScenarioNet:
             "dataset_summary.pkl": pickle.dumps(ordered, _PICKLE_PROTOCOL),
             "dataset_mapping.pkl": pickle.dumps(dict.fromkeys(ordered, ""), _PICKLE_PROTOCOL),
         }
+
+
+def _ego(case: Case, drives: Sequence[Drive]) -> int:
+    """The striking driver; of who struck an object or overturned, the first one."""
+    if set(case.pair) <= {each.number for each in drives}:
+        return number_of(case, AgentRole.STRIKING)
+    return min(each.number for each in drives if each.is_driven)
 
 
 def _track(drive: Drive) -> dict[str, Any]:
