@@ -80,6 +80,8 @@ def test_reading_a_real_report(real_reports: dict[str, bytes], settings: CrashSe
     assert pickup.speed_limit_mps == pytest.approx(25 * 1609.344 / 3600)
     assert pickup.speeding is True
     assert pickup.stability_code == 1
+    assert (pickup.driver_age_years, pickup.driver_belted, pickup.occupants_killed) == (38, True, 0)
+    assert (sedan.driver_age_years, sedan.driver_belted, sedan.occupants_killed) == (28, False, 1)
     assert sedan.impact is not None
     assert sedan.impact.centre_rad == pytest.approx(-math.pi / 2)
     assert (sedan.lanes, sedan.trafficway_code, sedan.crash_type_code) == (4, 4, 87)

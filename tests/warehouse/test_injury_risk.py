@@ -9,7 +9,15 @@ from trace_dag.units import mph_to_mps
 from trace_dag.warehouse.documents import execute_sql
 
 
-def risks(age_years: int | None, struck_mph: float, delta_v_mph: float, clock_h: float) -> dict[int, tuple[float, ...]]:
+def risks(
+    age_years: int | None,
+    struck_mph: float,
+    delta_v_mph: float,
+    clock_h: float,
+    *,
+    driver_years: int | None = None,
+    belted: bool | None = True,
+) -> dict[int, tuple[float, ...]]:
     """The rows of one crash by party: a car (1) struck a person (1001) and another car (2)."""
     with duckdb.connect() as connection:
         connection.execute("CREATE TABLE verdicts AS SELECT 'a' AS key, 0 AS hypothesis, true AS accepted")
@@ -25,12 +33,13 @@ def risks(age_years: int | None, struck_mph: float, delta_v_mph: float, clock_h:
         )
         connection.execute(
             "CREATE TABLE vehicles AS SELECT 'a' AS key, unnest([1, 2]) AS vehicle_number, true AS in_transport, "
-            "'car' AS vehicle_class, $clock::DOUBLE AS impact_clock_h",
-            {"clock": clock_h},
+            "'car' AS vehicle_class, $clock::DOUBLE AS impact_clock_h, $years::INTEGER AS driver_age_years, "
+            "$belted::BOOLEAN AS driver_belted, 0 AS occupants_killed",
+            {"clock": clock_h, "years": driver_years, "belted": belted},
         )
         execute_sql(connection, "injury_risk")
         rows = connection.execute(
-            "SELECT party, severe_risk, fatality_risk, belted_fatality_risk FROM injury_risk"
+            "SELECT party, severe_risk, fatality_risk, driver_fatality_risk FROM injury_risk"
         ).fetchall()
     return {party: tuple(values) for party, *values in rows}
 
@@ -59,3 +68,12 @@ def test_occupants_have_the_published_risks() -> None:
     assert risks(45, 10.0, 60.0, 1.0)[1][2] == pytest.approx(0.92, abs=0.005)
     assert risks(45, 10.0, 40.0, 9.0)[1][2] == pytest.approx(0.90, abs=0.005)
     assert risks(45, 10.0, 40.0, 6.0)[1][2] is None
+
+
+def test_belts_and_age_count_as_published() -> None:
+    """Kahane 2000: belts take 45 % of the risk of death in cars. Evans 2001: it grows by 2.34 % a year."""
+    base = risks(45, 10.0, 30.0, 12.0, driver_years=40)[1][2]
+    assert risks(45, 10.0, 30.0, 12.0, driver_years=40, belted=False)[1][2] == pytest.approx(base / 0.55)
+    assert risks(45, 10.0, 30.0, 12.0, driver_years=70)[1][2] == pytest.approx(base * 1.0234**30)
+    assert risks(45, 10.0, 30.0, 12.0, belted=None)[1][2] == pytest.approx(base)
+    assert risks(45, 10.0, 80.0, 9.0, driver_years=90, belted=False)[1][2] == 1.0

@@ -98,6 +98,9 @@ class VehicleRecord:
     speed_limit_mps: float | None = None  # VSPD_LIM
     speeding: bool | None = None  # SPEEDREL
     driver_drinking: bool | None = None  # DR_DRINK
+    driver_age_years: int | None = None  # AGE of who drove
+    driver_belted: bool | None = None  # REST_USE
+    occupants_killed: int | None = None  # DEATHS
     lanes: int | None = None  # VNUM_LAN
     trafficway_code: int | None = None  # VTRAFWAY: 1 two-way undivided, 2-3, 5 divided, 4 one-way, 6 ramp
     alignment_code: int | None = None  # VALIGN

@@ -9,6 +9,7 @@ from lxml import etree
 from trace_dag.crash.codes import events as event_codes
 from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP, BodyEvidence, body_of
+from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
@@ -22,6 +23,10 @@ _LIMIT_NONE: Final = 0
 _LIMIT_UNKNOWN: Final = frozenset({98, 99})
 _HIGHEST_LIMIT_MPH: Final = 95
 _WORKING: Final = 4
+_DRIVER: Final = 1  # PER_TYP
+_MOST_KILLED: Final = 98  # DEATHS: 99 is unknown
+_BELTED: Final = frozenset({1, 2, 3, 8})  # REST_USE: shoulder, lap, both, some kind of belt
+_UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, since
 
 
 def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
@@ -51,6 +56,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     speeding = fields.known_code(codes.SPEEDREL)
     drinking = fields.known_code(codes.DR_DRINK)
     lanes = fields.known_code(codes.VNUM_LAN)
+    age_years, belted = _driver(fields)
     return VehicleRecord(
         number=number,
         vehicle_class=body.vehicle_class,
@@ -68,6 +74,9 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         speed_limit_mps=_speed_limit(fields),
         speeding=None if speeding is None else speeding != 0,
         driver_drinking=None if drinking is None else drinking != 0,
+        driver_age_years=age_years,
+        driver_belted=belted,
+        occupants_killed=_within(fields.integer("DEATHS"), _MOST_KILLED),
         lanes=lanes or None,
         trafficway_code=fields.known_code(codes.VTRAFWAY),
         alignment_code=fields.known_code(codes.VALIGN),
@@ -134,6 +143,21 @@ def _numbered(element: etree._Element, crash: Fields) -> tuple[Fields, int]:
         raise malformed(f"{fields.where} without VEH_NO; expected a number from 1 on")
     fields.where = f"{crash.where}: vehicle {number}"
     return fields, number
+
+
+def _driver(fields: Fields) -> tuple[int | None, bool | None]:
+    """Age of the driver in years, and whether the driver wore a belt."""
+    for entry in fields.members("Persons"):
+        person = Fields(entry, fields.where, fields.year)
+        if person.integer("PER_TYP") == _DRIVER:
+            restraint = person.integer("REST_USE")
+            belted = True if restraint in _BELTED else False if restraint in _UNBELTED else None
+            return _within(person.integer("AGE"), HIGHEST_AGE), belted
+    return None, None
+
+
+def _within(value: int | None, most: int) -> int | None:
+    return value if value is not None and 0 <= value <= most else None
 
 
 def _travel_speed(fields: Fields) -> tuple[float | None, bool]:

@@ -17,6 +17,13 @@ reported AS (
     SELECT key, count(*) AS events FROM events GROUP BY key
 ),
 
+fragile AS (  -- who was killed in a car may have been old, or without a belt
+    SELECT key, bool_or(driver_age_years >= 65) AS old, bool_or(driver_belted IS FALSE) AS unbelted
+    FROM vehicles
+    WHERE occupants_killed > 0
+    GROUP BY key
+),
+
 drawn AS (
     SELECT key, max(high) AS delta_v_high_mps FROM estimate_intervals WHERE quantity = 'delta_v' GROUP BY key
 )
@@ -34,12 +41,14 @@ SELECT
         WHEN delta_v_high_mps * 3.6 >= 8 THEN 'another course that the report allows, see delta_v_high_mps'
         WHEN crashes.kind = 'overturn' THEN 'the overturn'
         WHEN events > 1 THEN 'a later event, which is not simulated'
+        WHEN old OR unbelted THEN 'an old or an unbelted driver'
         ELSE 'age, no belt, illness, or a harder impact than the report says'
     END AS explained_by
 FROM violence
 JOIN crashes USING (key)
 LEFT JOIN reported USING (key)
 LEFT JOIN drawn USING (key)
+LEFT JOIN fragile USING (key)
 WHERE crashes.kind IN ('two_vehicles', 'multi_vehicle', 'parked', 'fixed_object', 'overturn')
 ORDER BY delta_v_mps, key;
 

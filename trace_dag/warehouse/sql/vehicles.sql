@@ -14,6 +14,9 @@ SELECT
     vehicle.speed_limit_mps,
     vehicle.speeding,
     vehicle.driver_drinking,
+    vehicle.driver_age_years,
+    vehicle.driver_belted,
+    vehicle.occupants_killed,
     vehicle.hit_and_run,
     vehicle.trafficway_code,
     meaning_of('VTRAFWAY', vehicle.trafficway_code) AS trafficway,
@@ -52,6 +55,9 @@ COMMENT ON COLUMN vehicles.travel_speed_mps IS 'Reported speed, m/s; null if not
 COMMENT ON COLUMN vehicles.speed_limit_mps IS 'Speed limit, m/s (VSPD_LIM)';
 COMMENT ON COLUMN vehicles.speeding IS 'Speeding as reported (SPEEDREL)';
 COMMENT ON COLUMN vehicles.driver_drinking IS 'The driver had been drinking, as reported (DR_DRINK)';
+COMMENT ON COLUMN vehicles.driver_age_years IS 'Age of the driver (AGE)';
+COMMENT ON COLUMN vehicles.driver_belted IS 'The driver wore a belt, as reported (REST_USE)';
+COMMENT ON COLUMN vehicles.occupants_killed IS 'Occupants that were killed (DEATHS)';
 COMMENT ON COLUMN vehicles.hit_and_run IS 'The driver left the scene (HIT_RUN)';
 COMMENT ON COLUMN vehicles.trafficway_code IS 'Trafficway: divided or not, one-way or not (VTRAFWAY)';
 COMMENT ON COLUMN vehicles.trafficway IS 'Trafficway, in words';
