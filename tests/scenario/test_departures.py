@@ -16,7 +16,7 @@ from trace_dag.crash.parties import party_label
 from trace_dag.errors import UserError
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, in_words, object_category, outline
-from trace_dag.scenario.opendrive_objects import with_fixed_objects
+from trace_dag.scenario.opendrive_objects import fixed_objects, with_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.published_layout import write_published
 from trace_dag.scenario.replay import write_html_player
@@ -38,13 +38,13 @@ def test_an_object_says_that_the_program_placed_it() -> None:
 def test_objects_are_in_the_map_where_they_stand() -> None:
     """OpenDRIVE 1.7, section 11: s and t on the road, the heading relative to it. The street runs from x = -200."""
     rail = item(GUARDRAIL, 10.0, -5.0, math.radians(10))
-    root = etree.fromstring(with_fixed_objects(write_opendrive(STREET), STREET, [rail]))
+    root = etree.fromstring(with_objects(write_opendrive(STREET), fixed_objects(STREET, [rail])))
     (found,) = root.xpath("//object[@type='barrier']")
     assert (float(found.get("s")), float(found.get("t"))) == (pytest.approx(210.0), pytest.approx(-5.0))
     assert float(found.get("hdg")) == pytest.approx(math.radians(10), abs=1e-4)
     assert found.find("userData[@code='placedBy']").get("value") == "program"
     assert OBJECT_NOTE in found.get("name")
-    assert with_fixed_objects(b"<OpenDRIVE/>", STREET, []) == b"<OpenDRIVE/>"
+    assert with_objects(b"<OpenDRIVE/>", []) == b"<OpenDRIVE/>"
 
 
 def test_objects_are_misc_objects_in_a_scenario_but_not_for_carla() -> None:

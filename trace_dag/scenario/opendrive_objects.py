@@ -1,4 +1,4 @@
-"""Fixed objects of a crash in its OpenDRIVE map: an ``<object>`` each, on the nearest road, saying who placed it.
+"""Objects on an OpenDRIVE map: how one is written, and the fixed objects of a crash, saying who placed each.
 
 ASAM OpenDRIVE 1.7, section 11: position and heading are relative to the road's reference line, the origin is the middle
 of the object's base. That the program placed an object is said in its name and in ``userData``.
@@ -7,8 +7,9 @@ of the object's base. That the program placed an object is said in its name and 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
+from typing import Final, NamedTuple
 
 from lxml import etree
 
@@ -20,12 +21,27 @@ _LOOK_AROUND_M: Final = 100.0
 _PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 
 
-def with_fixed_objects(xodr: bytes, network: RoadNetwork, items: Sequence[FixedObject]) -> bytes:
-    """The map with the objects on it; the same bytes where there are none. ``network`` is the same map as read."""
-    if not items:
+class PlacedObject(NamedTuple):
+    """An ``<object>`` and the road it belongs to."""
+
+    road_id: str
+    element: etree._Element
+
+
+def with_objects(xodr: bytes, objects: Sequence[PlacedObject]) -> bytes:
+    """The map with the objects on it; the same bytes where there are none."""
+    if not objects:
         return xodr
     root = etree.fromstring(xodr, _PARSER)
     roads = {road.get("id"): road for road in root.iterfind("road")}
+    for placed in objects:
+        _objects_of(roads[placed.road_id]).append(deepcopy(placed.element))
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+
+
+def fixed_objects(network: RoadNetwork, items: Iterable[FixedObject]) -> list[PlacedObject]:
+    """The fixed objects of a crash, on the roads nearest to them."""
+    placed = []
     for item in items:
         pose = item.pose
         near = network.nearest_lanes(pose.x_m, pose.y_m, _LOOK_AROUND_M, z_m=pose.z_m)
@@ -34,8 +50,36 @@ def with_fixed_objects(xodr: bytes, network: RoadNetwork, items: Sequence[FixedO
         road_id = near[0].lane.road_id
         s_m, t_m, _ = network.road_geometry(road_id).line.project(pose.x_m, pose.y_m)
         _, _, heading, _ = network.road_geometry(road_id).line.at(s_m)
-        _objects_of(roads[road_id]).append(_object(item, s_m, t_m, pose.heading_rad - heading))
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+        placed.append(PlacedObject(road_id, _fixed_object(item, s_m, t_m, pose.heading_rad - heading)))
+    return placed
+
+
+def new_object(
+    number: str, category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
+) -> etree._Element:
+    """An ``<object>``: ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its
+    ``height`` and its ``radius`` or ``length`` and ``width``."""
+    s_m, t_m, turned_rad = place
+    attributes = {"id": number, "type": category, "name": name, "s": rounded(max(s_m, 0.0)), "t": rounded(t_m)}
+    turned = rounded(math.remainder(turned_rad, math.tau))
+    attributes |= {"zOffset": "0", "orientation": "none", "hdg": turned, "pitch": "0", "roll": "0"}
+    return etree.Element("object", attributes | {key: rounded(value) for key, value in size_m.items()})
+
+
+def add_notes(made: etree._Element, notes: Mapping[str, object]) -> None:
+    """``userData`` at the end of an object; an empty note is left out."""
+    for code, value in notes.items():
+        if value != "":
+            etree.SubElement(made, "userData", code=code, value=str(value))
+
+
+def rounded(value: float) -> str:
+    """A number as text, to four decimals.
+
+    >>> rounded(-0.00001), rounded(1.25)
+    ('0', '1.25')
+    """
+    return f"{round(value, 4) + 0.0:g}"
 
 
 def _objects_of(road: etree._Element) -> etree._Element:
@@ -48,30 +92,9 @@ def _objects_of(road: etree._Element) -> etree._Element:
     return found
 
 
-def _object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) -> etree._Element:
-    made = etree.Element(
-        "object",
-        id=f"fixed_{item.event_number}",
-        type=object_category(item),
-        name=in_words(item),
-        s=_number(max(s_m, 0.0)),
-        t=_number(t_m),
-        zOffset="0",
-        orientation="none",
-        hdg=_number(math.remainder(turned_rad, math.tau)),
-        pitch="0",
-        roll="0",
-        height=_number(item.height_m),
-        length=_number(item.length_m),
-        width=_number(item.width_m),
-    )
-    said = {"placedBy": str(item.placed_by), "osmId": item.osm_id, "event": item.event_number, "soe": item.code}
-    for code, value in said.items():
-        if value == "":
-            continue
-        etree.SubElement(made, "userData", code=code, value=str(value))
+def _fixed_object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) -> etree._Element:
+    size_m = {"height": item.height_m, "length": item.length_m, "width": item.width_m}
+    number, category = f"fixed_{item.event_number}", object_category(item)
+    made = new_object(number, category, in_words(item), (s_m, t_m, turned_rad), size_m)
+    add_notes(made, {"placedBy": item.placed_by, "osmId": item.osm_id, "event": item.event_number, "soe": item.code})
     return made
-
-
-def _number(value: float) -> str:
-    return f"{round(value, 4) + 0.0:g}"

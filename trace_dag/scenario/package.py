@@ -28,7 +28,8 @@ from trace_dag.roads.report import MapReport
 from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.driving_files import courses_to_json, lanes_to_json
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
-from trace_dag.scenario.opendrive_objects import with_fixed_objects
+from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, with_objects
+from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.scenario.replay import write_html_player
@@ -132,10 +133,18 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
     return stream.getvalue()
 
 
+def _map_objects(crash: PackageInput) -> list[PlacedObject]:
+    """What stands beside the roads: the fixed objects of the crash, and the surroundings."""
+    items = crash.log.objects
+    around = surrounding_objects(crash.network, crash.surroundings, without={item.osm_id for item in items})
+    return [*fixed_objects(crash.network, items), *around]
+
+
 def _sources(crash: PackageInput) -> list[_File]:
     objects = crash.log.objects
-    legal = with_fixed_objects(write_opendrive(crash.network, marks="legal"), crash.network, objects)
-    crossable = with_fixed_objects(crash.map_xodr, crash.network, objects)
+    beside = _map_objects(crash)
+    legal = with_objects(write_opendrive(crash.network, marks="legal"), beside)
+    crossable = with_objects(crash.map_xodr, beside)
     stand = f", with the {names(objects)} of the report" if objects else ": any may be crossed"
     rights = crash.rights
     report = (

@@ -1,0 +1,192 @@
+"""What OpenStreetMap has beside the roads, as ``<object>``s of a map: buildings, trees, woods, barriers, poles.
+
+ASAM OpenDRIVE 1.7, section 11: an object belongs to a road, here the nearest that is in no junction; corners of its
+outline are relative to its origin. Water, railways and parking areas have no type there and are left out, and so is
+whatever would stand on a carriageway or lie across a road: woods around a road, buildings above one. Heights are
+OpenStreetMap's where it has them; where they are usual ones, ``userData`` says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import shapely
+from lxml import etree
+
+from trace_dag.roads.from_osm.tags import parse_length_m
+from trace_dag.scenario.opendrive_objects import PlacedObject, add_notes, new_object, rounded
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from trace_dag.geometry import FloatArray, LocalFrame
+    from trace_dag.osm.types import OsmFeature
+    from trace_dag.roads.map.network import RoadNetwork
+
+_REACH_M: Final = 100.0
+_BESIDE_LANES_M: Final = 40.0  # from a reference line; farther away there are no lanes
+_STEP_M: Final = 5.0
+_SIMPLIFIED_BY_M: Final = 0.3
+_STOREY_M: Final = 3.0
+
+
+class _Kind(NamedTuple):
+    """``type`` of OpenDRIVE; the usual height, and the radius of what is a point (m)."""
+
+    category: str
+    height_m: float
+    radius_m: float = 0.0
+
+
+_AREAS: Final = {
+    ("building", ""): _Kind("building", 2 * _STOREY_M),
+    ("natural", "wood"): _Kind("vegetation", 10.0),
+    ("landuse", "forest"): _Kind("vegetation", 10.0),
+    ("landuse", "orchard"): _Kind("vegetation", 4.0),
+    ("natural", "scrub"): _Kind("vegetation", 2.0),
+}
+_LINES: Final = {
+    ("natural", "tree_row"): _Kind("vegetation", 8.0),
+    ("barrier", "guard_rail"): _Kind("barrier", 0.8),
+    ("barrier", "cable_barrier"): _Kind("barrier", 0.8),
+    ("barrier", "jersey_barrier"): _Kind("barrier", 0.8),
+    ("barrier", "fence"): _Kind("barrier", 1.5),
+    ("barrier", "hedge"): _Kind("vegetation", 1.5),
+    ("barrier", "wall"): _Kind("barrier", 1.5),
+    ("barrier", "retaining_wall"): _Kind("barrier", 1.5),
+    ("barrier", "city_wall"): _Kind("barrier", 5.0),
+}
+_POINTS: Final = {
+    ("natural", "tree"): _Kind("tree", 8.0, 2.0),
+    ("highway", "street_lamp"): _Kind("streetLamp", 8.0, 0.1),
+    ("power", "pole"): _Kind("pole", 10.0, 0.15),
+    ("power", "tower"): _Kind("pole", 30.0, 1.0),
+    ("man_made", "utility_pole"): _Kind("pole", 10.0, 0.15),
+    ("man_made", "flagpole"): _Kind("pole", 8.0, 0.1),
+    ("man_made", "mast"): _Kind("pole", 20.0, 0.3),
+}
+"""By key and value of a tag; a value of "" is any."""
+
+
+def surrounding_objects(
+    network: RoadNetwork, features: Sequence[OsmFeature], *, without: Collection[str] = ()
+) -> list[PlacedObject]:
+    """The objects of a map for ``features``, in their order; those with an id in ``without`` are there already."""
+    wanted = [
+        (feature, shape, kind)
+        for feature in features
+        if feature.id not in without
+        for shape in _parts(feature, network.frame)
+        if (kind := _kind(feature, shape))
+    ]
+    if not wanted:
+        return []
+    roads = _Roads(network)
+    placed = []
+    for number, (feature, shape, kind) in enumerate(wanted):
+        place = roads.place(shape)
+        if place is not None:
+            placed.append(PlacedObject(place.road_id, _object(f"osm_{number}", feature, shape, kind, place)))
+    return placed
+
+
+class _Place(NamedTuple):
+    """Where an object belongs: its road, s and t there (m), and the point (m) and the road's heading (rad) there."""
+
+    road_id: str
+    s_m: float
+    t_m: float
+    xy_m: FloatArray
+    heading_rad: float
+
+
+class _Roads:
+    """The reference lines of the roads that are in no junction, to be looked up by place; lines of all roads."""
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
+        self._ids = [road.id for road in network.roads if road.junction_id is None]
+        lines = {road.id: _line(network, road.id, road.length_m) for road in network.roads}
+        self._streets = shapely.STRtree([lines[road_id] for road_id in self._ids])
+        self._all = shapely.STRtree(list(lines.values()))
+
+    def place(self, shape: BaseGeometry) -> _Place | None:
+        """Where a shape belongs; None far from all roads, and for what would stand on one."""
+        if len(self._all.query(shape, predicate="intersects")):
+            return None
+        if len(self._all.query(shape, predicate="dwithin", distance=_BESIDE_LANES_M)) and any(
+            self._network.nearest_lanes(x, y, 0.0) for x, y in shapely.get_coordinates(shape).tolist()
+        ):
+            return None
+        x, y = shapely.get_coordinates(shape.centroid)[0].tolist()
+        near = self._streets.query(shape, predicate="dwithin", distance=_REACH_M)
+        for number in sorted(near.tolist(), key=lambda each: shape.distance(self._streets.geometries[each])):
+            line = self._network.road_geometry(self._ids[number]).line
+            s_m, t_m, _ = line.project(x, y)
+            if 0.0 <= s_m <= line.length_m:  # what lies beyond an end has no s there
+                _, _, heading_rad, _ = line.at(s_m)
+                return _Place(self._ids[number], s_m, t_m, np.array([x, y]), heading_rad)
+        return None
+
+
+def _line(network: RoadNetwork, road_id: str, length_m: float) -> shapely.LineString:
+    along = np.linspace(0.0, length_m, max(2, int(length_m / _STEP_M) + 1))
+    return shapely.LineString(network.road_geometry(road_id).line.sample(along)[:, :2])
+
+
+def _parts(feature: OsmFeature, frame: LocalFrame) -> Iterator[BaseGeometry]:
+    """The shapes of a feature in the local frame (m)."""
+
+    def to_local(places: FloatArray) -> FloatArray:
+        return frame.to_local(places[:, 1], places[:, 0])
+
+    yield from shapely.get_parts(shapely.transform(feature.geometry, to_local))
+
+
+def _kind(feature: OsmFeature, shape: BaseGeometry) -> _Kind | None:
+    table = {"Polygon": _AREAS, "LineString": _LINES, "Point": _POINTS}.get(shape.geom_type, {})
+    for (key, value), kind in table.items():
+        if key in feature.tags and value in ("", feature.tags[key]):
+            return kind
+    return None
+
+
+def _object(number: str, feature: OsmFeature, shape: BaseGeometry, kind: _Kind, place: _Place) -> etree._Element:
+    told_m = _told_height_m(feature)
+    size_m = {"height": kind.height_m if told_m is None else told_m}
+    name = feature.tags.get("name") or kind.category
+    if kind.radius_m:
+        size_m["radius"] = kind.radius_m
+        made = new_object(number, kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
+    else:
+        cos, sin = np.cos(place.heading_rad), np.sin(place.heading_rad)
+        corners_m = (_corners(shape) - place.xy_m) @ np.array([[cos, -sin], [sin, cos]])
+        size_m["length"], size_m["width"] = np.ptp(corners_m, axis=0).tolist()
+        made = new_object(number, kind.category, name, (place.s_m, place.t_m, 0.0), size_m)
+        _add_outline(made, corners_m, size_m["height"], closed=isinstance(shape, shapely.Polygon))
+    add_notes(made, {"osmId": feature.id, "height": "usual" if told_m is None else ""})
+    return made
+
+
+def _corners(shape: BaseGeometry) -> FloatArray:
+    """The corners of a shape (m), those of an area counter-clockwise and each once."""
+    if isinstance(shape, shapely.Polygon):
+        ring = shapely.geometry.polygon.orient(shape).exterior.simplify(_SIMPLIFIED_BY_M)
+        return shapely.get_coordinates(ring)[:-1]
+    return shapely.get_coordinates(shape.simplify(_SIMPLIFIED_BY_M))
+
+
+def _told_height_m(feature: OsmFeature) -> float | None:
+    """The height that OpenStreetMap has, or that its storeys make."""
+    height_m = parse_length_m(feature.tags.get("height"))
+    if height_m is None and (storeys := parse_length_m(feature.tags.get("building:levels"))):
+        height_m = storeys * _STOREY_M
+    return height_m if height_m is not None and 0.0 < height_m < 1000.0 else None
+
+
+def _add_outline(made: etree._Element, local_m: FloatArray, height_m: float, *, closed: bool) -> None:
+    outline = etree.SubElement(etree.SubElement(made, "outlines"), "outline", id="0", closed=str(closed).lower())
+    for u, v in local_m.tolist():
+        etree.SubElement(outline, "cornerLocal", u=rounded(u), v=rounded(v), z="0", height=rounded(height_m))
