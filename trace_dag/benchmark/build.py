@@ -32,6 +32,7 @@ from trace_dag.flow.artefacts import (
     VERDICT,
     XODR,
     Artefact,
+    surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
@@ -259,7 +260,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
         log = files.load(LOGS)[files.load(VERDICT).hypothesis]
-        written.append(storage.write(thumbnail_name(key), moving_thumbnail(files.load(ROAD_MAP), log).encode()))
+        moving = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files))
+        written.append(storage.write(thumbnail_name(key), moving.encode()))
     else:
         stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
         downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]

@@ -7,12 +7,13 @@ of that around the impact.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
+    from trace_dag.osm.types import OsmFeature
+
 MovingFormat = Literal["gif", "webp", "mp4"]
 
 _FRAME_S = 0.06  # shown; GIF knows hundredths only
@@ -54,18 +57,22 @@ def write_animation(
     verdict: Verdict | None = None,
     *,
     drive: Drive | None = None,
+    surroundings: Sequence[OsmFeature] = (),
     image_format: MovingFormat = "webp",
     panel_px: int = 420,
 ) -> bytes:
     """The moving picture, twice ``panel_px`` wide. ``log`` is of the hypothesis that ``verdict`` is about, or
-    of an agent's ``drive``.
+    of an agent's ``drive``; ``surroundings`` lie behind the roads.
 
     An MP4 needs the extra of that name: :class:`trace_dag.errors.UserError` without it.
     """
     frame_s = _VIDEO_FRAME_S if image_format == "mp4" else _FRAME_S
     times = _frame_times(log, frame_s)
     windows = replay_windows(log, from_s=times[0][0])
-    views = [View(network, window, panel_px) for window in (windows.overview, windows.impact)]
+    views = [
+        View(network, window, panel_px, surroundings=surroundings, dark=is_dark(record))
+        for window in (windows.overview, windows.impact)
+    ]
     frames = (_frame(record, log, verdict, drive, views, time_s, rate) for time_s, rate in times)
     if image_format == "mp4":
         return encode_mp4(_staying(frames, round(_LAST_FRAME_S / frame_s)), round(1 / frame_s))
@@ -114,7 +121,15 @@ def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]
 class View:
     """A window of the map as a picture, and where points of the local frame lie on it."""
 
-    def __init__(self, network: RoadNetwork, window: Window, size_px: int) -> None:
+    def __init__(
+        self,
+        network: RoadNetwork,
+        window: Window,
+        size_px: int,
+        *,
+        surroundings: Sequence[OsmFeature] = (),
+        dark: bool = False,
+    ) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from PIL import Image
@@ -123,7 +138,8 @@ class View:
         self._west, _, self._east, self._north = window
         figure = Figure(figsize=(self.size_px / 100, self.size_px / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
-        MapDrawing(network, window).draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
+        drawing = MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True)
+        drawing.draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
         canvas.draw()  # type: ignore[no-untyped-call]
         pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         self.background = Image.fromarray(pixels[..., :3].copy())

@@ -87,6 +87,13 @@ class Scenery:
         west, south, east, north = extent_m
         self._trees = np.array([(x, y) for x, y in trees if west < x < east and south < y < north]).reshape(-1, 2)
 
+    def shapes(self, window: Window) -> Iterator[tuple[str, float, FloatArray]]:
+        """What touches a window, from the lowest up: colour, width of a line (m; 0 of an area) and points (m)."""
+        for each in (self._areas, self._lines):
+            for look, shapes in each:
+                for number in shapes.within(window):
+                    yield look.colour, look.width_m if each is self._lines else 0.0, shapes.points_m[number]
+
     def draw(self, panel: Panel) -> None:
         """Draw what the panel's window shows, between z-orders 0.1 and 0.9."""
         from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection

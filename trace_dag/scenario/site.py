@@ -76,7 +76,7 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 def static_files() -> dict[str, bytes]:
     """Style and scripts of the site by name."""
-    files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", LIBRARY)}
+    files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", "site_states.js", LIBRARY)}
     files["unpack.js"] = read("unpacked.js") + read("unpack.js")
     return {name: text.encode() for name, text in files.items()}
 
@@ -97,14 +97,14 @@ _FILTERS = {
 _TABLE_COLUMNS = (
     {"name": "key", "label": "Crash", "class": "", "sorted": True},
     {"name": "final_state", "label": "Outcome", "class": "", "sorted": False},
-    {"name": "grade", "label": "Grade", "class": "", "sorted": False},
+    {"name": "grade", "label": "Grade", "class": "wide", "sorted": False},
     {"name": "reason", "label": "Reason", "class": "", "sorted": False},
     {"name": "place", "label": "Place", "class": "wide", "sorted": False},
     {"name": "kind", "label": "Kind", "class": "", "sorted": False},
-    {"name": "collision_type", "label": "Collision", "class": "", "sorted": False},
+    {"name": "collision_type", "label": "Collision", "class": "wide", "sorted": False},
     {"name": "road_topology", "label": "Topology", "class": "wide", "sorted": False},
     {"name": "vehicle_trajectory", "label": "Trajectory", "class": "wide", "sorted": False},
-    {"name": "contact_distance_m", "label": "Contact (m)", "class": "number", "sorted": False},
+    {"name": "contact_distance_m", "label": "Contact (m)", "class": "wide number", "sorted": False},
 )
 # Decimals: 5 of a degree are a metre.
 _NUMBERS = {"latitude_deg": 5, "longitude_deg": 5, "contact_distance_m": 2}

@@ -1,7 +1,7 @@
 """A crash as a small picture that moves: an SVG of a few kB that plays by itself, in a loop, wherever images are shown.
 
 It shows the seconds around the first contact, or the overturn, from above: roads as strokes of their width, bodies as
-boxes and discs. Units: metres, y downward as in SVG.
+boxes and discs, and what OpenStreetMap has beside the roads. Units: metres, y downward as in SVG.
 """
 
 from __future__ import annotations
@@ -10,11 +10,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 
 from trace_dag.geometry import FloatArray
+from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.object_shapes import outline
+from trace_dag.scenario.scenery import Scenery
 from trace_dag.scenario.sketch import path_data, road_strokes
 from trace_dag.sim.types import Body, Moment, SimulationLog, VehicleLog, moment_of
 
@@ -25,8 +28,11 @@ _SIMPLIFIED_BY_M = 0.4
 _PERSON_RADIUS_M = 1.1  # drawn larger than life, to be seen
 
 
-def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
-    """The SVG of a crash. Raises ValueError where nobody touched anything or overturned: there is no moment to show."""
+def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
+    """The SVG of a crash; ``surroundings`` lie behind the roads.
+
+    Raises ValueError where nobody touched anything or overturned: there is no moment to show.
+    """
     moment = moment_of(log)
     if moment is None:
         raise ValueError("a log without a contact or an overturn has no moment to show")
@@ -34,8 +40,10 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
     centre = _centre(log, moment, float(time_s[-1]))
     parts = [
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='-{_HALF_WIDTH_M},-{_HALF_HEIGHT_M},"
-        f"{2 * _HALF_WIDTH_M},{2 * _HALF_HEIGHT_M}' width='320' height='200'><g fill='none' stroke='#999'>"
+        f"{2 * _HALF_WIDTH_M},{2 * _HALF_HEIGHT_M}' width='320' height='200'>"
     ]
+    parts += _beside(network, surroundings, centre)
+    parts.append("<g fill='none' stroke='#999'>")
     for width_m, line in road_strokes(network, centre):
         parts.append(f"<path d='{path_data([line], _SIMPLIFIED_BY_M, 1)}' stroke-width='{width_m:.1f}'/>")
     parts.append("</g>")
@@ -44,6 +52,26 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog) -> str:
     for index, vehicle in enumerate(log.vehicles):
         parts.append(_moving(vehicle, log.bodies[vehicle.number], vehicle_colour(index), time_s, centre))
     return "".join([*parts, "</svg>"])
+
+
+def _beside(network: RoadNetwork, surroundings: Sequence[OsmFeature], centre: FloatArray) -> list[str]:
+    """What is beside the roads, cut to the picture; less of it where the page around is dark."""
+    x, y = centre.tolist()
+    window = (x - _HALF_WIDTH_M, y - _HALF_HEIGHT_M, x + _HALF_WIDTH_M, y + _HALF_HEIGHT_M)
+    parts = []
+    for colour, width_m, points in Scenery(surroundings, network.frame, window).shapes(window):
+        shape = shapely.LineString(points) if width_m else shapely.Polygon(points).buffer(0)
+        for cut in shapely.get_parts(shapely.clip_by_rect(shape, *window)):
+            if cut.is_empty:
+                continue
+            line = cut if width_m else cut.exterior
+            data = path_data([shapely.get_coordinates(line) - centre], _SIMPLIFIED_BY_M, 0 if not width_m else 1)
+            drawn = f"fill='none' stroke='{colour}' stroke-width='{width_m:g}'" if width_m else f"fill='{colour}'"
+            parts.append(f"<path d='{data}' {drawn}/>")
+    if not parts:
+        return []
+    dimmed = "<style>@media(prefers-color-scheme:dark){.b{opacity:.3}}</style>"
+    return [dimmed, "<g class='b'>", *parts, "</g>"]
 
 
 def _centre(log: SimulationLog, moment: Moment, end_s: float) -> FloatArray:

@@ -39,11 +39,12 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
         raise UserError(f"crash {crash.key} was not simulated; trace-dag status tells where it stands")
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
+    surroundings = surroundings_of(crash)
     if replay_format == "html":
-        return write_html_player(record, network, log, verdict, surroundings=surroundings_of(crash))
+        return write_html_player(record, network, log, verdict, surroundings=surroundings)
     if replay_format == "glb":
-        return crash_glb(record.key, network, log, surroundings=surroundings_of(crash))
-    return write_animation(record, network, log, verdict, image_format=replay_format)
+        return crash_glb(record.key, network, log, surroundings=surroundings)
+    return write_animation(record, network, log, verdict, surroundings=surroundings, image_format=replay_format)
 
 
 def replay_with(
@@ -77,7 +78,9 @@ def replay_with(
         return write_html_player(record, case.network, log, drive=drive, surroundings=surroundings)
     if replay_format == "glb":
         return crash_glb(record.key, case.network, log, drive, surroundings=surroundings)
-    return write_animation(record, case.network, log, drive=drive, image_format=replay_format)
+    return write_animation(
+        record, case.network, log, drive=drive, surroundings=surroundings, image_format=replay_format
+    )
 
 
 def _driven(case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simulation) -> tuple[Drive, SimulationLog]:

@@ -20,9 +20,10 @@
   let order = { column: "key", sign: 1 };
 
   const words = (value) => (value ? String(value).replaceAll("_", " ") : "–");
-  const cell = (row, content, name) => {
+  const classes = [...document.querySelectorAll("#crashes thead th")].map((th) => th.className);
+  const cell = (row, content) => {
     const td = row.insertCell();
-    if (name) td.className = name;
+    td.className = classes[row.cells.length - 1];
     if (content instanceof Node) td.append(content); else td.textContent = content;
   };
 
@@ -38,12 +39,12 @@
     cell(row, state);
     cell(row, words(crash.grade));
     cell(row, words(crash.reason));
-    cell(row, crash.place || crash.state_name || "–", "wide");
+    cell(row, crash.place || crash.state_name || "–");
     cell(row, words(crash.kind));
     cell(row, words(crash.collision_type));
-    cell(row, words(crash.road_topology), "wide");
-    cell(row, words(crash.vehicle_trajectory), "wide");
-    cell(row, crash.contact_distance_m == null ? "–" : crash.contact_distance_m.toFixed(2), "number");
+    cell(row, words(crash.road_topology));
+    cell(row, words(crash.vehicle_trajectory));
+    cell(row, crash.contact_distance_m == null ? "–" : crash.contact_distance_m.toFixed(2));
     return row;
   }
 
@@ -69,7 +70,11 @@
     more.textContent = `Show ${Math.min(PAGE, found.length - shown)} more`;
   }
 
-  const map = window.crashMap(document.getElementById("map"), (chosen) => { picked = new Set(chosen); update(false); });
+  let seen = ""; // the part of the map that was chosen; without, all crashes shown are seen
+  const map = window.crashMap(document.getElementById("map"), (chosen) => { picked = new Set(chosen); update(false); }, (all) => {
+    seen = all ? "" : map.seen;
+    toAddress();
+  });
 
   function update(fit = true) {
     shown = PAGE;
@@ -80,23 +85,29 @@
 
   function toAddress() {
     const set = fields.filter((field) => field.value).map((field) => [field.name, field.value]);
+    document.getElementById("chosen").textContent = set.length ? ` (${set.length} chosen)` : "";
+    if (seen) set.push(["map", seen]);
     history.replaceState(null, "", set.length ? `#${new URLSearchParams(set)}` : "#");
   }
 
   function fromAddress() {
     const asked = new URLSearchParams(location.hash.slice(1));
-    if (![...asked.keys()].some((name) => form.elements[name])) return;
+    if (![...asked.keys()].some((name) => name === "map" || form.elements[name])) return;
     fields.forEach((field) => { field.value = asked.get(field.name) || ""; });
     picked = null;
     update();
+    seen = asked.get("map") || "";
+    if (seen) map.look(seen);
+    toAddress();
   }
 
   form.addEventListener("submit", (event) => event.preventDefault());
-  form.addEventListener("input", () => { picked = null; toAddress(); update(); });
+  form.addEventListener("input", () => { picked = null; seen = ""; toAddress(); update(); });
   form.addEventListener("reset", (event) => {
     event.preventDefault();
     fields.forEach((field) => { field.value = ""; });
     picked = null;
+    seen = "";
     toAddress();
     update();
   });
@@ -109,6 +120,7 @@
     button.parentElement.setAttribute("aria-sort", order.sign > 0 ? "ascending" : "descending");
     list(matches());
   }));
+  if (matchMedia("(max-width: 40rem)").matches) document.getElementById("filters").open = false;
   update();
   fromAddress();
 })();

@@ -1,7 +1,7 @@
 "use strict";
-// The map of the index: reported places on an equirectangular drawing, true to scale at its middle latitude, with a
-// graticule and a scale bar. Crashes near each other on the screen share a ring; choosing it zooms in.
-window.crashMap = (figure, pick) => {
+// The map of the index: reported places on an equirectangular drawing, true to scale at its middle latitude, with the
+// outlines of the states, a graticule and a scale bar. Crashes near each other on the screen share a ring; choosing it zooms in.
+window.crashMap = (figure, pick, moved) => {
   const SVG = "http://www.w3.org/2000/svg";
   const NEAR_PX = 56, MARGIN_PX = 48, LEAST_SPAN_DEG = 0.01, DEG_M = 111195;
   const STATES = ["verified", "rejected", "failed", "pending"];
@@ -15,6 +15,16 @@ window.crashMap = (figure, pick) => {
     if (parent) parent.append(element);
     return element;
   };
+  // All states as one path in degrees, which is moved and scaled with the view.
+  const land = make("path", { class: "land", "vector-effect": "non-scaling-stroke", d: (({ unitsPerDeg, arcs, rings }) => {
+    const places = arcs.map((steps) => {
+      let x = 0, y = 0;
+      return Array.from({ length: steps.length / 2 }, (_, i) => [x += steps[2 * i], y += steps[2 * i + 1]]);
+    });
+    const along = (arc) => (arc < 0 ? places[~arc].toReversed() : places[arc]);
+    const degrees = ([x, y]) => `${x / unitsPerDeg} ${y / unitsPerDeg}`;
+    return rings.map((ring) => `M${ring.flatMap(along).map(degrees).join("L")}z`).join("");
+  })(window.stateOutlines) });
   const size = () => ({ width: svg.clientWidth || 900, height: svg.clientHeight || 400 });
   const shrink = () => Math.cos(view.lat * Math.PI / 180);
   const toScreen = (lat, lon) => {
@@ -81,9 +91,8 @@ window.crashMap = (figure, pick) => {
     const names = new Set(group.crashes.map((crash) => crash.state_name));
     const name = names.size === 1 ? [...names][0] : null;
     const said = counts.filter(([, n]) => n).map(([state, n]) => `${n} ${state}`).join(", ");
-    const button = make("g", { class: "cluster", role: "button", tabindex: 0, transform: `translate(${group.x} ${group.y})`,
-      "aria-label": `${number} crashes${name ? ` in ${name}` : ""}: ${said}` }, svg);
-    make("title", {}, button).textContent = `${number} crashes: ${said}`;
+    const button = make("g", { class: "cluster", role: "button", tabindex: 0, transform: `translate(${group.x} ${group.y})` }, svg);
+    make("title", {}, button).textContent = `${number} crashes${name ? ` in ${name}` : ""}: ${said}`;
     make("circle", { class: "disc", r: radius + 3 }, button);
     const length = 2 * Math.PI * radius;
     let begin = 0;
@@ -93,8 +102,8 @@ window.crashMap = (figure, pick) => {
         "stroke-dasharray": `${length * n / number} ${length}`, "stroke-dashoffset": -length * begin / number }, button);
       begin += n;
     }
-    make("text", {}, button).textContent = number;
-    if (name) make("text", { class: "name", y: radius + 14 }, button).textContent = words(name);
+    make("text", { "aria-hidden": true }, button).textContent = number;
+    if (name) make("text", { class: "name", y: radius + 14, "aria-hidden": true }, button).textContent = words(name);
     const open = () => {
       const [south, north] = range(group.crashes.map((crash) => crash.latitude_deg));
       const [west, east] = range(group.crashes.map((crash) => crash.longitude_deg));
@@ -102,6 +111,7 @@ window.crashMap = (figure, pick) => {
       fit(group.crashes);
       if (Math.max(north - south, east - west) < LEAST_SPAN_DEG / 50 || view.scale < before * 1.01) pick(group.crashes);
       draw();
+      moved();
     };
     button.addEventListener("click", open);
     button.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); open(); } });
@@ -110,6 +120,12 @@ window.crashMap = (figure, pick) => {
   function roundStep(value) {
     const power = 10 ** Math.floor(Math.log10(value));
     return [1, 2, 5, 10].find((factor) => factor * power >= value) * power;
+  }
+
+  function drawLand() {
+    const [x, y] = toScreen(0, 0), across = shrink() * view.scale;
+    land.setAttribute("transform", `matrix(${across} 0 0 ${-view.scale} ${x} ${y})`);
+    svg.append(land);
   }
 
   function drawGraticule() {
@@ -141,19 +157,32 @@ window.crashMap = (figure, pick) => {
   function draw() {
     const focused = [...svg.querySelectorAll("[tabindex], a")].indexOf(document.activeElement);
     svg.replaceChildren();
+    drawLand();
     drawGraticule();
     drawScale();
     for (const group of groups()) (group.crashes.length === 1 ? drawOne : drawSeveral)(group);
     if (focused >= 0) (svg.querySelectorAll("[tabindex], a")[0] || svg).focus();
   }
 
-  const zoom = (factor) => { view.scale *= factor; draw(); };
+  const zoom = (factor) => { view.scale *= factor; draw(); moved(); };
   document.getElementById("nearer").addEventListener("click", () => zoom(2));
   document.getElementById("farther").addEventListener("click", () => zoom(0.5));
-  document.getElementById("fit").addEventListener("click", () => { fit(crashes); draw(); });
+  document.getElementById("fit").addEventListener("click", () => { fit(crashes); draw(); moved(true); });
+  const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  svg.addEventListener("keydown", (event) => {
+    const step = STEPS[event.key], factor = { "+": 2, "=": 2, "-": 0.5 }[event.key];
+    if (!step && !factor) return;
+    event.preventDefault();
+    if (factor) { zoom(factor); return; }
+    const { width, height } = size();
+    view.lon += step[0] * width / view.scale / shrink() / 8;
+    view.lat += step[1] * height / view.scale / 8;
+    draw();
+    moved();
+  });
   let grip = null;
-  svg.addEventListener("pointerdown", (event) => { if (event.target === svg || event.target.classList.contains("graticule")) grip = [event.clientX, event.clientY]; });
-  window.addEventListener("pointerup", () => { grip = null; });
+  svg.addEventListener("pointerdown", (event) => { if (event.target === svg || event.target === land || event.target.classList.contains("graticule")) grip = [event.clientX, event.clientY]; });
+  window.addEventListener("pointerup", () => { if (grip) moved(); grip = null; });
   window.addEventListener("pointermove", (event) => {
     if (!grip) return;
     view.lon -= (event.clientX - grip[0]) / view.scale / shrink();
@@ -164,6 +193,14 @@ window.crashMap = (figure, pick) => {
   new ResizeObserver(() => draw()).observe(figure);
 
   return {
+    // The middle (degrees) and the height (degrees of latitude) of what is seen, as in the address of the page.
+    get seen() { return [view.lat.toFixed(5), view.lon.toFixed(5), (size().height / view.scale).toPrecision(4)].join(); },
+    look(seen) {
+      const [lat, lon, high] = seen.split(",").map(Number);
+      if (!(high > 0) || !Number.isFinite(lat + lon)) return;
+      view = { lat: Math.min(85, Math.max(-85, lat)), lon, scale: size().height / high };
+      draw();
+    },
     show(some, toFit) {
       crashes = some.filter((crash) => crash.latitude_deg != null && crash.longitude_deg != null);
       figure.hidden = false;
