@@ -8,6 +8,7 @@ import math
 import os
 import pickle
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,6 +22,7 @@ from tests.roads import judges
 from trace_dag.benchmark.export import export
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import STEP_S
+from trace_dag.formats import scenarionet
 from trace_dag.formats.sumo import floating_car_data
 
 KEY = "2023-319003"
@@ -111,6 +113,17 @@ def test_a_scenario_description_has_everybody_and_the_lanes_they_drive_on(home, 
     for lane in lanes.values():
         for after in lane["exit_lanes"]:
             assert np.hypot(*(lanes[after]["polyline"][0] - lane["polyline"][-1])[:2]) < 0.6
+
+
+def test_who_met_nobody_is_the_ego_of_the_description(home, monkeypatch):
+    stored = home[KEY].stored
+    case = scenarionet.as_driven(stored)
+    alone = replace(case, participants=case.participants[1:], recorded=replace(case.recorded, contacts=()))
+    monkeypatch.setattr(scenarionet, "as_driven", lambda crash: alone)
+    (data,) = scenarionet.ScenarioNet([KEY]).of_crash(stored).values()
+    description = pickle.loads(data)
+    assert description["metadata"]["sdc_id"] == "V2"
+    assert list(description["tracks"]) == ["V2"]
 
 
 def test_floating_cars_are_where_the_log_has_their_fronts(home):

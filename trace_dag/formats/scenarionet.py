@@ -95,7 +95,8 @@ class ScenarioNet:
 
 def _ego(case: Case, drives: Sequence[Drive]) -> int:
     """The striking driver; of who struck an object or overturned, the first one."""
-    if set(case.pair) <= {each.number for each in drives}:
+    contact = case.contact
+    if contact is not None and {contact.number_1, contact.number_2} <= {each.number for each in drives}:
         return number_of(case, AgentRole.STRIKING)
     return min(each.number for each in drives if each.is_driven)
 
