@@ -15,12 +15,13 @@ const EYES = new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(
 const FAR_M = 900, SHADOW_M = 45;
 const LIT_VEHICLES = 3; // each pair of headlamps costs a light
 
-// `box` is the element to draw in, `glb` an ArrayBuffer; `night` says whether it was dark, `dim` whether the page is.
-export async function create(box, glb, { night = false, dim = false, colours = {} } = {}) {
-  const renderer = new WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
+// `box` is the element to draw in, `glb` an ArrayBuffer; `night` says whether it was dark, `dim` whether the page is,
+// `slow` that there is no graphics processor: then there are no shadows, and edges are not smoothed.
+export async function create(box, glb, { night = false, dim = false, slow = false, colours = {} } = {}) {
+  const renderer = new WebGLRenderer({ antialias: !slow, powerPreference: "high-performance" });
   renderer.toneMapping = ACESFilmicToneMapping;
   renderer.toneMappingExposure = night ? 1.0 : 0.9;
-  renderer.shadowMap.enabled = !night;
+  renderer.shadowMap.enabled = !night && !slow;
   renderer.shadowMap.type = PCFShadowMap;
   const canvas = renderer.domElement;
   canvas.tabIndex = 0;
@@ -36,7 +37,7 @@ export async function create(box, glb, { night = false, dim = false, colours = {
   scene.fog = new Fog(sky, night ? 40 : 120, night ? 300 : 480);
   scene.add(new HemisphereLight(night ? "#98a2b8" : "#eaf2fb", night ? "#33342f" : "#8b8f78", night ? 2.4 : 1.8));
   const sun = new DirectionalLight(night ? "#b8c2d8" : "#fff3dd", night ? 0.9 : 2.6);
-  sun.castShadow = !night;
+  sun.castShadow = renderer.shadowMap.enabled;
   sun.shadow.mapSize.set(2048, 2048);
   Object.assign(sun.shadow.camera, { left: -SHADOW_M, right: SHADOW_M, top: SHADOW_M, bottom: -SHADOW_M, near: 10, far: 220 });
   sun.shadow.normalBias = 0.04;
@@ -175,7 +176,7 @@ export async function create(box, glb, { night = false, dim = false, colours = {
     const r = box.getBoundingClientRect();
     if (!r.width || !r.height || (r.width === width && r.height === height)) return;
     [width, height] = [r.width, r.height];
-    renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    renderer.setPixelRatio(Math.min(devicePixelRatio, slow ? 1 : 2));
     renderer.setSize(width, height);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
@@ -220,15 +221,6 @@ export async function create(box, glb, { night = false, dim = false, colours = {
   const local = ({ x, y, z }) => [x, -z, y];
   return { show, camera: camera_to, resize, canvas, numbers: [...bodies.keys()],
     place: (number) => local(at(bodies.get(number))), eye: () => local(camera.position) };
-}
-
-// Whether this browser can draw it.
-export function possible() {
-  try {
-    return Boolean(document.createElement("canvas").getContext("webgl2"));
-  } catch {
-    return false;
-  }
 }
 
 function lowestOf(world) {

@@ -6,10 +6,19 @@ function run(code) {
   script.textContent = code;
   document.head.append(script);
 }
-// "no", "slow" without a graphics processor, or "fast"
+// "no", "slow" without a graphics processor, or "fast".
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 function drawing() {
-  const asked = options => { const gl = document.createElement("canvas").getContext("webgl2", options); gl?.getExtension("WEBGL_lose_context")?.loseContext(); return Boolean(gl); };
-  try { return asked({ failIfMajorPerformanceCaveat: true }) ? "fast" : asked({}) ? "slow" : "no"; } catch { return "no"; }
+  try {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    if (!gl) return "no";
+    const names = gl.getExtension("WEBGL_debug_renderer_info");
+    const slow = SOFTWARE.test(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return slow ? "slow" : "fast";
+  } catch {
+    return "no";
+  }
 }
 const able = drawing();
 let started = null;
@@ -18,7 +27,7 @@ function start() {
     if (typeof replay3d === "undefined") run(new TextDecoder().decode(await held("library")));
     const dim = matchMedia("(prefers-color-scheme: dark)").matches;
     const colours = Object.fromEntries(D.vehicles.map(v => [v.number, v.colour]));
-    solid = await replay3d.create($("solid"), await held("solid-data"), { night: D.night, dim, colours });
+    solid = await replay3d.create($("solid"), await held("solid-data"), { night: D.night, dim, slow: able === "slow", colours });
     look_from();
     solid.show(line.now);
     requestAnimationFrame(() => { document.body.dataset.solid = "drawn"; performance.mark("drawn in 3D"); });
