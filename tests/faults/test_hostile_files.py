@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -95,3 +96,34 @@ def test_a_damaged_map_costs_the_crashes_it_covers_and_its_remedies_work(tmp_pat
     assert trace_dag(root, *arguments, str(town / "merrow.osm")).returncode == 0
     done = trace_dag(root, "run")
     assert done.returncode == 0, done.stderr
+
+
+def test_links_and_pipes_in_an_inbox_are_passed_over_and_what_links_lead_to_is_read_once(tmp_path: Path):
+    folder = reports_of(tmp_path / "reports", (KEY,))
+    (report,) = folder.iterdir()
+    (folder / "again.xml").symlink_to(report)
+    (folder / "nowhere.xml").symlink_to("/nowhere")
+    (folder / "circle.xml").symlink_to("circle.xml")
+    (folder / "itself").symlink_to(".")
+    (folder / "endless.xml").symlink_to("/dev/zero")
+    (folder / "folder.xml").mkdir()
+    (folder / "secret.xml").symlink_to("/etc/passwd")
+    os.mkfifo(folder / "pipe.xml")
+    done = ingest(tmp_path / "root", folder)
+    assert done.returncode == 0, done.stderr
+    assert "1 crashes registered" in done.stdout
+    assert "secret.xml: it is not XML" in done.stdout
+    assert "root:" not in done.stdout
+
+
+@pytest.mark.parametrize("command", ["status", "run", "ui"])
+def test_a_root_that_can_only_be_read_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str):
+    def read_only(**_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("trace_dag.storage.tempfile.TemporaryFile", read_only)
+    done = trace_dag(tmp_path, command)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "cannot read and write there" in line
+    assert "choose another with --root" in line

@@ -34,7 +34,7 @@ def main() -> None:
     asked.add_argument("--package", type=Path)
     given = asked.parse_args()
     logging.disable()
-    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))  # more is a fault, MemoryError
+    resource.setrlimit(resource.RLIMIT_DATA, (_MOST_MEMORY, _MOST_MEMORY))  # more is a fault, MemoryError
     all_targets = targets(given.package or _a_package())
     memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
     faults = 0

@@ -37,11 +37,12 @@ def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:
         AnswerReader().from_bytes(b"F")
 
 
-def test_a_map_with_text_that_is_none_does_not_end_the_process(tmp_path: Path) -> None:
-    right = pbf((SAMPLE / "osm" / "quill.osm").read_bytes())
+@pytest.mark.parametrize("key", [b"\xff\xff\xff\xff", b"nam\xe2"], ids=["no text", "cut off"])
+def test_a_map_with_text_that_is_none_does_not_end_the_process(tmp_path: Path, key: bytes) -> None:
+    whole = pbf((SAMPLE / "osm" / "quill.osm").read_bytes())
     path = tmp_path / "map.osm.pbf"
-    path.write_bytes(right.replace(b"residential", b"\xff" * len(b"residential")).replace(b"name", b"\xff\xff\xff\xff"))
-    assert path.read_bytes() != right
+    path.write_bytes(whole.replace(b"name", key))
+    assert path.read_bytes() != whole
     header = read_header(path)
     with pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
         extract_raw(path, header, [], service_roads=True)

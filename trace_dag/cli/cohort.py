@@ -10,6 +10,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import one_line, print_table, write_json
+from trace_dag.errors import Failure
 from trace_dag.logs import complain
 
 if TYPE_CHECKING:
@@ -168,8 +169,12 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         remove_partitions(instance, gone)
         deleted = delete_artefacts(storage, gone) if artefacts else 0
         registry.remove(name, only)
-        if workspace.warehouse.is_file():
-            errors = summarise(workspace, instance).errors
+    if workspace.warehouse.is_file():
+        try:
+            with dagster_records(workspace) as instance:
+                errors = summarise(workspace, instance).errors
+        except Failure as failure:
+            errors = (str(failure),)
     click.echo(
         f"Cohort {name}: {len(gone)} crashes removed"
         + (f", {deleted} files deleted." if artefacts else "; what was made of them is kept.")

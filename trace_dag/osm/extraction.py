@@ -189,8 +189,9 @@ def _reading(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except (RuntimeError, ValueError, OverflowError, osmium.InvalidLocationError) as error:
-        # libosmium's exceptions have no common base; Arrow's for ids beyond 64 bits is a ValueError.
+    except (RuntimeError, ValueError, IndexError, OverflowError, osmium.InvalidLocationError) as error:
+        # libosmium's exceptions have no common base (text cut off within a character is an IndexError); Arrow's for ids
+        # beyond 64 bits is a ValueError.
         said = str(error)[:_SAID]
         raise UnreadableMapError(
             f"{path}: cannot be read as OSM data ({said}); expected .osm, .osm.gz, .osm.bz2 or .osm.pbf, whole"
