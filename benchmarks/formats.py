@@ -23,7 +23,7 @@ READERS = {
     "sumo": ("eclipse-sumo==1.28.0", "sumolib==1.28.0", "xmlschema==4.3.2"),
     "osi": ("osi-python==3.8.0", "asam-osi-utilities==0.4.0", "betterosi==0.9.0"),
     "openlabel": ("openlabel-checker==0.1.0",),
-    "points": ("geopandas==1.2.0", "gpxpy==1.6.2"),
+    "points": ("geopandas==1.2.0", "gpxpy==1.6.2", "pyarrow==26.0.1"),
 }
 _JUDGES = Path(__file__).with_name("format_judges.py")
 _PROGRAM = Path(sys.executable).with_name("trace-dag")
