@@ -8,6 +8,7 @@ result stands, marked as outdated.
 
 from __future__ import annotations
 
+import gc
 import logging
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -56,12 +57,17 @@ def _may_pass(error: BaseException) -> bool:
 
 
 def get_ready(flow: Flow, settings: Settings) -> None:
-    """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version."""
+    """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version.
+
+    What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
+    """
     for definition in flow.stages:
         flow.code(definition, settings)
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 referred(reference)
+    gc.collect()
+    gc.freeze()
 
 
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:

@@ -46,6 +46,7 @@ CONTROLLER = "free_vehicle_controller"
 
 _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
 _BEFORE_END_S = 0.0005
+_TRAJECTORY = "_trajectory"  # names of trajectories end so
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
 _LICENCE = ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/")
 _XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
@@ -83,12 +84,13 @@ class OpenScenarios:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
         minor_version = 0 if flavour.carla else 2
         xosc.VersionBase().setVersion(minor=minor_version)  # of the process: what is built next asks for it
+        driven = {party_label(each.number): self._followed(each, flavour) for each in log.vehicles}
         scenario = xosc.Scenario(
             f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
             AUTHOR,
             xosc.ParameterDeclarations(),
             _entities(log, flavour),
-            _storyboard(record, log, flavour, {each.number: self._followed(each, flavour) for each in log.vehicles}),
+            _storyboard(record, log, flavour, driven),
             xosc.RoadNetwork(roadfile=map_file),
             xosc.Catalog(),
             osc_minor_version=minor_version,
@@ -96,34 +98,63 @@ class OpenScenarios:
             creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
         )
         root = etree.fromstring(_as_bytes(scenario), _XML_PARSER)
+        lines = {}
+        for trajectory in root.iter("Trajectory"):
+            (polyline,) = trajectory.iter("Polyline")
+            name = trajectory.get("name", "").removesuffix(_TRAJECTORY)
+            lines[f">{name}</Polyline>"] = _polyline(driven[name], depth=sum(1 for _ in polyline.iterancestors()))
+            for vertex in list(polyline):
+                polyline.remove(vertex)
+            polyline.text = name
         etree.indent(root, " ")
-        return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+        text = etree.tostring(root, xml_declaration=True, encoding="UTF-8").decode()
+        for place, vertices in lines.items():
+            text = text.replace(place, vertices)
+        return text.encode() + b"\n"
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
         """What a vehicle does: all it did or, with another one free, up to where it would first touch that one."""
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
             driven = motion(self._log, vehicle, ahead_m=place[1], surface=self._surface)
-            self._driven[place] = _Driven([round(time_s, 6) for time_s in driven.time_s.tolist()], _positions(driven))
+            self._driven[place] = _Driven([round(time_s, 6) for time_s in driven.time_s.tolist()], _poses(driven))
         whole = self._driven[place]
         until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
         count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
         if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is not a way to go along
-            return _Driven([whole.time_s[0], round(until_s, 6)], [whole.positions[0]] * 2)
-        return _Driven(whole.time_s[:count], whole.positions[:count])
+            return _Driven([whole.time_s[0], round(until_s, 6)], [whole.poses[0]] * 2)
+        return _Driven(whole.time_s[:count], whole.poses[:count])
+
+
+_Pose = tuple[float, ...]  # x, y, z (m), heading, pitch, roll (rad), as they are written
 
 
 class _Driven(NamedTuple):
     """A motion as a scenario states it: times in seconds, and where the reference point is then."""
 
     time_s: list[float]
-    positions: list[xosc.WorldPosition]
+    poses: list[_Pose]
 
 
 def _as_bytes(scenario: xosc.Scenario) -> bytes:
     from xml.etree import ElementTree  # scenariogeneration builds with it; nothing is parsed here
 
     return bytes(ElementTree.tostring(scenario.get_element()))
+
+
+def _polyline(driven: _Driven, *, depth: int) -> str:
+    """The vertices of a polyline as text, with the polyline's end tag.
+
+    Thousands of vertices are nine tenths of a scenario: written as elements one by one, indented and parsed they took
+    nine tenths of the time.
+    """
+    start = "\n" + " " * (depth + 1)
+    vertices = [
+        f'{start}<Vertex time="{time_s}">{start} <Position>'
+        f'{start}  <WorldPosition x="{x}" y="{y}" z="{z}" h="{h}" p="{p}" r="{r}"/>{start} </Position>{start}</Vertex>'
+        for time_s, (x, y, z, h, p, r) in zip(driven.time_s, driven.poses, strict=True)
+    ]
+    return f">{''.join(vertices)}\n{' ' * depth}</Polyline>"
 
 
 def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> float:
@@ -173,7 +204,7 @@ def _controller() -> xosc.Controller:
 
 
 def _storyboard(
-    record: CrashRecord, log: SimulationLog, flavour: Flavour, driven: Mapping[int, _Driven]
+    record: CrashRecord, log: SimulationLog, flavour: Flavour, driven: Mapping[str, _Driven]
 ) -> xosc.StoryBoard:
     from scenariogeneration import xosc
 
@@ -185,7 +216,7 @@ def _storyboard(
     for logged in log.vehicles:
         name = party_label(logged.number)
         speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
-        init.add_init_action(name, xosc.TeleportAction(driven[logged.number].positions[0]))
+        init.add_init_action(name, xosc.TeleportAction(xosc.WorldPosition(*driven[name].poses[0])))
         init.add_init_action(
             name,
             xosc.AbsoluteSpeedAction(
@@ -196,7 +227,7 @@ def _storyboard(
         if logged.number == flavour.free:
             init.add_init_action(name, _handing_over(flavour))
         else:
-            act.add_maneuver_group(_follow(name, driven[logged.number], flavour))
+            act.add_maneuver_group(_follow(name, driven[name], flavour))
     for item in _shown_objects(log, flavour):
         init.add_init_action(party_label(item.number), standing_at(item))
     story = xosc.Story("crash")
@@ -223,8 +254,10 @@ def _handing_over(flavour: Flavour) -> xosc.ControllerAction:
 def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     from scenariogeneration import xosc
 
-    trajectory = xosc.Trajectory(f"{name}_trajectory", closed=False)
-    trajectory.add_shape(xosc.Polyline(driven.time_s, driven.positions))
+    trajectory = xosc.Trajectory(f"{name}{_TRAJECTORY}", closed=False)
+    # Its ends alone: they hold the place of all vertices, which are written as text.
+    ends = [xosc.WorldPosition(*driven.poses[k]) for k in (0, -1)]
+    trajectory.add_shape(xosc.Polyline([driven.time_s[0], driven.time_s[-1]], ends))
     action = xosc.FollowTrajectoryAction(
         trajectory,
         xosc.FollowingMode.position,
@@ -235,7 +268,7 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     # 1.1 renamed the priority.
     event = xosc.Event(f"{name}_follow", xosc.Priority.overwrite if flavour.carla else xosc.Priority.override)
     event.add_trigger(_at_start(f"{name}_start", flavour))
-    event.add_action(f"{name}_trajectory", action)
+    event.add_action(f"{name}{_TRAJECTORY}", action)
     manoeuvre = xosc.Maneuver(f"{name}_maneuver")
     manoeuvre.add_event(event)
     group = xosc.ManeuverGroup(f"{name}_group")
@@ -244,12 +277,10 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     return group
 
 
-def _positions(motion: TimedPoses) -> list[xosc.WorldPosition]:
-    from scenariogeneration import xosc
-
+def _poses(motion: TimedPoses) -> list[_Pose]:
     places = (_rounded(values, 5) for values in (motion.x_m, motion.y_m, motion.z_m))
     angles = (_rounded(values, 6) for values in (motion.heading_rad, motion.pitch_rad, motion.roll_rad))
-    return [xosc.WorldPosition(*values) for values in zip(*places, *angles, strict=True)]
+    return list(zip(*places, *angles, strict=True))
 
 
 def _rounded(values: FloatArray, digits: int) -> list[float]:
