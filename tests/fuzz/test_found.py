@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,11 @@ from tests.cases import SAMPLE
 from tests.fuzz.targets import pbf
 from tests.verdict.crashes import STREET
 from trace_dag.crash.fars_csv import FarsCsvSource
-from trace_dag.errors import UserError
+from trace_dag.errors import DamagedFile, UserError
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.wire import AnswerReader
 from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
+from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.settings import load_settings
@@ -73,3 +75,21 @@ def test_no_number_of_a_map_asks_for_more_points_than_there_is_memory(right: byt
     assert right in data
     with pytest.raises(UserError, match=said):
         read_opendrive(data.replace(right, wrong, 1), name="map.xodr")
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "error"),
+    [(6, 79, UserError), (8, 1, DamagedFile), (10, 99, DamagedFile)],
+    ids=["a version to come", "a password", "another way to pack"],
+)
+def test_a_package_that_zipfile_does_not_know_how_to_read(
+    tmp_path: Path, offset: int, value: int, error: type[Exception]
+) -> None:
+    path = tmp_path / "package.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("2023-319003/map.xodr", b"<OpenDRIVE/>")
+    data = bytearray(path.read_bytes())
+    data[data.index(b"PK\x01\x02") + offset] = value  # in the central directory: APPNOTE.TXT, 4.3.12
+    path.write_bytes(data)
+    with pytest.raises(error):
+        ArchiveFiles.of(path, "package.zip").read("map.xodr")

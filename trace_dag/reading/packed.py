@@ -7,6 +7,7 @@ import io
 import json
 import tarfile
 import zipfile
+import zlib
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -119,7 +120,7 @@ class ArchiveFiles:
             if begins == _ZIP:  # zipfile.is_zipfile takes a tar that ends with a package for that package
                 return cls(place, zipfile.ZipFile(source))
             return cls(place, tarfile.open(fileobj=source))
-        except (tarfile.TarError, zipfile.BadZipFile, EOFError) as error:
+        except (tarfile.TarError, zipfile.BadZipFile, NotImplementedError, EOFError) as error:
             raise UserError(
                 f"{place}: neither a zip nor a tar archive ({error}); expected a package or a release"
             ) from error
@@ -132,11 +133,14 @@ class ArchiveFiles:
             if isinstance(self._archive, zipfile.ZipFile):
                 return self._archive.read(self._names[name])
             found = self._archive.extractfile(self._names[name])
-        except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError) as error:
+            data = found.read() if found is not None else None
+        except (tarfile.TarError, zipfile.BadZipFile, zlib.error, RuntimeError, OSError, EOFError) as error:
+            # RuntimeError is zipfile's for files with a password and, as NotImplementedError, for ways to pack that it
+            # does not know.
             raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", _GET_AGAIN) from error
-        if found is None:
+        if data is None:
             raise FileNotFoundError(f"{self.place}: {name} is not a file")
-        return found.read()
+        return data
 
     def has(self, name: str) -> bool:
         """See :class:`Files`."""
