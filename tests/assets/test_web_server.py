@@ -17,6 +17,8 @@ from urllib.parse import urlencode
 import pytest
 from sample_runs import command, ingest, reports_of
 
+from tests.browser import CHROMIUM, Page
+
 MUTATION = "mutation { setNuxSeen } "
 VERSION = "{ version }"
 
@@ -93,10 +95,20 @@ def test_its_own_page_and_programs_may_ask_and_change(server: Server):
         assert (status, "version" in json.loads(said)["data"]) == (200, True)
         status, said = server.graphql(MUTATION, **headers)
         assert (status, json.loads(said)["data"]) == (200, {"setNuxSeen": True})
+    named = server.ask("POST", "/graphql?op=Version", json.dumps({"query": VERSION}), Content_Type="application/json")
+    assert named[0] == 200, "the UI names its questions in the address"
     assert server.ask("GET", "/", Accept="text/html")[0] == 200
     assert server.ask("GET", "/", Accept="text/html", Sec_Fetch_Site="cross-site", Sec_Fetch_Mode="navigate")[0] == 200
     assert server.graphql(VERSION, Host=f"localhost:{server.port}")[0] == 200
     assert server.graphql(VERSION, Host="crashes.example.org", Origin="https://crashes.example.org")[0] == 200
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_in_a_browser_the_ui_is_refused_nothing(server: Server, tmp_path: Path):
+    with Page(tmp_path / "profile") as page:
+        page.open(f"http://{server.host}/assets/verdict")
+        page.wait("document.body.innerText.includes('Materialize')")
+        assert [error for error in page.errors if "403" in error or "Application error" in error] == []
 
 
 FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}
@@ -109,6 +121,8 @@ FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}
         ("GET", "/graphql?" + urlencode({"query": MUTATION}), "", {"Sec_Fetch_Mode": "navigate", **FOREIGN}),
         ("GET", "/graphql/?" + urlencode({"query": VERSION}), "", {}),
         ("POST", "/graphql?" + urlencode({"query": MUTATION}), "", {}),
+        ("POST", "/graphql?op=Nux&" + urlencode({"query": MUTATION}), "", {}),
+        ("GET", "/graphql?op=Nux", "", {}),
         ("POST", "/graphql", json.dumps({"query": MUTATION}), {"Content_Type": "text/plain"}),
         ("POST", "/graphql", json.dumps({"query": MUTATION}), {"Content_Type": "application/json", **FOREIGN}),
         (

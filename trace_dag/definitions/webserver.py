@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import click
 
@@ -30,6 +30,7 @@ from trace_dag.storage import Storage
 _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
 _WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
 _CODE: Final = ("-m", "trace_dag.definitions")
+_NAMED: Final = frozenset({b"op"})  # by this the UI names the question that is in the body
 _QUIET: Final = ("--log-level", "warning")
 
 
@@ -75,7 +76,8 @@ class Guard:
 
 def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:
     """Why a GraphQL request is refused: one that a plain link or form could send."""
-    if scope["query_string"]:
+    asked = parse_qs(scope["query_string"], keep_blank_values=True).keys()
+    if asked - _NAMED or (asked and scope["method"] != "POST"):
         return "questions to GraphQL are sent by POST, in the body"
     content_type = headers.get(b"content-type", [""])[0].partition(";")[0].strip().lower()
     if scope["method"] == "POST" and content_type not in ("application/json", "application/graphql"):

@@ -83,7 +83,7 @@ def surrounding_objects(
     ]
     if not wanted:
         return []
-    roads = _Roads(network)
+    roads = _Roads(network, [shape for _, shape, _ in wanted])
     placed = []
     for number, (feature, shape, kind) in enumerate(wanted):
         place = roads.place(shape)
@@ -103,12 +103,14 @@ class _Place(NamedTuple):
 
 
 class _Roads:
-    """The reference lines of the roads that are in no junction, to be looked up by place; lines of all roads."""
+    """The reference lines of roads near some shapes: of those that are in no junction, by place, and of all."""
 
-    def __init__(self, network: RoadNetwork) -> None:
+    def __init__(self, network: RoadNetwork, shapes: Sequence[BaseGeometry]) -> None:
         self._network = network
-        self._ids = [road.id for road in network.roads if road.junction_id is None]
-        lines = {road.id: _line(network, road.id, road.length_m) for road in network.roads}
+        west, south, east, north = shapely.total_bounds(shapes).tolist()
+        roads = network.roads_within((west - _REACH_M, south - _REACH_M, east + _REACH_M, north + _REACH_M))
+        self._ids = [road.id for road in roads if road.junction_id is None]
+        lines = {road.id: _line(network, road.id, road.length_m) for road in roads}
         self._streets = shapely.STRtree([lines[road_id] for road_id in self._ids])
         self._all = shapely.STRtree(list(lines.values()))
 
