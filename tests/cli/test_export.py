@@ -28,7 +28,15 @@ EVERY_PACKAGE = {
     *("report.xml", "summary.txt", "map.osm", "map.xodr", "map_legal_marks.xodr"),
     *("scenario.xosc", "scenario.free_V1.xosc", "scenario.free_V2.xosc"),
     *("scenario.carla.xosc", "scenario.carla.free_V1.xosc", "scenario.carla.free_V2.xosc"),
-    *("states.json", "trajectories.json", "verdict.json", "map_report.json", "replay.html", "picture.png"),
+    *(
+        "states.json",
+        "intervals.json",
+        "trajectories.json",
+        "verdict.json",
+        "map_report.json",
+        "replay.html",
+        "picture.png",
+    ),
     *("lanes.json", "courses.json"),
 }
 

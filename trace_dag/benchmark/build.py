@@ -252,11 +252,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     verified = crash.row["final_state"] == FinalState.VERIFIED
     downloads: list[Download] = []
     written: list[StoredFile] = []
-    watched = None
     if verified:
-        package = package_of(files)
-        watched = package["replay.html"]
-        archive = storage.write(package_name(key), zip_files(package, folder=key))
+        archive = storage.write(package_name(key), zip_files(package_of(files), folder=key))
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
         log = files.load(LOGS)[files.load(VERDICT).hypothesis]
@@ -265,9 +262,8 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     else:
         stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
         downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
-        watched = replay(files, "html") if files.has(LOGS) else None
-    if watched is not None:
-        page_of_site = packed_page(with_shared_library(watched, f"../{LIBRARY}"), "../unpack.js")
+    if files.has(LOGS):
+        page_of_site = packed_page(with_shared_library(replay(files, "html"), f"../{LIBRARY}"), "../unpack.js")
         written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.html", page_of_site))
     picture = files.picture("png")
     page = CrashPage(
@@ -281,7 +277,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         picture=f"../../{picture.name}" if picture else None,
-        replay=f"../{_REPLAYS}/{key}.html" if watched is not None else None,
+        replay=f"../{_REPLAYS}/{key}.html" if files.has(LOGS) else None,
         downloads=downloads,
     )
     return [*written, storage.write(page_name(key), write_crash_page(page))]

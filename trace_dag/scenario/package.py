@@ -192,7 +192,9 @@ def _left_free(log: SimulationLog) -> list[int]:
 
 
 def _results(crash: PackageInput) -> list[_File]:
-    replay = write_html_player(crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings)
+    replay = write_html_player(
+        crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings, in_3d=False
+    )
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
         _File(

@@ -15,27 +15,30 @@ def worth_keeping(lines: Sequence[FloatArray], by_m: float) -> list[int]:
 
     ``lines`` have one length n, each shape (n, 2) or (n, 3), metres. Indices in order, both ends among them.
     """
-    last_of_all = len(lines[0]) - 1
-    keep = {0, last_of_all}
-    waiting = [(0, last_of_all)]
+    points = np.stack(lines)
+    keep = {0, points.shape[1] - 1}
+    waiting = [(0, points.shape[1] - 1)]
     while waiting:
         first, last = waiting.pop()
         if last - first < 2:
             continue
-        away = np.max([_off_chord_m(line[first : last + 1]) for line in lines], axis=0)
-        farthest = int(away.argmax())
-        if away[farthest] > by_m:
+        away_m = _off_chords_m(points[:, first : last + 1])
+        farthest = int(away_m.argmax())
+        if away_m[farthest] > by_m:
             middle = first + 1 + farthest
             keep.add(middle)
             waiting += [(first, middle), (middle, last)]
     return sorted(keep)
 
 
-def _off_chord_m(line: FloatArray) -> FloatArray:
-    """How far the inner points are from the straight line through the ends, shape (n - 2,)."""
-    along, offsets = line[-1] - line[0], line[1:-1] - line[0]
-    length_m = float(np.linalg.norm(along))
-    if length_m:
-        unit = along / length_m
-        offsets = offsets - np.outer(offsets @ unit, unit)
-    return np.asarray(np.linalg.norm(offsets, axis=1))
+def _off_chords_m(lines: FloatArray) -> FloatArray:
+    """How far the inner points of the line that is farthest are from the straight line through its ends.
+
+    ``lines`` are (lines, n, dimensions), the result (n - 2,).
+    """
+    along, offsets = lines[:, -1] - lines[:, 0], lines[:, 1:-1] - lines[:, :1]
+    length_m = np.sqrt((along * along).sum(axis=1))
+    unit = along / np.where(length_m > 0.0, length_m, 1.0)[:, None]
+    offsets = offsets - (offsets @ unit[:, :, None]) * unit[:, None]
+    farthest_m: FloatArray = np.sqrt((offsets * offsets).sum(axis=2).max(axis=0))
+    return farthest_m

@@ -81,13 +81,15 @@ def write_html_player(
     *,
     surroundings: Sequence[OsmFeature] = (),
     beside: ReplayWindows | None = None,
+    in_3d: bool = True,
 ) -> bytes:
     """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
     ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. A page ``beside``
     others shows the same windows as they do and has no time line: that is the page's around (:func:`write_html_pair`).
-    The same input gives the same bytes.
+    Those, and pages not ``in_3d``, have the plan alone. The same input gives the same bytes.
     """
+    in_3d = in_3d and beside is None
     windows = beside or _windows(log, drive)
     west, south, east, north = windows.overview
     wider = (east - west) * (_MAP_WIDER - 1) / 2
@@ -108,8 +110,9 @@ def write_html_player(
             paired=beside is not None,
             outcome=drive.title if drive else _outcome(verdict),
             map_svg=packed(svg.encode()),
-            solid="" if beside else packed(crash_glb(record.key, network, log, drive, surroundings=surroundings)),
-            library=library_within(),
+            in_3d=in_3d,
+            solid=packed(crash_glb(record.key, network, log, drive, surroundings=surroundings)) if in_3d else "",
+            library=library_within() if in_3d else "",
             data=_script_safe(
                 {
                     **_data(record, network, log, windows),
