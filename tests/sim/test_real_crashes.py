@@ -25,6 +25,8 @@ from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import (
     JudgedCrash,
     against_other_reports,
+    renumbered,
+    reports_differ,
     shifted_estimate,
     shifted_in_time,
     shifted_row,
@@ -120,7 +122,8 @@ def test_negative_controls(cohort: list[Ours]) -> None:
     crashes = [crash.judged for crash in collided if crash.verdict.accepted]
     true = [true_pairing(crash, SETTINGS.verdict) for crash in crashes]
     assert acceptance_rate(true) == 1.0
-    rows = [row for crash in crashes for row in against_other_reports(crash, crashes, SETTINGS.verdict)]
+    of_two = (SETTINGS.verdict, renumbered, reports_differ)
+    rows = [row for crash in crashes for row in against_other_reports(crash, crashes, *of_two)]
     assert len(rows) == len(crashes) * (len(crashes) - 1)
     differ = [row for row in rows if row.reports_differ]
     assert acceptance_rate(differ) <= 0.06  # two reports that contradict each other are told apart

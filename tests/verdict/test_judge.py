@@ -23,6 +23,8 @@ from trace_dag.units import clock_difference_h
 from trace_dag.verdict.controls import (
     JudgedCrash,
     against_other_reports,
+    renumbered,
+    reports_differ,
     shifted_estimate,
     shifted_in_time,
     shifted_row,
@@ -208,7 +210,9 @@ def test_true_pairings_pass_and_other_reports_do_not() -> None:
     crashes = cohort()
     settings = VerdictSettings()
     assert acceptance_rate([true_pairing(crash, settings) for crash in crashes]) == 1.0
-    rows = [row for crash in crashes for row in against_other_reports(crash, crashes, settings)]
+    rows = [
+        row for crash in crashes for row in against_other_reports(crash, crashes, settings, renumbered, reports_differ)
+    ]
     assert {(row.key, row.other_key) for row in rows} == {("2023-1", "2023-2"), ("2023-2", "2023-1")}
     assert acceptance_rate(rows) == 0.0
     assert all(row.reports_differ for row in rows)

@@ -126,5 +126,7 @@ def _network(program: str, key: str, xodr: bytes) -> bytes:
         if done.returncode or not made.exists():
             raise Failure(f"{key}: netconvert made no network: {' '.join(done.stderr.split())[-300:]}")
         # netconvert begins with a comment that has the time and its command: the same map is to give the same bytes.
-        root = etree.fromstring(made.read_bytes(), etree.XMLParser(remove_comments=True))
+        root = etree.fromstring(
+            made.read_bytes(), etree.XMLParser(remove_comments=True, resolve_entities=False, no_network=True)
+        )
         return etree.tostring(root, xml_declaration=True, encoding="UTF-8")

@@ -47,7 +47,7 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
     """A box from its lowest to its highest corner.
 
-    >>> box((0, 0, 0), (2, 1, 1)).points_m.max(axis=0).tolist()
+    >>> box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0)).points_m.max(axis=0).tolist()
     [2.0, 1.0, 1.0]
     """
     (x0, y0, z0), (x1, y1, z1) = low, high
