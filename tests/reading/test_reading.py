@@ -119,6 +119,15 @@ def test_a_package_gives_the_same_crash_without_its_root(home, package, tmp_path
             each.impact_time_s for each in stored.estimate.hypotheses
         ]
         assert_the_same_motion(crash.log, stored.log)
+        assert crash.intervals.equals(stored.intervals)
+
+
+def test_intervals_hold_a_row_per_party_and_quantity_in_order_of_size(home):
+    intervals = home[VERIFIED].intervals
+    speeds = intervals[intervals["quantity"] == "impact_speed"]
+    assert sorted(speeds["party"]) == [vehicle.number for vehicle in home[VERIFIED].log.vehicles]
+    assert (intervals["low"] <= intervals["middle"]).all()
+    assert (intervals["middle"] <= intervals["high"]).all()
 
 
 def assert_the_same_motion(one, two):

@@ -15,6 +15,7 @@ from trace_dag.flow.artefacts import (
     RECORD,
     REPORT_XML,
     ROAD_MAP,
+    SAMPLED,
     VERDICT,
     Artefact,
     CrashArtefacts,
@@ -170,6 +171,22 @@ class Crash:
         import pandas as pd
 
         return pd.DataFrame([asdict(each) for each in self.verdict.criteria])
+
+    @property
+    def intervals(self) -> pd.DataFrame:
+        """How sure the estimate is: a row per quantity and party (None of what belongs to the crash), with unit.
+
+        ``best`` is the value in the best hypothesis; four in five draws lie between ``low`` and ``high``, ``middle`` is
+        their median. No rows where nothing was drawn.
+        """
+        from dataclasses import asdict, fields
+
+        import pandas as pd
+
+        from trace_dag.sim.sampled import Interval
+
+        rows = self._load(SAMPLED, "log").intervals if self._stored.has(SAMPLED) else ()
+        return pd.DataFrame([asdict(row) for row in rows], columns=[field.name for field in fields(Interval)])
 
     # --- what everybody was going to do ----------------------------------------------------------------------------
     @property

@@ -21,6 +21,7 @@ from trace_dag.flow.artefacts import (
     RECORD,
     REPORT_XML,
     ROAD_MAP,
+    SAMPLED,
     VERDICT,
     VERDICT_JSON,
     XODR,
@@ -51,6 +52,7 @@ _FILES = {
     ROAD_MAP: "map.xodr",
     MAP_REPORT: "map_report.json",
     ESTIMATE: "states.json",
+    SAMPLED: "intervals.json",
     VERDICT: "verdict.json",
     VERDICT_JSON: "verdict.json",
 }
