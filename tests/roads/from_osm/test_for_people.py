@@ -106,6 +106,15 @@ def test_a_sidewalk_of_its_own_is_laid_where_it_is() -> None:
     assert sidewalks_at(network, road.id, 150.0) == (None, None)
 
 
+@pytest.mark.parametrize("path", [[(-60, 40), (40, 40)], [(10, -12), (10, 12)]], ids=["far away", "across"])
+def test_sidewalks_that_run_along_no_street_are_left_out(path: list[tuple[float, float]]) -> None:
+    town = Town()
+    town.street([(-100, 0), (100, 0)])
+    town.walkway(path, footway="sidewalk")
+    network = town.network()
+    assert sidewalks_at(network, network.roads[0].id, 100.0) == (None, None)
+
+
 def test_where_another_carriageway_lies_there_is_no_sidewalk() -> None:
     """The carriageways of a divided road, 8 m apart: the left sidewalk of either would be the other's left lane."""
     town = Town()

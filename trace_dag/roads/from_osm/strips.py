@@ -100,9 +100,9 @@ def _mapped_sidewalks(
 ) -> Strips:
     """Sidewalks that are ways of their own, each as part of the street that it runs along."""
     points, directions = _walked(extract, graph)
-    if not len(points):
-        return {}
     numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
+    if not len(points) or not numbers:
+        return {}
     shapes = [np.array(graph.streets[index].points) for index in numbers]
     lines = np.asarray(
         shapely.linestrings(np.concatenate(shapes), indices=np.repeat(np.arange(len(shapes)), [len(s) for s in shapes]))
@@ -171,7 +171,7 @@ def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatA
 def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
     """The values of an array in order, each once, and where each stands."""
     values, starts = np.unique(ordered, return_index=True)
-    ends = [*starts[1:].tolist(), len(ordered)]
+    ends = [*starts.tolist(), len(ordered)][1:]
     return values.tolist(), [slice(*each) for each in zip(starts.tolist(), ends, strict=True)]
 
 
