@@ -234,15 +234,19 @@ def write_table(rows: Sequence[Reported], recorded: Sequence[Recorded]) -> None:
     TABLE.write_text("\n".join(lines) + "\n")
 
 
-def main() -> None:
-    """Write the table."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def asked_speeds(about: str) -> tuple[list[Reported], list[Recorded]]:
+    """The reported and the recorded speeds of the files that the command line names; ``about`` is for its help."""
+    arguments = argparse.ArgumentParser(description=about.splitlines()[0])
     arguments.add_argument("--fars", type=Path, nargs="*", default=[], help="folders of FARS national CSV files")
     arguments.add_argument("--reports", type=Path, nargs="*", default=[], help="folders of reports as XML")
     arguments.add_argument("--recorders", type=Path, required=True, help="a file of NHTSA CIREN cases")
     options = arguments.parse_args()
-    rows = list(masked(read_reports(options.fars, options.reports)))
-    recorded = recorded_speeds(options.recorders)
+    return list(masked(read_reports(options.fars, options.reports))), recorded_speeds(options.recorders)
+
+
+def main() -> None:
+    """Write the table."""
+    rows, recorded = asked_speeds(__doc__)
     write_table(rows, recorded)
     print(f"{len(rows)} reported speeds and {len(recorded)} recorders: {TABLE}")
 

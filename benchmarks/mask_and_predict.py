@@ -9,11 +9,9 @@ gives one speed. An interval of 80 % ought to contain 80 % of what was hidden.
 
 from __future__ import annotations
 
-import argparse
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import median
 from typing import Final
 from unittest.mock import patch
@@ -21,6 +19,7 @@ from unittest.mock import patch
 from benchmarks.fit_speeds import (
     Recorded,
     Reported,
+    asked_speeds,
     fit_braking,
     fit_shifts,
     fit_spread,
@@ -141,14 +140,8 @@ def _within(guesses: Sequence[Guess]) -> float:
 
 def main() -> None:
     """Print the tables."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--fars", type=Path, nargs="*", default=[], help="folders of FARS national CSV files")
-    arguments.add_argument("--reports", type=Path, nargs="*", default=[], help="folders of reports as XML")
-    arguments.add_argument("--recorders", type=Path, required=True, help="a file of NHTSA CIREN cases")
-    options = arguments.parse_args()
-    rows = list(masked(read_reports(options.fars, options.reports)))
+    rows, recorded = asked_speeds(__doc__)
     print_guesses("Reported travel speeds, mph: median (mean) error", list(reported_guesses(rows)))
-    recorded = recorded_speeds(options.recorders)
     print_guesses("Recorded speeds at the impact, mph", list(recorded_guesses(recorded)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,15 +16,24 @@ def worth_keeping(lines: Sequence[FloatArray], by_m: float) -> list[int]:
     ``lines`` have one length n, each shape (n, 2) or (n, 3), metres. Indices in order, both ends among them.
     """
     points = np.stack(lines)
-    keep = {0, points.shape[1] - 1}
-    waiting = [(0, points.shape[1] - 1)]
+    return needed(points.shape[1], lambda first, last: _off_chords_m(points[:, first : last + 1]), by_m)
+
+
+def needed(count: int, off: Callable[[int, int], FloatArray], by: float) -> list[int]:
+    """Which of ``count`` points to keep so that none is off by more than ``by`` (Douglas and Peucker).
+
+    ``off`` says how far the points between two are from what those two alone would give, shape (last - first - 1,).
+    Indices in order, both ends among them.
+    """
+    keep = {0, count - 1}
+    waiting = [(0, count - 1)]
     while waiting:
         first, last = waiting.pop()
         if last - first < 2:
             continue
-        away_m = _off_chords_m(points[:, first : last + 1])
-        farthest = int(away_m.argmax())
-        if away_m[farthest] > by_m:
+        away = off(first, last)
+        farthest = int(away.argmax())
+        if away[farthest] > by:
             middle = first + 1 + farthest
             keep.add(middle)
             waiting += [(first, middle), (middle, last)]

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from trace_dag.geometry import FloatArray
+from trace_dag.scenario.polylines import needed
 from trace_dag.scenario.solid.gltf import Keys
 from trace_dag.sim.types import VehicleLog
 
@@ -66,18 +67,12 @@ def body_turns(log: VehicleLog) -> Rotation:
 
 
 def _needed(time_s: FloatArray, values: FloatArray, tolerance: float) -> list[int]:
-    """The rows that keep every other one within a tolerance of the straight line between them (Douglas, Peucker)."""
-    last = len(time_s) - 1
-    kept, open_spans = {0, last}, [(0, last)]
-    while open_spans:
-        a, b = open_spans.pop()
-        if b - a < 2:
-            continue
-        share = ((time_s[a + 1 : b] - time_s[a]) / (time_s[b] - time_s[a]))[:, None]
-        off = np.abs(values[a + 1 : b] - values[a] - share * (values[b] - values[a])).max(axis=1)
-        worst = int(off.argmax())
-        if off[worst] > tolerance:
-            middle = a + 1 + worst
-            kept.add(middle)
-            open_spans += [(a, middle), (middle, b)]
-    return sorted(kept)
+    """The rows that keep every other one within a tolerance of the straight line between them, over time."""
+
+    def off(first: int, last: int) -> FloatArray:
+        share = ((time_s[first + 1 : last] - time_s[first]) / (time_s[last] - time_s[first]))[:, None]
+        off_line = values[first + 1 : last] - values[first] - share * (values[last] - values[first])
+        away: FloatArray = np.abs(off_line).max(axis=1)
+        return away
+
+    return needed(len(time_s), off, tolerance)
