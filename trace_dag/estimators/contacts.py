@@ -17,12 +17,12 @@ from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told,
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.estimators.arrivals import LONGEST_WAIT_S, Arrival, Motion, arrivals
+from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import SimSettings, StateSettings
-from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.settings import StateSettings
 from trace_dag.sim.order import ContactOrder, in_order
-from trace_dag.sim.run import participant, surface_friction
+from trace_dag.sim.run import participant
 from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.states.analytic import NAME, VERSION, build_scene, parties, ranked, solve_all
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
@@ -104,9 +104,8 @@ def estimate_contacts(
     if not contacts:
         raise Rejection(Reason.NO_FEASIBLE_STATE, untold_contact(record) or "no contact of vehicles in the record")
     scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s + LONGEST_WAIT_S)
-    usual = SimSettings()
-    simulation = EmbeddedBackend(usual).load(network, b"", friction=surface_friction(usual, record))
-    crash = _Crash(scene, contacts, order_is_told(record), simulation, usual.time_limit_s)
+    simulation = usual_simulation(network, record)
+    crash = _Crash(scene, contacts, order_is_told(record), simulation, USUAL.time_limit_s)
     firsts = _first_contacts(scene, contacts[0], settings)
     chains = [
         crash.simulated(first.participants, 1, first.score, (first.name,), dict(first.evidence)) for first in firsts

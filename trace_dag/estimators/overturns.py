@@ -18,12 +18,12 @@ import numpy as np
 from trace_dag.crash.departures import Departure, DepartureSide, departure_of, untold_departure
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.errors import Reason, Rejection
+from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import SimSettings, StateSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import participants, surface_friction
+from trace_dag.settings import StateSettings
+from trace_dag.sim.run import participants
 from trace_dag.sim.types import Simulation, overturned_at
 from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.assemble import driven
@@ -100,9 +100,8 @@ def estimate_overturn(
     if not ways:
         detail = f"{len(scene.streams)} ways past the crash, none of which the vehicle can have come along"
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
-    usual = SimSettings()
-    simulation = EmbeddedBackend(usual).load(network, b"", friction=surface_friction(usual, record))
-    found = [_fast_enough(scene, way, simulation, usual, settings.lead_time_s) for way in ways]
+    simulation = usual_simulation(network, record)
+    found = [_fast_enough(scene, way, simulation, settings.lead_time_s) for way in ways]
     kept = tuple(sorted(found, key=lambda each: (-each.score, each.name))[: settings.max_hypotheses])
     total = sum(math.exp(max(each.score - kept[0].score, -50.0)) for each in kept)
     return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
@@ -132,29 +131,29 @@ def _slips(departure: Departure) -> tuple[float, ...]:
     return (back * _SLIP_RAD,)
 
 
-def _fast_enough(scene: Scene, way: _Way, simulation: Simulation, usual: SimSettings, lead_s: float) -> Hypothesis:
+def _fast_enough(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> Hypothesis:
     """The hypothesis of a way; a speed that nobody reported is raised until the vehicle overturns."""
-    slowest = _placed(scene, way, simulation, usual, lead_s)
+    slowest = _placed(scene, way, simulation, lead_s)
     if way.speed.source is SpeedSource.REPORTED or _STAYS not in slowest.evidence:
         return slowest
     for factor, prior in _FASTER:
         speed = TravelSpeed(way.speed.speed_mps * factor, SpeedSource.INFERRED_MANOEUVRE)
         made = _placed(
-            scene, replace(way, speed=speed, terms=way.terms | {"faster than usual": prior}), simulation, usual, lead_s
+            scene, replace(way, speed=speed, terms=way.terms | {"faster than usual": prior}), simulation, lead_s
         )
         if _STAYS not in made.evidence:
             return made
     return slowest
 
 
-def _placed(scene: Scene, way: _Way, simulation: Simulation, usual: SimSettings, lead_s: float) -> Hypothesis:
+def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> Hypothesis:
     """The hypothesis of a way, moved along the road until its overturn is at the reported station."""
     place_m, _ = way.base.project(*scene.place_xy_m)
     station_m = place_m
     best: tuple[float, Hypothesis] | None = None
     for _ in range(_MOVES):
         made, along = _hypothesis(scene, way, station_m, lead_s)
-        log = simulation.run(participants(made), time_limit_s=usual.time_limit_s)
+        log = simulation.run(participants(made), time_limit_s=USUAL.time_limit_s)
         vehicle = log.vehicles[0]
         over = overturned_at(vehicle)
         if over is None:

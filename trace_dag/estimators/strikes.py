@@ -17,12 +17,12 @@ import numpy as np
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import Strike, order_is_told, strikes_of, untold_strike
 from trace_dag.errors import Reason, Rejection
+from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
-from trace_dag.settings import SimSettings, StateSettings
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import participant, surface_friction
+from trace_dag.settings import StateSettings
+from trace_dag.sim.run import participant
 from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.scene import Scene
@@ -63,9 +63,8 @@ def estimate_strikes(
     chained = any(each.vehicle is not strikes[0].vehicle for each in strikes)
     lead_s = settings.lead_time_s
     scene = build_scene(record, network, report, lead_time_s=lead_s + (_LONGEST_CHAIN_S if chained else 0.0))
-    usual = SimSettings()
-    simulation = EmbeddedBackend(usual).load(network, b"", friction=surface_friction(usual, record))
-    crash = _Crash(scene, simulation, usual.time_limit_s, lead_s)
+    simulation = usual_simulation(network, record)
+    crash = _Crash(scene, simulation, USUAL.time_limit_s, lead_s)
     orders = [strikes] if order_is_told(record) or not chained else [strikes, tuple(reversed(strikes))]
     found: list[Hypothesis] = []
     examined = 0
