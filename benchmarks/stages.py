@@ -168,5 +168,5 @@ def _simulation(runs: int) -> Iterator[Figure]:
             simulation.logs_to_files([backend.run(participants, time_limit_s=20.0, objects=objects)])
 
         [taken] = medians(max(runs, 5), run)
-        goal = 1 / 150 if any(p.body.is_person for p in participants) else 1 / 100 if len(participants) > 2 else 1 / 200
+        goal = 1 / 150 if any(p.body.is_figure for p in participants) else 1 / 100 if len(participants) > 2 else 1 / 200
         yield Figure(f"simulating: {name}", taken, "CPU s", "real time", simulated_s, goal, goal_of_ratio=True)

@@ -167,7 +167,7 @@ def test_speeds_are_those_of_the_sources() -> None:
         (walker(**crossing), 8, 1.2 * 4.3 * 0.3048),
         (rider(cyclist_type_code=231), 9, 17.8 / 3.6),
     ):
-        state = next(each for each in estimated(struck(person, code=code)).best.participants if each.is_person)
+        state = next(each for each in estimated(struck(person, code=code)).best.participants if each.is_figure)
         assert state.impact_speed_mps == pytest.approx(speed_mps)
 
 

@@ -81,7 +81,7 @@ def course_of(participant: Participant, end_s: float) -> FloatArray:
 def _drive(case: Case, participant: Participant) -> Drive:
     parked = participant.number in case.parked
     course = course_of(participant, case.end_s)
-    if parked or participant.body.is_person:
+    if parked or participant.body.is_figure:
         return Drive(participant, parked, course)
     route = case.route(participant.number)
     last_s = (len(course) - 1) * STEP_S

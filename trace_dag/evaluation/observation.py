@@ -75,7 +75,7 @@ class Sensor:
         )
 
     def _is_person(self, state: BodyState) -> bool:
-        return self._bodies[state.number].is_person
+        return self._bodies[state.number].is_figure
 
     def _outline(self, state: BodyState) -> Outline:
         body = self._bodies[state.number]

@@ -86,7 +86,7 @@ def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dic
     bodies = {each.number: each.body for each in case.participants}
     drivers: dict[int, Driver] = {}
     for each in case.going_on:
-        if each.number == ego or each.body.is_person or each.number in case.parked:
+        if each.number == ego or each.body.is_figure or each.number in case.parked:
             continue
         course = _course(each)
         if course is None:

@@ -150,7 +150,7 @@ def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
 
 
 def _type_of(body: Body) -> str:
-    return _PEOPLE[body.kind] if body.is_person else _TYPES.get(body.vehicle_class, "car")
+    return _PEOPLE[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
 
 
 def _add_problem(root: etree._Element, number: int, own: Drive) -> None:

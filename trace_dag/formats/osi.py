@@ -86,7 +86,7 @@ def trace(network: RoadNetwork, log: SimulationLog) -> bytes:
         seconds = round(float(time_s), 3)
         message.timestamp.seconds = int(seconds)
         message.timestamp.nanos = round((seconds - int(seconds)) * 1000) * 1_000_000
-        message.host_vehicle_id.value = min(number for body, number, _ in motions if not body.is_person)
+        message.host_vehicle_id.value = min(number for body, number, _ in motions if not body.is_figure)
         for body, number, states in motions:
             _add_moving(message, body, number, states[step])
         if step == 0:
@@ -123,7 +123,7 @@ def _add_moving(message: GroundTruth, body: Body, number: int, state: FloatArray
         return
     moving.type = MovingObject.TYPE_VEHICLE
     name = _CLASSES.get(body.vehicle_class, "TYPE_OTHER")
-    if body.is_person:
+    if body.is_figure:
         name = "TYPE_BICYCLE" if body.kind is BodyKind.CYCLIST else "TYPE_MICROMOBILITY_DEVICE"
     moving.vehicle_classification.type = MovingObject.VehicleClassification.Type.Value(name)
 

@@ -95,7 +95,7 @@ def floating_car_data(log: SimulationLog) -> bytes:
 def _type(body: Body) -> str:
     if body.kind is BodyKind.PEDESTRIAN:
         return "pedestrian"
-    return "bicycle" if body.is_person else _CLASSES.get(body.vehicle_class, "passenger")
+    return "bicycle" if body.is_figure else _CLASSES.get(body.vehicle_class, "passenger")
 
 
 def _rows(moved: VehicleLog, body: Body) -> FloatArray:

@@ -209,4 +209,4 @@ def ego_of(case: Case, ego: str | int) -> int:
 
 def drivers_of(case: Case) -> list[int]:
     """Numbers of the vehicles that somebody drives."""
-    return [each.number for each in case.participants if not each.body.is_person and each.number not in case.parked]
+    return [each.number for each in case.participants if not each.body.is_figure and each.number not in case.parked]

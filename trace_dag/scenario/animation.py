@@ -200,7 +200,7 @@ def _draw_vehicle(draw: ImageDraw, view: View, log: SimulationLog, index: int, t
         for values in (vehicle.x_m, vehicle.y_m, np.unwrap(vehicle.heading_rad))
     )
     pose = Pose(x_m, y_m, heading_rad)
-    if body.is_person:
+    if body.is_figure:
         trail = view.px(np.append(np.stack([vehicle.x_m, vehicle.y_m], axis=-1)[past], [pose.xy_m], axis=0))
         draw.line(trail, fill=colour, width=_SMOOTHING)
         _draw_person(draw, view, logged_shape(vehicle, max(int(past.sum()) - 1, 0), body), colour)
@@ -261,7 +261,7 @@ def _draw_header(
     for index, vehicle in enumerate(log.vehicles):
         speed = float(np.interp(time_s, vehicle.time_s, np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)))
         body = log.bodies[vehicle.number]
-        what = str(body.kind if body.is_person else body.vehicle_class).replace("_", " ")
+        what = str(body.kind if body.is_figure else body.vehicle_class).replace("_", " ")
         label = f"{party_label(vehicle.number)} {what} "
         text = label + f"{mps_to_mph(speed):.0f} mph"
         draw.text((x, 24), text, fill=vehicle_colour(index), font=small)

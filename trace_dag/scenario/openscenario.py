@@ -80,7 +80,7 @@ class OpenScenarios:
         flavour, record, log = flavour or Flavour(), self._record, self._log
         if flavour.free is not None and flavour.free not in log.bodies:
             raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
-        if flavour.free is not None and log.bodies[flavour.free].is_person:
+        if flavour.free is not None and log.bodies[flavour.free].is_figure:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
         minor_version = 0 if flavour.carla else 2
         xosc.VersionBase().setVersion(minor=minor_version)  # of the process: what is built next asks for it
@@ -161,7 +161,7 @@ def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> flo
     body = log.bodies[number]
     if flavour.carla:
         return 0.0
-    return person_reference_ahead_m(body) if body.is_person else rear_axle_ahead_m(body)
+    return person_reference_ahead_m(body) if body.is_figure else rear_axle_ahead_m(body)
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
@@ -177,11 +177,11 @@ def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
     first = min(log.bodies) if flavour.free is None else flavour.free
     for number, body in sorted(log.bodies.items()):
         reference_m = _reference_ahead_m(log, number, flavour)
-        make = person if body.is_person else vehicle
+        make = person if body.is_figure else vehicle
         made = make(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
         if flavour.carla:
             made.add_property("type", "ego_vehicle" if number == first else "simulation")
-        made.add_property("fars_party_number" if body.is_person else "fars_vehicle_number", str(number))
+        made.add_property("fars_party_number" if body.is_figure else "fars_vehicle_number", str(number))
         controller = _controller() if number == flavour.free and not flavour.carla else None
         entities.add_scenario_object(party_label(number), made, controller)
     for item in _shown_objects(log, flavour):

@@ -53,7 +53,7 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
     time, x, y, z, heading = centres.T
     heading = np.unwrap(heading)
     grade, bank = _slopes(x, y, z, heading, surface)
-    if log.bodies[vehicle.number].is_person:
+    if log.bodies[vehicle.number].is_figure:
         # Upright on the road: a tumbling pelvis has no heading, and a player would turn the whole body by it.
         heading = _until_struck(log, vehicle.number, time, heading)
         grade, bank = np.zeros_like(x), np.zeros_like(x)
@@ -68,7 +68,7 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
             np.arctan(bank),
         ]
     )
-    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not log.bodies[vehicle.number].is_person:
+    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not log.bodies[vehicle.number].is_figure:
         vertices = _rolled(vertices, vehicle, log.bodies[vehicle.number].height_m)
     return TimedPoses(*kept_by_filters(vertices, seen_s).T)
 

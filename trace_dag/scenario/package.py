@@ -188,7 +188,7 @@ def _left_free(log: SimulationLog) -> list[int]:
     """The vehicles that can be left to a controller: each in turn, where somebody else takes part."""
     if len(log.bodies) < 2:
         return []
-    return sorted(number for number, body in log.bodies.items() if not body.is_person)
+    return sorted(number for number, body in log.bodies.items() if not body.is_figure)
 
 
 def _results(crash: PackageInput) -> list[_File]:
@@ -257,7 +257,7 @@ def _readme(crash: PackageInput, files: list[_File]) -> bytes:
         verdict=crash.verdict,
         judged=[criterion for criterion in crash.verdict.criteria if criterion.reason is not None],
         log=crash.log,
-        people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_person},
+        people={party_label(number): body for number, body in sorted(crash.log.bodies.items()) if body.is_figure},
         strikes=strikes(crash.log),
         objects=crash.log.objects,
         note=OBJECT_NOTE,

@@ -155,7 +155,7 @@ def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[
     for index, each in enumerate(planned):
         source = "inferred" if reported.get(each.vehicle_number) is None else "as reported"
         speed = f"{mps_to_mph(each.initial_speed_mps):.0f} mph {source}"
-        what = each.kind if each.is_person else each.vehicle_class
+        what = each.kind if each.is_figure else each.vehicle_class
         words = [what.replace("_", " "), each.manoeuvre.replace("_", " "), speed]
         if each.vehicle_number in parked:
             words = [what.replace("_", " "), "parked or at work"]

@@ -75,7 +75,7 @@ class DrawnMotion:
                 own = next((each for each in contacts if number in (each.number_1, each.number_2)), None)
                 pose = None if own is None else own.pose_1 if number == own.number_1 else own.pose_2
                 self._driven.append((colour, np.column_stack([vehicle.x_m, vehicle.y_m])))
-                if body.is_person:
+                if body.is_figure:
                     self._figures.append(_Figure(logged_shape(vehicle, -1, body), colour, _AT_REST_ALPHA))
                     if own is not None:
                         struck = int(np.searchsorted(vehicle.time_s, own.time_s, side="right")) - 1

@@ -109,7 +109,7 @@ def _impact_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> 
     contact = log.first_contact if log else None
     if log is None or contact is None:
         return square(hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0), _IMPACT_HALF_WINDOW_M)
-    if log.is_person(contact.number_2):
+    if log.is_figure(contact.number_2):
         return square((contact.x_m, contact.y_m), _STRIKE_HALF_WINDOW_M)
     events = hypothesis.planned if hypothesis and all(is_vehicle(e.party_2) for e in hypothesis.planned) else ()
     points = np.array([(contact.x_m, contact.y_m), *(event.xy_m for event in events[1:])])

@@ -59,7 +59,7 @@ def write_published(hypothesis: Hypothesis, log: SimulationLog) -> bytes:
             f"{party_label(contact.number_1)} struck a {item.name}; the published layout knows two vehicles and "
             "nothing else: use the layout packages"
         )
-    if log.is_person(contact.number_2):
+    if log.is_figure(contact.number_2):
         raise UserError(
             f"{party_label(contact.number_1)} struck {party_label(contact.number_2)}, a person; the published layout "
             "knows two vehicles and nobody else: use the layout packages"

@@ -62,7 +62,7 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
     contact = log.first_contact
     moment = moment_of(log)
     impact = np.array([moment.x_m, moment.y_m]) if moment else centre
-    person = contact is not None and log.is_person(contact.number_2)
+    person = contact is not None and log.is_figure(contact.number_2)
     close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
     return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))
 
@@ -208,7 +208,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "number": vehicle.number,
                 "name": party_label(vehicle.number),
                 "kind": str(body.kind),
-                "label": ("" if body.is_person else body.vehicle_class).replace("_", " "),
+                "label": ("" if body.is_figure else body.vehicle_class).replace("_", " "),
                 "make": said.make_model if said else "",
                 "colour": vehicle_colour(index),
                 "length": round(body.length_m, 2),
@@ -217,7 +217,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),
                 "delta_v": _delta_v(log, vehicle.number),
                 **_motion(vehicle),
-                **(_figure(vehicle, body) if body.is_person else {}),
+                **(_figure(vehicle, body) if body.is_figure else {}),
             }
         )
     return {

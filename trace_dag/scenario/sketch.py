@@ -107,7 +107,7 @@ def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str
         pose = _pose_at_contact(log, vehicle.number)
         if pose is not None:
             body = log.bodies[vehicle.number]
-            if body.is_person:
+            if body.is_figure:
                 x, y = (round(float(value), 1) for value in np.array(pose.xy_m) - centre)
                 yield f"<circle cx='{x:g}' cy='{-y + 0.0:g}' r='1' fill='{colour}'/>"
                 continue

@@ -25,7 +25,7 @@ def strikes(log: SimulationLog) -> list[dict[str, object]]:
     """
     found: dict[tuple[int, int], Contact] = {}
     for contact in sorted(log.contacts, key=lambda each: each.time_s):
-        if log.is_person(contact.number_2):
+        if log.is_figure(contact.number_2):
             found.setdefault((contact.number_1, contact.number_2), contact)
     logged = {each.number: each for each in log.vehicles}
     first_s: dict[int, float] = {}

@@ -86,7 +86,7 @@ def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, ce
     x, y, heading = (np.interp(time_s, vehicle.time_s, each) for each in (vehicle.x_m, vehicle.y_m, heading_rad))
     places = [f"{east:.1f},{-north:.1f}" for east, north in zip(x - centre[0], y - centre[1], strict=True)]
     turns = [f"{-math.degrees(angle):.0f}" for angle in heading]
-    if body.is_person:
+    if body.is_figure:
         shape = f"<circle r='{_PERSON_RADIUS_M:g}' fill='{colour}' stroke='#000' stroke-width='.2'/>"
     else:
         half_m = body.length_m / 2

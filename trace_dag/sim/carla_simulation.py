@@ -238,12 +238,12 @@ class CarlaSimulation:
             if other is None:
                 continue  # a kerb, a sign, the ground
             one, two = sorted((own, other), key=lambda actor: actor.number)
-            if one.body.is_person:
+            if one.body.is_figure:
                 continue  # people do not touch each other
             tick = max(1, event.frame - first_frame)
             contact = contacts.setdefault((one.number, two.number), CarlaContact(one, two, tick, tick))
             two.crashed = True
-            if two.body.is_person:
+            if two.body.is_figure:
                 self._answer(one, contact.first_tick)
             else:
                 one.crashed = True
@@ -290,6 +290,6 @@ def _release_touching(actors: list[CarlaActor]) -> None:
     """Let go of those whose boxes overlap by now: their sensors may say so a tick later, and a target velocity set in
     between would drive them into each other again."""
     for one, two in combinations(sorted(actors, key=lambda actor: actor.number), 2):
-        if not one.body.is_person and not (one.crashed and two.crashed) and one.meets(two):
+        if not one.body.is_figure and not (one.crashed and two.crashed) and one.meets(two):
             two.crashed = True
-            one.crashed = one.crashed or not two.body.is_person
+            one.crashed = one.crashed or not two.body.is_figure

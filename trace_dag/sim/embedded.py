@@ -75,7 +75,7 @@ class EmbeddedSimulation:
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
-        people = any(p.body.is_person for p in participants)
+        people = any(p.body.is_figure for p in participants)
         what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
         if not objects and all(math.isinf(p.skids_from_s) for p in participants):
             return (PeopleRun if people else VehicleRun)(*what).log()

@@ -66,11 +66,11 @@ def _check_plan(participant: Participant) -> None:
     measures = (body.length_m, body.width_m, body.height_m, body.mass_kg)
     if not all(value > 0 and np.isfinite(value) for value in measures):
         raise Failure(f"{who}: length, width, height and mass must be positive and finite, found {body}")
-    if body.is_person and not (_STATURES_M[0] <= body.height_m <= _STATURES_M[1]):
+    if body.is_figure and not (_STATURES_M[0] <= body.height_m <= _STATURES_M[1]):
         raise Failure(
             f"{who}: its height is the person's stature, {_STATURES_M[0]} to {_STATURES_M[1]} m, found {body}"
         )
-    if body.is_person and not (_MASSES_KG[0] <= body.mass_kg <= _MASSES_KG[1]):
+    if body.is_figure and not (_MASSES_KG[0] <= body.mass_kg <= _MASSES_KG[1]):
         raise Failure(f"{who}: its mass is the person's, {_MASSES_KG[0]} to {_MASSES_KG[1]} kg, found {body}")
     if len(t.time_s) == 0:
         raise Failure(f"{who}: its trajectory is empty; it needs two points, or one to stand on")

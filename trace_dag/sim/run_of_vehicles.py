@@ -67,7 +67,7 @@ class VehicleRun:
         self._vehicles: list[Vehicle] = []
         self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
         for participant in participants:
-            if participant.body.is_person:
+            if participant.body.is_figure:
                 continue
             model = vehicle_model(participant.body)
             plan = resample(
@@ -212,7 +212,7 @@ class VehicleRun:
 
     def _names(self, one: int, two: int) -> str:
         body_1, body_2 = self._bodies_of[one], self._bodies_of[two]
-        if body_1.is_person or body_2.is_person:
+        if body_1.is_figure or body_2.is_figure:
             return f"{party_name(body_1, one)} and {party_name(body_2, two)}"
         return f"vehicles {one} and {two}"
 

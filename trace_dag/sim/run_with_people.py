@@ -47,7 +47,7 @@ class PeopleRun(VehicleRun):
         braking_mps2 = self._settings.braking_share * self._friction * GRAVITY_MPS2
         people = []
         for participant in self._participants:
-            if not participant.body.is_person:
+            if not participant.body.is_figure:
                 grip = vehicle_model(participant.body).tyre_grip
                 self._responses[participant.number] = participant.after_striking or AfterStriking(
                     self._settings.reaction_s, braking_mps2 * grip

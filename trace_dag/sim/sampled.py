@@ -261,7 +261,7 @@ def _intervals(best: SimulationLog, contacts: Sequence[SampledContact]) -> Itera
             continue
         speeds = [(side.impact_speed_mps, each.weight) for each, side in drawn]
         yield _interval("impact_speed", "m/s", party.number, party.impact_speed_mps, speeds)
-        if not best.is_person(party.number):
+        if not best.is_figure(party.number):
             changes = [(side.delta_v_mps, each.weight) for each, side in drawn]
             yield _interval("delta_v", "m/s", party.number, party.delta_v_mps, changes)
     yield _interval("contact_x", "m", None, planned.x_m, [(each.x_m, each.weight) for each in contacts])

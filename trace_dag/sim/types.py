@@ -71,8 +71,8 @@ class Body:
     mass_kg: float
 
     @property
-    def is_person(self) -> bool:
-        """Whether it is a person, on foot or on something other than a motor vehicle."""
+    def is_figure(self) -> bool:
+        """Whether it is simulated as a jointed figure: a person, on foot or riding."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
 
@@ -203,10 +203,10 @@ class SimulationLog:
     wall_s: float = 0.0
     objects: tuple[FixedObject, ...] = ()
 
-    def is_person(self, number: int) -> bool:
-        """Whether the party of that number is a person outside motor vehicles."""
+    def is_figure(self, number: int) -> bool:
+        """Whether the party of that number is simulated as a jointed figure."""
         body = self.bodies.get(number)
-        return body is not None and body.is_person
+        return body is not None and body.is_figure
 
     def object_of(self, number: int) -> FixedObject | None:
         """The fixed object of that number, if it is one."""

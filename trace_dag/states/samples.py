@@ -85,7 +85,7 @@ def _draws(record: CrashRecord, hypothesis: Hypothesis, numbers: FloatArray) -> 
     for k, state in enumerate(hypothesis.participants):
         own = [float(value) for value in numbers[k * _OF_EACH_PARTY : (k + 1) * _OF_EACH_PARTY]]
         normal = [_NORMAL.inv_cdf(value) for value in own]
-        along_m, left_m = _OF_PERSON if state.is_person else _OF_VEHICLE
+        along_m, left_m = _OF_PERSON if state.is_figure else _OF_VEHICLE
         vehicle = vehicles.get(state.vehicle_number)
         travel, impact = _speeds(record, vehicle, state, own[0], own[1], normal[0])
         yield PartyDraw(
@@ -108,7 +108,7 @@ def _speeds(
 ) -> tuple[float, float]:
     """Travel and impact speed of a party: the hypothesis's, varied as far as the report leaves them open."""
     planned, at_impact = abs(state.initial_speed_mps), abs(state.impact_speed_mps)
-    if state.is_person or vehicle is None or state.initial_speed_mps < 0:
+    if state.is_figure or vehicle is None or state.initial_speed_mps < 0:
         pace = math.exp(_PACE * normal)
         return planned * pace, at_impact * pace
     own = party(record, vehicle)

@@ -113,8 +113,8 @@ class ParticipantState:
     skids_from_s: float | None = None  # out of control from then on: moves along the trajectory, however it is turned
 
     @property
-    def is_person(self) -> bool:
-        """Whether it is a person outside motor vehicles."""
+    def is_figure(self) -> bool:
+        """Whether it is simulated as a jointed figure: a person outside motor vehicles."""
         return self.kind is not PartyKind.MOTOR_VEHICLE
 
 

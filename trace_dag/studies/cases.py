@@ -106,7 +106,7 @@ def number_of(case: Case, role: AgentRole) -> int:
     Where one of the two is a person or parked, whom no agent drives, it is the other one in every role.
     """
     first, second = case.pair
-    if case.recorded.bodies[second].is_person or second in case.parked:
+    if case.recorded.bodies[second].is_figure or second in case.parked:
         return first
     if first in case.parked:
         return second

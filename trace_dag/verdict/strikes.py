@@ -86,7 +86,7 @@ class ObservedStrikes:
 def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedStrikes:
     """What happened between the parties of a simulated hypothesis."""
     contacts = tuple(sorted(log.contacts, key=lambda contact: contact.time_s))
-    strikes = [contact for contact in contacts if log.bodies[contact.number_2].is_person]
+    strikes = [contact for contact in contacts if log.bodies[contact.number_2].is_figure]
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {each.number: each for each in log.vehicles}
     found = []

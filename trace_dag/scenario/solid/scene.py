@@ -69,7 +69,7 @@ def crash_glb(
     nodes = [place, *(_object(item) for item in log.objects)]
     for index, vehicle in enumerate(log.vehicles):
         body, colour = log.bodies[vehicle.number], vehicle_colour(index)
-        nodes.append(_person(vehicle, body, colour) if body.is_person else _vehicle(log, vehicle, body, colour))
+        nodes.append(_person(vehicle, body, colour) if body.is_figure else _vehicle(log, vehicle, body, colour))
     if drive is not None:
         nodes.append(_ghost(drive))
     nodes += [_contact(contact, k, log) for k, contact in enumerate(_first_of_each(log))]
