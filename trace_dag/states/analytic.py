@@ -1,4 +1,4 @@
-"""The analytic estimator: every reading of the record, every pair of paths, ranked by the evidence.
+"""The analytic estimator: it tries every reading of the record with every pair of paths and ranks them by the evidence.
 
 Deterministic, no network, no key.
 """
@@ -83,8 +83,8 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
 def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
     """The hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
 
-    Hypotheses of the same streams and roles differ in detail only; the best of each such group comes before the
-    others of any.
+    Hypotheses with the same streams and roles differ in detail only. The best of each such group comes first, then all
+    the others.
     """
     groups: dict[tuple[str, ...], list[Solution]] = {}
     for solution in solutions:
@@ -101,7 +101,7 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
         if not failed & ESSENTIAL:
             kept.append((len(failed), len(kept), solution, built))
             flawless += not failed
-        if flawless == settings.max_hypotheses:  # none of the others comes before these
+        if flawless == settings.max_hypotheses:  # the first of each group stay in front
             break
     kept.sort(key=lambda each: each[:2])
     if not kept:

@@ -21,10 +21,10 @@ from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
 from trace_dag.units import bearing_to_clock_h
 
 AFTER_IMPACT_S = 3.0
-AFTER_IMPACT_M = 25.0  # a turn begun is complete by then
+AFTER_IMPACT_M = 25.0  # a turn that has begun is complete by then
 LONGEST_AFTER_S = 20.0
 LANE_REACH_M = 4.0
-_DECIMALS = 6  # a micrometre; equal on every machine where the last bits are not
+_DECIMALS = 6  # to a micrometre: equal on every machine, which the last bits are not
 
 
 def hypothesis(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
@@ -60,7 +60,7 @@ def hypothesis(solution: Solution, network: RoadNetwork, *, lead_time_s: float) 
 
 
 def _travelled(profile: SpeedProfile, lead_time_s: float) -> float:
-    """Distance from the impact at the beginning, negative."""
+    """Distance from the impact at the beginning, negative (metres)."""
     return float(profile.sample(lead_time_s, 0.0)[1][0])
 
 
@@ -139,20 +139,20 @@ def rounded(
     heading_rad: FloatArray,
     speed_mps: FloatArray,
 ) -> Trajectory:
-    """A trajectory to the micrometre, its first heading within half a turn."""
+    """The trajectory rounded to a micrometre, with its first heading between -pi and pi."""
     heading_rad = heading_rad - math.tau * round(float(heading_rad[0]) / math.tau)
     return Trajectory(*(np.round(values, _DECIMALS) for values in (time_s, x_m, y_m, z_m, heading_rad, speed_mps)))
 
 
 def pose_of(trajectory: Trajectory, index: int) -> Pose:
-    """The pose at one of its times."""
+    """The pose at one of the trajectory's times, by index."""
     values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
     x, y, heading, z = (float(value[index]) for value in values)
     return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)
 
 
 def lane_under(network: RoadNetwork, pose: Pose) -> LaneMatch | None:
-    """The lane a body stands in: the nearest one, the one in its direction of travel where several are as near."""
+    """The lane a body stands in: the nearest one; of several equally near, the one in its direction of travel."""
     matches = network.nearest_lanes(pose.x_m, pose.y_m, LANE_REACH_M, z_m=pose.z_m)
 
     def order(match: LaneMatch) -> tuple[float, float, str, int]:

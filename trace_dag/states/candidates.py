@@ -1,6 +1,6 @@
-"""Candidates: for one reading of the record, the pairs of paths that can have brought it about.
+"""Candidates: for one reading of the record, the pairs of paths that can have led to the crash.
 
-Whether and where the bodies then touch is the solver's question.
+Whether and where the bodies touch on these paths is found by the solver.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A pair of options, the mover's first. ``parallel``: along one road, so that the place along it is free."""
+    """A pair of options, the mover's first. ``parallel``: both go along one road, so the contact can be anywhere along
+    it."""
 
     encounter: Encounter
     mover: Option
@@ -35,7 +36,7 @@ class Candidate:
 
     @property
     def log_prior(self) -> float:
-        """Everything known before the contact is solved for."""
+        """Log-likelihood of everything known before the contact is solved for."""
         return self.encounter.log_prior + sum(self.terms.values())
 
 

@@ -1,7 +1,8 @@
-"""Checks every hypothesis carries, whatever estimator chose it.
+"""The checks of every hypothesis, whichever estimator made it.
 
-The estimator's own promises (touching, never before, speeds kept, drivable) and the published criteria as planned.
-Each says what was measured. A hypothesis that breaks one of ``ESSENTIAL`` is not a reconstruction and is dropped.
+Some check what estimators promise: the bodies touch at the impact and not before, reported speeds are kept, paths can
+be driven. The others are the published criteria, measured on the plan. Each check says what was measured. A hypothesis
+that fails one of ``ESSENTIAL`` is dropped.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ def check(
     lead_time_s: float,
     beyond_map: dict[int, bool],
 ) -> tuple[EstimateCheck, ...]:
-    """All checks of one hypothesis; ``beyond_map``: by vehicle number, whether it starts where the map has no road."""
+    """All checks of one hypothesis; ``beyond_map`` says for each vehicle number whether it starts where the map has no
+    road."""
     records = {
         party.vehicle.number: party
         for party in (solution.candidate.encounter.mover, solution.candidate.encounter.other)
@@ -158,7 +160,8 @@ def _area(vehicle: VehicleRecord, participant: ParticipantState) -> list[Estimat
 
 
 def _direction(solution: Solution, participant: ParticipantState, turn: Turn | None) -> EstimateCheck:
-    """Turned the reported way: begun to by the impact, and complete by the end of the plan."""
+    """Whether the vehicle turned the reported way: the turn has begun by the impact and is complete at the end of the
+    plan."""
     name = _named("direction", participant)
     placed = _placed(solution, participant)
     if turn is None or placed.option.turn is None:

@@ -1,7 +1,7 @@
-"""Estimators side by side: what each made of a crash, who agrees with whom, what it took, what became of it.
+"""Estimators side by side: each one's estimate of a crash, how far they agree, what asking cost, and the verdict.
 
-Pure: takes what the estimators made and returns rows. Running them, their verdicts and their errors against a known
-truth are :mod:`trace_dag.studies.estimators`'s.
+Takes the finished estimates and returns rows. Running the estimators, judging them and measuring their errors against a
+known truth is done in :mod:`trace_dag.studies.estimators`.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class EstimateErrors:
 
 @dataclass(frozen=True, eq=False)
 class EstimatorAttempt:
-    """What one estimator made of one crash: an estimate and its verdict, or a sentence why it has none.
+    """One estimator's attempt at one crash: an estimate and its verdict, or a sentence that says why there is none.
 
-    ``failed``: not the crash's doing, but the estimator's or a service's.
+    ``failed``: the estimator or a service failed, the crash is not the reason.
     """
 
     estimate: StateEstimate | None
-    run: EstimatorRun | None = None  # that made the estimate, or that failed to make one
+    run: EstimatorRun | None = None  # of the estimator that made the estimate, or failed to
     detail: str = ""
     failed: bool = False
     accepted: bool | None = None
@@ -45,10 +45,10 @@ class EstimatorAttempt:
 class EstimatorRow:
     """One estimator's estimate of one crash, beside the reference estimator's; None where there is no value.
 
-    ``outcome``: estimated (by itself), fallback (another estimator had to), rejected or failed; ``detail`` says why.
-    ``approach_agrees``: both vehicles start on the same road in the same direction as in the reference's best
-    hypothesis; ``lane_agrees``: in the same lane too. ``accepted`` and ``reason`` are the verdict's. Errors are against
-    the truth, see :class:`EstimateErrors`. Distances in metres, costs in US dollars.
+    ``outcome``: estimated (by itself), fallback (another estimator made it in its place), rejected or failed;
+    ``detail`` says why. ``approach_agrees``: both vehicles start on the same road in the same direction as in the
+    reference's best hypothesis; ``lane_agrees``: in the same lane too. ``accepted`` and ``reason`` come from the
+    verdict. Errors are against the truth, see :class:`EstimateErrors`. Distances in metres, costs in US dollars.
     """
 
     key: str
@@ -80,9 +80,10 @@ class EstimatorRow:
 
 @dataclass(frozen=True)
 class EstimatorSummary:
-    """One estimator over a cohort. What another had to estimate in its place is counted as fallbacks and nowhere else.
+    """One estimator over a cohort. Crashes that another had to estimate in its place are counted as fallbacks and
+    nowhere else.
 
-    Shares and medians are over the crashes it estimated itself that have an answer, None if none has.
+    Shares and medians are over those crashes it estimated itself for which the value is known; None if there are none.
     """
 
     estimator: str
@@ -108,10 +109,10 @@ class EstimatorSummary:
 def compare_estimators(
     key: str, attempts: Mapping[str, EstimatorAttempt], *, reference: str
 ) -> tuple[EstimatorRow, ...]:
-    """Rows of one crash in the order of ``attempts`` (by estimator); ``reference`` is the one the others are set to."""
+    """Rows of one crash in the order of ``attempts`` (by estimator); the others are compared with ``reference``."""
     against = attempts[reference].estimate if reference in attempts else None
     if against is not None and against.run.fallback:
-        against = None  # it is not the reference's own
+        against = None  # a fallback is not the reference's own estimate
     return tuple(_row(key, name, attempt, against if name != reference else None) for name, attempt in attempts.items())
 
 
@@ -172,7 +173,7 @@ def _agree(one: Hypothesis, two: Hypothesis, place: Callable[[ParticipantState],
 
 
 def _approach(state: ParticipantState) -> _Place | None:
-    """The road a vehicle starts on, and in which of its two directions; None off the lanes."""
+    """The road a vehicle starts on and the direction along it; None if it starts off the lanes."""
     lane = _lane(state)
     return None if lane is None else (lane[0], 1 if lane[1] > 0 else -1)
 

@@ -1,9 +1,9 @@
 """First contact of two bodies moving along paths: when, where, and on which part of each body.
 
-Two bodies are rectangles. Their paths and speeds leave one question open, how far one is ahead of the other when they
-meet; :func:`first_contacts` answers for a whole range of such timings at once and always by moving both bodies
-forward from a separated state, so that every contact it returns is a first one: touching, not overlapping, and not
-preceded by another. Frame: the local frame.
+The bodies are rectangles. Paths and speeds leave open how far one is ahead of the other: the timing.
+:func:`first_contacts` looks at a whole range of timings at once. It moves both bodies forward from where they are
+apart, so that every contact it returns is a first one: they touch, do not overlap, and have not touched before. Frame:
+the local frame.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from trace_dag.geometry import FloatArray, Poses, gaps_m
 from trace_dag.states.paths import Path
 
-TOUCH_M = 0.10  # corners this close belong to the contact: parallel faces touch along a patch, and bodies give a little
-GRID_STEP_M = 0.5  # farthest a body moves between two looks at whether it touches
+TOUCH_M = 0.10  # corners this close belong to the contact: parallel faces touch along a length, bodies give a little
+GRID_STEP_M = 0.5  # farthest a body moves between two tests for contact
 MAX_GRID_STEPS = 400
 MAX_TIMING_RANGE_S = 8.0
 STANDING_MPS = 0.05
 _STEPS_AT_ONCE = 8
-_PATHS_BEND = 1.01  # room for a path's points being no farther apart than the distances along it say
+_PATHS_BEND = 1.01  # margin, as a path's points can be nearer to each other than the distances along it say
 
 
 @dataclass(frozen=True, eq=False)
 class Mover:
-    """A rectangle whose centre moves along a path at constant speed, at ``station_m`` at its time 0.
+    """A rectangle whose centre moves along a path at constant speed; it is at ``station_m`` at its time 0.
 
     ``backing``: the body faces against its motion.
     """
@@ -53,7 +53,7 @@ class Mover:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """First contacts, arrays of equal length n, one per timing that leads to one.
+    """First contacts, arrays of equal length n, one entry per timing that leads to a contact.
 
     ``time_1_s`` and ``time_2_s`` are each mover's own time at the contact; ``x_m``, ``y_m`` the contact point;
     ``bearing_*_rad`` its direction on each body as in :func:`trace_dag.geometry.body_bearing_rad`.
@@ -71,10 +71,12 @@ class Contacts:
 
 
 def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0) -> Contacts:
-    """First contacts for ``timings`` ways of one being ahead of the other, around both reaching their station at once.
+    """First contacts for ``timings`` timings, spread around the one at which both reach their stations at the same
+    time.
 
-    With ``timings`` 1 exactly that way is examined. Timings without a contact, or with one already at the beginning of
-    the time looked at, are left out. That time is what the bodies take to pass each other, at least ``span_s``.
+    With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
+    bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
+    ``span_s``.
     """
     moving = [mover.speed_mps for mover in (one, two) if mover.speed_mps > STANDING_MPS]
     if not moving:
@@ -112,8 +114,8 @@ def _first_touching(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The timings at which the bodies touch or overlap, and for each the index into ``time_s`` where they first do.
 
-    Half of a timing goes to each mover, so that both stay near their station. Bodies farther apart than they reach
-    cannot touch, nor can they a few steps on: that is looked at every few steps, and only where it may be the bodies.
+    Each mover gets half of the timing, so that both stay near their stations. Every few steps only the distance of the
+    centres is looked at; the bodies themselves are tested where they are near enough to touch within these steps.
     """
     half_s = ahead_s[:, None] / 2
     coarse_s = time_s[::_STEPS_AT_ONCE]
@@ -158,7 +160,8 @@ class Touching:
 
 
 def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size_2_m: tuple[float, float]) -> Touching:
-    """Where bodies touch that have just come to: the middle of the corners of each that lie against the other.
+    """Where bodies touch that have just come into contact: the mean of those corners of each that lie against the
+    other.
 
     Args:
         state_1: x, y and heading of the first bodies, each of shape (n,).

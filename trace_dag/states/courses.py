@@ -1,10 +1,10 @@
 """Which way a person moved, seen from the vehicle that struck it: what the report says, and what it leaves open.
 
-A course is relative to the vehicle: across its path from its left or right, along with it, towards it, or none. What
-the typing of the crash says (``PEDCTYPE``, ``PEDSNR``, ``BIKECTYPE``), and the compass directions (``PEDDIR``,
-``MOTDIR``), decides; where they are silent, what the person did (``NMACTION``); then each course has the share that it
-has nationally. Sources: FARS/CRSS Pedestrian Bicyclist Crash Typing Manual; shares by the typing of one national year
-(2016: 8,008 pedestrians, 1,115 cyclists).
+A course is relative to the vehicle: across its path from its left or right, along with it, towards it, or none. It is
+read from the typing of the crash (``PEDCTYPE``, ``PEDSNR``, ``BIKECTYPE``) and the compass directions (``PEDDIR``,
+``MOTDIR``); if these say nothing, from what the person did (``NMACTION``); if that says nothing either, each course has
+its national share. Sources: FARS/CRSS Pedestrian Bicyclist Crash Typing Manual; shares by the typing of one national
+year (2016: 8,008 pedestrians, 1,115 cyclists).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Course(StrEnum):
 
     FROM_LEFT = "from_left"
     FROM_RIGHT = "from_right"
-    ALONG = "along"  # the way the vehicle went
-    TOWARDS = "towards"  # the other way
+    ALONG = "along"  # in the vehicle's direction
+    TOWARDS = "towards"  # against the vehicle's direction
     STANDING = "standing"
 
 
@@ -58,8 +58,8 @@ _OF_PEDESTRIAN_GROUP: Final[Mapping[int, frozenset[Course]]] = {
 }
 _OF_CYCLIST_TYPE: Final[Mapping[int, frozenset[Course]]] = {
     **dict.fromkeys(range(141, 181), CROSSING),
-    **dict.fromkeys((211, 213, 214, 212, 217, 219), CROSSING),  # the motorist turned into the cyclist's way
-    **dict.fromkeys((221, 222, 223, 224, 225), CROSSING),  # the cyclist turned into the motorist's
+    **dict.fromkeys((211, 213, 214, 212, 217, 219), CROSSING),  # the motorist turned into the cyclist's path
+    **dict.fromkeys((221, 222, 223, 224, 225), CROSSING),  # the cyclist turned into the motorist's path
     **dict.fromkeys((231, 232, 235, 239), frozenset({Course.ALONG})),
     **dict.fromkeys((241, 242, 243, 249), frozenset({Course.ALONG})),
     **dict.fromkeys((250, 255, 259), frozenset({Course.TOWARDS})),
@@ -101,7 +101,7 @@ _AHEAD_RAD: Final = math.radians(46)  # the front and its corners, by :func:`tra
 
 @dataclass(frozen=True)
 class CourseReading:
-    """One course with its log-probability, and whether the report says it (one of several it allows included)."""
+    """One course with its log-probability, and whether the report says it (also if it allows several)."""
 
     course: Course
     log_prior: float
@@ -109,9 +109,9 @@ class CourseReading:
 
 
 def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
-    """The courses that the report allows; empty if it says nothing of it.
+    """The courses that the report allows; empty if it says nothing about the course.
 
-    ``turn``: the one the vehicle made.
+    ``turn``: the turn the vehicle made.
     """
     allowed = _of_kind(person)
     side = told_side(person, turn)
@@ -123,12 +123,12 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
 
 
 def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
-    """All courses that can be, likeliest first; their shares add up to 1 before the area of impact is looked at."""
+    """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at."""
     told = told_courses(person, turn)
     shares = _CYCLIST_SHARES if person.kind is PartyKind.CYCLIST else _PEDESTRIAN_SHARES
     left = told or shares.keys()
     known = {course: share for course, share in shares.items() if course in left} or dict.fromkeys(left, 1.0)
-    if turn is not None and not told:  # a turning vehicle seldom strikes who walks along its road
+    if turn is not None and not told:  # a turning vehicle seldom strikes somebody who walks along its road
         known = {course: share for course, share in known.items() if course in CROSSING} or known
     total = sum(known.values())
     found = [
@@ -149,15 +149,15 @@ def _of_kind(person: NonMotorist) -> frozenset[Course]:
 
 
 def told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """The side of the vehicle's path from which the person came, by ``PEDSNR``, else by the compass directions, else
-    by who turned into whose way."""
+    """The side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions, else by
+    which of the two turned into the other's path."""
     if person.scenario and person.scenario[-1] in "ab":
         left = person.scenario[-1] == "a"
         number = int(person.scenario[:-1])
         if number in (
             7,
             8,
-        ):  # turned right, struck on the far side: a went the motorist's way, so it came from his right
+        ):  # turned right, far side: "a" went as the motorist did, so came from the right
             left = not left
         return Side.LEFT if left else Side.RIGHT
     relative = compass_relative_deg(person)
@@ -170,7 +170,8 @@ def told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
-    """Who goes the same way and is not turning crosses the path of one who turns left from the left."""
+    """A person who goes straight on in the vehicle's direction crosses the path of a vehicle that turns left from its
+    left."""
     code = person.cyclist_type_code
     if turn not in (Turn.LEFT, Turn.RIGHT) or code not in _SAME_WAY_FIRST | _OTHER_WAY_FIRST:
         return None
@@ -179,7 +180,7 @@ def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
 
 
 def compass_relative_deg(person: NonMotorist) -> float | None:
-    """Direction of the person less that of the motorist, 0, 90, 180 or -90 degrees; None if either is not coded."""
+    """Direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees; None if either is not coded."""
     of_person, of_motorist = (
         COMPASS_DEG.get(code or 0) for code in (person.pedestrian_direction_code, person.motorist_direction_code)
     )
@@ -208,7 +209,7 @@ def _of_actions(person: NonMotorist) -> frozenset[Course]:
 
 
 def _side_term(course: Course, area: ImpactArea | None) -> float:
-    """Who came from one side is rarely struck by the other side of the vehicle."""
+    """A person who came from one side is rarely struck by the other side of the vehicle."""
     if area is None or course not in CROSSING or abs(area.centre_rad) < _AHEAD_RAD / 3:
         return 0.0
     on_left = area.centre_rad > 0

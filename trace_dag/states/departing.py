@@ -19,10 +19,10 @@ from trace_dag.states.manoeuvres import Option
 from trace_dag.states.objects import KINDS, ObjectForm
 from trace_dag.units import GRAVITY_MPS2
 
-_STRAY_RAD: Final = math.radians(20)  # out of control, struck at the front all the same
+_STRAY_RAD: Final = math.radians(20)  # out of control but struck at the front
 _UNKNOWN_RAD: Final = math.radians(35)  # out of control, area not known
-_AREA_REACHED_RAD: Final = math.radians(75)  # an area so far round is met by who skids only
-_CORNER_RAD: Final = math.radians(50)  # areas so near to a corner are struck with it
+_AREA_REACHED_RAD: Final = math.radians(75)  # an area this far from the front is struck only by a vehicle that skids
+_CORNER_RAD: Final = math.radians(50)  # areas this near to a corner are struck together with it
 _CURVE_RAD: Final = math.radians(6)
 _CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
 
@@ -73,7 +73,7 @@ def _slip(departure: Departure) -> float:
     first, vehicle = departure.objects[0], departure.vehicle
     sideways = vehicle.stability_code in (_CLOCKWISE, _COUNTER_CLOCKWISE, 5)
     if vehicle.vehicle_class is VehicleClass.MOTORCYCLE:
-        return 0.0  # one that skids sideways falls
+        return 0.0  # a motorcycle that skids sideways falls
     turn = -1.0 if vehicle.stability_code == _CLOCKWISE else 1.0
     if first.area is None:
         return turn * _UNKNOWN_RAD if sideways else 0.0
@@ -88,7 +88,7 @@ def _facing(departure: Departure, first: ObjectStruck, area: ImpactArea) -> floa
     the road; None if the area is one that is struck without turning."""
     sign = SIGN[departure.side or DepartureSide.AHEAD]
     if KINDS[first.code].form is ObjectForm.LINE and sign:
-        # Going off at a small angle, the front corner on that side is struck first.
+        # A vehicle that leaves at a small angle strikes first with the front corner on that side.
         apart = abs(math.remainder(area.centre_rad - sign * math.pi / 4, math.tau))
         return None if apart <= _CORNER_RAD else sign * math.pi / 2 - area.centre_rad
     at_near_corner = abs(area.centre_rad) <= math.pi / 2 + math.radians(5) and area.centre_rad * sign > 0

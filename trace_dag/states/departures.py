@@ -1,11 +1,11 @@
 """The analytic estimator of crashes in which one vehicle leaves the road and strikes fixed objects.
 
 Maps seldom have the objects, and the reported point lies on the road: what is known is the station along the road, the
-side, the kind of object and where on the vehicle it was struck. So the vehicle is led off its lane there to that side,
-in the manner the report gives, and the object is put where the vehicle's area of impact comes to be, as far beyond the
-edge as such objects usually stand. What stands behind something that is driven over, or breaks, follows along the same
-course. Every object placed so says that it was placed by the program. Where OpenStreetMap has one of the kind
-(:mod:`trace_dag.states.mapped_objects`), the vehicle is led to that instead.
+side, the kind of object and where on the vehicle it was struck. So the vehicle leaves its lane there to that side, in
+the reported manner. The object is put where the vehicle's area of impact then is, as far beyond the edge as such
+objects usually stand. Objects behind one that breaks or is driven over follow along the same course. Every such object
+says that the program placed it. Where OpenStreetMap has one of the kind (:mod:`trace_dag.states.mapped_objects`), the
+vehicle is led to that instead.
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
 the object. Angles of departure follow from the lateral acceleration, which gives 5 to 20 degrees at usual speeds (mean
@@ -74,16 +74,16 @@ from trace_dag.units import bearing_to_clock_h
 _LEAST_OFF_M: Final = 0.2
 _CORRECTIONS: Final = 6
 _SAME_PLACE_M: Final = 0.02
-_LANE_CROSSED: Final = -0.4  # log-likelihood of each lane between the vehicle's and the side it left to
-_ON_MAP: Final = 1.0  # of a way past an object of the reported kind on the reported side
+_LANE_CROSSED: Final = -0.4  # log-likelihood for each lane between the vehicle's lane and the side it left to
+_ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on the reported side
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
 
 @dataclass(frozen=True, eq=False)
 class DeparturePlan:
-    """One way the vehicle can have left the road: its path, where along it the first object is struck, and when the
-    others are. ``terms`` are log-likelihoods."""
+    """One way the vehicle can have left the road: its path, the station along it where the first object is struck, and
+    when the others are struck. ``terms`` are log-likelihoods."""
 
     departure: Departure
     option: Option
@@ -103,7 +103,7 @@ class DeparturePlan:
 
     @property
     def name(self) -> str:
-        """Says what distinguishes this plan from the others of its crash."""
+        """A name that tells this plan from the others of its crash."""
         vehicle, side = self.departure.vehicle.number, self.departure.side
         return f"vehicle {vehicle}: leaves {self.option.stream.name} {side}, {self.course.name}"
 
@@ -197,8 +197,8 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
 def _aside_to_object(
     scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
 ) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
-    """The way off the road to the left or right, and the objects along it: the first is that of the map, if it has one
-    of the kind where the vehicle left the road."""
+    """The way off the road to the left or right, and the objects along it. The first object is the map's, if the map
+    has one of that kind where the vehicle left the road."""
     sign = SIGN[departure.side or DepartureSide.RIGHT]
     place_m, edge = edge_near(scene, base, place_m, sign)
     code = departure.objects[0].code
@@ -235,7 +235,7 @@ def _aside(
     here = base.pose(place_m)
     first = departure.objects[0]
     slope = FLATTEST
-    for _ in range(3):  # where the spot is depends on the slope, and the slope on how far it is
+    for _ in range(3):  # the spot's position depends on the slope, and the slope on the distance
         turn_rad = sign * math.atan(slope) + course.slip_rad
         spot = touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
         off_m = face_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
@@ -247,7 +247,7 @@ def _aside(
 
 
 def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: Course) -> Led:
-    """The way straight on: to the end of the road, if it ends there, else to an object in the way."""
+    """The way straight on: to the end of the road if it ends there, else to an object ahead."""
     first = departure.objects[0]
     half_width_m = departure.vehicle.width_m / 2
     ends = [end_of_road_m(scene, base, place_m, left_m) for left_m in (0.0, half_width_m, -half_width_m)]
@@ -266,8 +266,8 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
 
 
 def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int) -> float:
-    """How far beyond the edge the object stands: as usual for its kind, nearer where another road is there, within the
-    reported zone."""
+    """How far beyond the edge the object stands (metres): as usual for its kind, nearer if another road is in the way,
+    within the reported zone."""
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
     if relation in _ON_ROADWAY:

@@ -1,7 +1,8 @@
-"""Encounters: who met whom how, as far as the record tells.
+"""Encounters: how the two vehicles met, as far as the record tells.
 
-From crash types, critical events, movements and the sequence of events to a short list of readings of the record: the
-relation of the two approaches and who left whose path. Where the record is silent every reading stays, at its prior.
+Crash types, critical events, movements and the sequence of events give a short list of readings of the record. A
+reading says how the two approaches relate and which vehicle entered the other's path. Where the record says nothing,
+every reading stays, with its prior.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement, V
 _LEFT_ITS_LANE = frozenset({64, 65, 68})  # SOE: ran off left, cross median, cross centre line
 CROSS_MEDIAN = 65
 
-_SAID_BY_ONE = math.log(0.5)  # the two crash types name different relations
+_SAID_BY_ONE = math.log(0.5)  # log-likelihood if the two crash types name different relations
 _UNSAID = math.log(0.25)
-_HINT = 2.0  # a critical event that names the relation where no crash type does
+_HINT = 2.0  # of a critical event that names the relation where no crash type does
 _MANNER_HINT = 1.0
 _MANNER_RELATIONS = {
     CollisionType.FRONT_TO_REAR: (Relation.SAME_LANE,),
@@ -60,7 +61,7 @@ class Party:
 
     @property
     def stationary(self) -> bool:
-        """Whether it stood still, by its reported speed or, where none is reported, its movement."""
+        """Whether it stood still: by its reported speed or, if none is reported, by its movement."""
         if self.vehicle.travel_speed_mps is not None:
             return self.vehicle.travel_speed_mps == 0 and self.vehicle.movement is not PreCrashMovement.STARTING
         return self.crash_type.stopped or self.vehicle.movement in (
@@ -70,7 +71,8 @@ class Party:
 
     @property
     def encroached(self) -> float:
-        """Log-odds that this vehicle left its path or struck: from role, critical event and events, 0 if unsaid."""
+        """Log-odds that this vehicle left its path or struck the other: from role, critical event and events; 0 if they
+        say nothing."""
         role = {
             EncounterRole.ENCROACHING: 1.0,
             EncounterRole.STRIKING: 1.0,
@@ -123,7 +125,7 @@ def encounters(record: CrashRecord, one: Party, two: Party) -> tuple[Encounter, 
     for relation, weight in _relations(record, one, two).items():
         crossing = relation is Relation.CROSSING
         orders: tuple[tuple[Party, Party], ...] = ((one, two), (two, one))
-        if crossing:  # both orders read the same there: who turns or backs is the mover
+        if crossing:  # both orders mean the same there: the one that turns or backs is the mover
             orders = orders[1:] if _moves(two) > _moves(one) else orders[:1]
         for mover, other in orders:
             log_prior = weight if crossing else weight + _mover_prior(relation, mover, other)
@@ -139,7 +141,7 @@ def _moves(each: Party) -> tuple[bool, bool]:
 
 def _relations(record: CrashRecord, one: Party, two: Party) -> dict[Relation, float]:
     if one.backing or two.backing:
-        return {Relation.CROSSING: 0.0}  # along the road or out of a driveway: the candidates hold both
+        return {Relation.CROSSING: 0.0}  # along the road or out of a driveway: the candidates include both
     said = [each.crash_type.relation for each in (one, two) if each.crash_type.relation is not None]
     if said:
         return {relation: 0.0 if len(set(said)) == 1 else _SAID_BY_ONE for relation in dict.fromkeys(said)}
@@ -176,7 +178,7 @@ def _front(each: Party) -> int:
 
 
 def _side(relation: Relation, mover: Party, other: Party) -> Side | None:
-    """The side of ``other`` the mover came from or was on."""
+    """The side of ``other`` from which the mover came, or on which it was."""
     if relation not in (Relation.CROSSING, Relation.SAME_DIRECTION):
         return None
     if other.crash_type.relation is relation and other.crash_type.other_from is not None:
@@ -184,6 +186,6 @@ def _side(relation: Relation, mover: Party, other: Party) -> Side | None:
     if mover.crash_type.relation is relation and mover.crash_type.other_from is not None:
         return opposite_side(mover.crash_type.other_from)
     if relation is Relation.SAME_DIRECTION:
-        over = {60: Side.LEFT, 61: Side.RIGHT}  # P_CRASH2 of the other: over its left, its right lane line
+        over = {60: Side.LEFT, 61: Side.RIGHT}  # P_CRASH2 of the other: over its left or right lane line
         return over.get(other.vehicle.critical_event_code or 0)
     return None

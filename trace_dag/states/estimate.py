@@ -1,7 +1,7 @@
-"""Estimating states: what an estimator has to be, and the one that the settings name.
+"""Estimating states: the interface of an estimator, and the estimator that the settings name.
 
-Belongs here: the contract of estimators, which packages offer by name (:mod:`trace_dag.plugins`). Does not belong here:
-how any of them finds its hypotheses.
+Belongs here: the interface, which packages implement and offer by name (:mod:`trace_dag.plugins`). Does not belong
+here: how an estimator finds its hypotheses.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Estimator(Protocol):
         """
 
     def require(self) -> None:
-        """Raise :class:`trace_dag.errors.UserError` for what is not there, before anything runs."""
+        """Raise :class:`trace_dag.errors.UserError` before anything runs if something that the estimator needs is
+        missing."""
 
 
 class EstimatorFactory(Protocol):
@@ -41,19 +42,19 @@ class EstimatorFactory(Protocol):
     def __call__(self, settings: StateSettings, files: Storage | None = None, ledger: str = "run") -> Estimator:
         """The estimator by the settings.
 
-        What it asks of a service it may keep in ``files``, a storage root that all workers share. Those with the same
+        It may keep answers of a service in ``files``, a storage root that all workers share. Estimators with the same
         ``files`` and the same ``ledger`` share one budget and one rate.
         """
 
     def variant(self, settings: StateSettings, name: str) -> StateSettings:
-        """The settings with what a name such as ``llm:PROMPT@MODEL`` says behind the estimator's own, never empty.
+        """The settings for a name such as ``llm:PROMPT@MODEL``; the part behind the estimator's own name, never empty.
 
-        Raises :class:`trace_dag.errors.UserError` for what it does not have.
+        Raises :class:`trace_dag.errors.UserError` if the estimator has no such variant.
         """
 
 
 class UnusableAnswers(Rejection):
-    """An estimator asked, and got no usable answer; ``run`` is what it was told, and what that took."""
+    """A service gave no usable answer; ``run`` holds its answers and what they cost."""
 
     def __init__(self, detail: str, run: EstimatorRun, *, threshold: float) -> None:
         super().__init__(Reason.NO_FEASIBLE_STATE, detail, measured=run.attempts, threshold=threshold)
@@ -61,7 +62,7 @@ class UnusableAnswers(Rejection):
 
 
 def estimator_factory(settings: StateSettings) -> EstimatorFactory:
-    """What makes the estimator. Raises :class:`trace_dag.errors.UserError` where it cannot be loaded."""
+    """The factory of the estimator. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
     factory: EstimatorFactory = load(PluginKind.ESTIMATOR, settings.estimator)
     return factory
 
@@ -69,6 +70,6 @@ def estimator_factory(settings: StateSettings) -> EstimatorFactory:
 def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings) -> StateEstimate:
     """One crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
 
-    What it asks of a service is kept in memory, and its budget is this call's own.
+    Answers of a service are kept in memory, and the budget is for this call alone.
     """
     return estimator_factory(settings)(settings).estimate(record, network, report)

@@ -1,8 +1,8 @@
 """Log-likelihoods of the record's evidence, term by term.
 
-Every function returns named terms, natural logarithms, 0 at best agreement. They are stated, not fitted: each is a
-Gaussian or a fixed penalty whose width says how far reports and maps usually differ. The sum ranks hypotheses; the
-terms are kept with each so that a reader sees what spoke for it.
+Every function returns named terms, natural logarithms, 0 at best agreement. They are set by judgement, not fitted: each
+is a Gaussian or a fixed penalty whose width says how far reports and maps usually differ. Hypotheses are ranked by the
+sum; the terms are stored with each, so that a reader sees what supported it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TURN_LANE_WAY = 5  # VTRAFWAY: two-way, not divided, with a continuous left-turn
 DRIVEWAY_WAY = 0  # VTRAFWAY: not on a trafficway; a driveway access
 DRIVEWAY_MPH = 15.0
 FASTER_MPS = 5.0
-_UNTAGGED_WIDTH = 1.5  # how much wider the limits of a class of road lie than those of one road
+_UNTAGGED_WIDTH = 1.5  # how much more the limits of a class of roads vary than that of one road
 
 Terms = dict[str, float]
 
@@ -79,7 +79,7 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
 
 
 def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
-    """Speed limit, lanes, division and alignment of the approach against what the vehicle's form says."""
+    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says."""
     terms: Terms = {}
     road = stream.road
     if road is not None and road.inferred:
@@ -105,16 +105,17 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
         seen = 0 if abs(stream.curve_rad) < CURVE_RAD else int(math.copysign(1, stream.curve_rad))
         terms["alignment"] = -0.75 * abs(curve - seen)
     if stream.wrong_way:
-        # Whoever drives the wrong way keeps to the right of what he takes for a two-way road: beside the median.
+        # A driver who goes the wrong way takes the carriageway for a two-way road and keeps to its right: beside the
+        # median.
         terms["wrong way"] = -2.0 - 0.4 * stream.lane_from_left
-    terms["around the roundabout"] = -1.5 * stream.share_of_ring  # most leave before they have gone far around
+    terms["around the roundabout"] = -1.5 * stream.share_of_ring  # of the way around: most leave a roundabout early
     if stream.extended and not (road is not None and road.inferred):
         terms["straight on where the road ends"] = -1.0
     return {name: value for name, value in terms.items() if value}
 
 
 def lane_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
-    """Whether the lane is the one such a manoeuvre is made from."""
+    """Whether the lane is one from which such a manoeuvre is made."""
     terms: Terms = {}
     from_right = stream.lanes_along - 1 - stream.lane_from_left
     left = turn in (Turn.LEFT, Turn.U_TURN)
@@ -140,7 +141,7 @@ _ARROWS = frozenset(
 
 
 def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
-    """Whether one drives that fast there: the reported speed against the road's limit, for through traffic."""
+    """Whether the speed is usual there: the reported speed against the road's limit, for through traffic."""
     road = stream.road
     if vehicle.travel_speed_mps is None or road is None or turn is not None:
         return {}
@@ -155,14 +156,15 @@ def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Te
 
 
 def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
-    """The road's limit and how far from it one is; where the map does not say it, its class's speed, less surely."""
+    """The usual speed and its spread, from the road's limit; if the map does not have it, from the road's class, with
+    more spread."""
     if road.speed_mps:
         return road.speed_mps, sigma_mph
     return class_speed_mps(road), _UNTAGGED_WIDTH * sigma_mph
 
 
 def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
-    """Nobody comes out of a driveway as fast as along a road, whether that speed is reported or inferred."""
+    """Vehicles come out of a driveway slower than they go along a road, whether the speed is reported or inferred."""
     if stream.road is None or not stream.road.inferred:
         return {}
     faster_mph = max(mps_to_mph(speed_mps) - DRIVEWAY_MPH, 0.0)
@@ -171,7 +173,7 @@ def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
 
 @dataclass(frozen=True)
 class CrossingVehicle:
-    """One of two vehicles whose paths cross: what is reported of it, where it came from and how fast it was."""
+    """One of two vehicles whose paths cross: its report, where it came from and how fast it was."""
 
     vehicle: VehicleRecord
     stream: Stream
@@ -179,7 +181,7 @@ class CrossingVehicle:
 
 
 def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
-    """Of two that cross straight, the one on the lesser road stops for the other, or slows down."""
+    """Of two vehicles that cross straight, the one on the lesser road is expected to stop or slow down."""
     greater, lesser = sorted((one, two), key=lambda each: _rank(each.stream.road))
     if _rank(greater.stream.road) == _rank(lesser.stream.road):
         return {}
@@ -193,7 +195,7 @@ def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
 
 
 def _rank(road: Road | None) -> int:
-    """The class of a road, the most important first; what has no road came out of a driveway."""
+    """The rank of a road's class, the most important first; a vehicle without a road came out of a driveway."""
     return road_class(road.highway if road is not None else "service").rank
 
 
@@ -202,7 +204,7 @@ def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) 
     if vehicle.impact is None:
         return np.zeros_like(bearing_rad)
     apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)
-    # A wide area (a whole side) is coded by its middle: wider, but not indifferent within.
+    # A wide area (a whole side) is coded by its middle: a wider spread, but the middle is still the likeliest.
     sigma = CLOCK_SIGMA_RAD + max(vehicle.impact.half_width_rad - _HALF_CLOCK_POSITION_RAD, 0.0) / 2
     return np.asarray(-0.5 * (apart / sigma) ** 2)
 
@@ -210,7 +212,7 @@ def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) 
 def manner_log_likelihood(record: CrashRecord, bearing_1_rad: FloatArray, bearing_2_rad: FloatArray) -> FloatArray:
     """Log-likelihood of the struck faces given the manner of collision (``MAN_COLL``), bearings of shape (n,) each.
 
-    Says something where the areas of impact are not reported; the manner is that of the first harmful event.
+    Useful if the areas of impact are not reported. The manner is that of the first harmful event.
     """
     wanted = _FACES.get(record.collision_type)
     if wanted is None:
@@ -244,5 +246,5 @@ _FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
 
 
 def place_log_likelihood(distance_m: FloatArray) -> FloatArray:
-    """Log-likelihood of a contact this far from the reported place."""
+    """Log-likelihood of a contact at this distance (metres) from the reported place."""
     return np.asarray(-0.5 * (distance_m / PLACE_SIGMA_M) ** 2)

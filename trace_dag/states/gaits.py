@@ -1,4 +1,4 @@
-"""How fast people walk, run and ride where nothing tells it: FARS codes no speed of a person.
+"""How fast people walk, run and ride: FARS codes no speed of a person.
 
 Sources, and how far each was checked:
 
@@ -30,7 +30,7 @@ _AWAY_FROM_CROSSWALK: Final = 1.2
 _RUNNING_MPS: Final = 3.5
 _RUNNING_OLD_MPS: Final = 2.5
 _RIDING_MPS: Final = kmh_to_mps(17.8)
-_ROLLING_MPS: Final = 3.0  # on a skateboard or kick scooter; between walking and riding, not from a source
+_ROLLING_MPS: Final = 3.0  # on a skateboard or kick scooter; between walking and riding, judgement
 _JOGGING: Final = 4  # NMACTION
 _DASHED: Final = frozenset({1, 11})  # NMCC: darted or dashed out
 _DASHES: Final = frozenset({741, 742})  # PEDCTYPE
@@ -47,7 +47,7 @@ class Gait(StrEnum):
 
 
 def gait_of(person: NonMotorist) -> Gait:
-    """How the person moved, if it moved: running where the report says so, riding on what is ridden, else walking."""
+    """How the person moved: running if the report says so, riding if the person rode something, else walking."""
     if person.kind in (PartyKind.CYCLIST, PartyKind.CONVEYANCE):
         return Gait.RIDING
     return Gait.RUNNING if dashes(person) or _JOGGING in person.actions else Gait.WALKING
@@ -60,7 +60,7 @@ def dashes(person: NonMotorist) -> bool:
 
 
 def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
-    """How fast a person of that age moves so."""
+    """The usual speed of a person of that age (years) with that gait, m/s."""
     old = person.age_years is not None and person.age_years >= OLD_YEARS
     if gait is Gait.STANDING:
         return 0.0

@@ -25,7 +25,7 @@ def estimate_to_json(estimate: StateEstimate) -> bytes:
 
 
 def run_to_json(run: EstimatorRun) -> bytes:
-    """How the estimator tried to find an estimate and failed, as UTF-8 JSON, ending with a newline."""
+    """The run of an estimator that found no estimate, as UTF-8 JSON, ending with a newline."""
     return _runs().dump_json(run, indent=1) + b"\n"
 
 
@@ -35,7 +35,8 @@ def _runs() -> TypeAdapter[EstimatorRun]:
 
 
 def estimate_from_json(data: bytes, *, name: str = "state estimate") -> StateEstimate:
-    """Read what :func:`estimate_to_json` wrote. Raises :class:`Failure` naming ``name`` where it is not that."""
+    """Read what :func:`estimate_to_json` wrote. Raises :class:`Failure`, which names the file ``name``, if it is
+    something else."""
     try:
         return _adapter().validate_json(data)
     except ValidationError as error:

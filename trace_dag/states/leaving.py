@@ -28,12 +28,12 @@ from trace_dag.units import GRAVITY_MPS2
 _STEEPEST: Final = math.tan(math.radians(30))
 FLATTEST: Final = 0.03
 _ROOM_M: Final = 0.8  # from a path to the carriageway's edge, at least: nearly half a car
-_AWAY_M: Final = 4.0  # along the road, at most, to where the edge is that the vehicle can have crossed
-_EDGE_JUMPS_M: Final = 0.5  # an edge so much nearer beside the place: the mouth of a side street is at the place
-_LOOK_AHEAD_M: Final = (-15.0, 45.0)  # of the place, for the end of the road
+_AWAY_M: Final = 4.0  # longest distance along the road to the edge that the vehicle can have crossed
+_EDGE_JUMPS_M: Final = 0.5  # if the edge nearby is this much nearer, a side street opens at the place
+_LOOK_AHEAD_M: Final = (-15.0, 45.0)  # from the place: where the end of the road is looked for
 SKID_S: Final = 1.2
 _SKID_G: Final = 0.3  # mean while the slip builds up to sliding sideways
-_LEAST_SHARE: Final = 0.4  # of the speed, left after skidding
+_LEAST_SHARE: Final = 0.4  # least share of the speed that is left after skidding
 SIGN: Final = {DepartureSide.LEFT: 1.0, DepartureSide.RIGHT: -1.0, DepartureSide.AHEAD: 0.0}
 
 GOES_ON_M: Final = 60.0
@@ -49,8 +49,8 @@ def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
 def path_aside(
     base: Path, anchor_m: float, off_m: float, slope: float, lateral_mps2: float, speed_mps: float
 ) -> tuple[Path, float]:
-    """The path that leaves ``base`` and has come ``off_m`` to its left at a station of it, going on at that slope; and
-    the station of that place along the path itself."""
+    """The path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that slope; and
+    the station of that place along the new path."""
     sign, far_m = math.copysign(1.0, off_m), abs(off_m)
     ramp_m = min(1.5 * slope * max(speed_mps, 5.0) ** 2 / max(lateral_mps2, 1e-6), 2 * far_m / slope)
     shift = LateralShift(sign * (far_m + slope * GOES_ON_M), off_m, slope, max(ramp_m, 1.0))
@@ -68,8 +68,8 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
 
 
 def lane_path(scene: Scene, option: Option) -> Path:
-    """The path before the departure: as driven at this speed; where that would have left the carriageway by itself, in
-    a bend too sharp for the speed, along the middle of the lane."""
+    """The path before the departure, as driven at this speed. If a bend is so sharp that this path would leave the
+    carriageway, it follows the middle of the lane instead."""
     driven_path = option.path()
     if option.turn is not None:
         return driven_path
@@ -90,8 +90,8 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
 
 
 def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
-    """The station nearest to the place where the carriageway's edge is, and how far from the path that is: at the
-    place itself, unless a side street opens there."""
+    """The station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is there: at
+    the place itself, or near it if a side street opens there."""
     stations = place_m + np.arange(-_AWAY_M, _AWAY_M + 0.1, 0.5)
     edges = np.array([edge_beside_m(scene, base.pose(float(s)), sign) for s in stations])
     usual = float(edges.min())
@@ -110,7 +110,7 @@ def turned_by(pose: Pose, slip_rad: float) -> Pose:
 
 
 def skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
-    """The same course, the body turning about itself over the last part of it, up to its slip at the impact."""
+    """The same course with the body turning about itself over the last part, up to its slip angle at the impact."""
     t = state.trajectory
     share = np.clip((t.time_s - (lead_s - SKID_S)) / SKID_S, 0.0, 1.0)
     slip = slip_rad * share**2

@@ -1,7 +1,8 @@
 """Manoeuvres: the paths one vehicle can have taken along one stream.
 
 An option is a stream, a manoeuvre and the path that results. Options that can take place anywhere along the road
-(keeping the lane, crossing the centre line) slide to where the crash was; turns at a junction slide only at a price.
+(keeping the lane, crossing the centre line) can be moved along it to the place of the crash. Moving a turn at a
+junction costs likelihood.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ from trace_dag.units import GRAVITY_MPS2
 _TURN_RADIUS_M = {Turn.LEFT: 13.0, Turn.RIGHT: 9.0, Turn.U_TURN: 6.5}  # as drivers take ordinary street corners
 _CREEPING_RADIUS_M, _RADIUS_TIME_S = 6.0, 1.2  # a vehicle that creeps turns the wheel further
 _TURN_ANGLE_RAD = {Turn.LEFT: math.pi / 2, Turn.RIGHT: -math.pi / 2, Turn.U_TURN: math.pi}
-_WIDE_TURN_M = 25.0  # radius beyond which a turn no longer fits a junction and is taken harder instead
+_WIDE_TURN_M = 25.0  # a larger radius does not fit a junction: the turn is then taken harder
 _STEERING_TIME_S = 0.7  # to turn the wheel into a corner
 _TAIL_M = 80.0
 
 _TURN_MANOEUVRE = {Turn.LEFT: Manoeuvre.TURN_LEFT, Turn.RIGHT: Manoeuvre.TURN_RIGHT, Turn.U_TURN: Manoeuvre.U_TURN}
 _OVERLAP_M = 1.2
 _LEAST_SHAPE_SPEED_MPS = 7.0
-# Moves sideways: lateral acceleration (g), how far beyond the other line (share), log-likelihood. Drifting over and
-# driving on there, steering over, going on across, swerving.
+# Moves sideways: lateral acceleration (g), how far beyond the other line (share), log-likelihood. In order: drifting
+# over and driving on there, steering over, going on across, swerving.
 _SHIFTS = ((0.05, 1.0, 0.0), (0.12, 1.0, 0.0), (0.1, 1.8, 0.0), (0.25, 1.0, -0.5))
 CURVE_RAD = math.radians(8)
 
@@ -42,7 +43,7 @@ CURVE_RAD = math.radians(8)
 class Option:
     """One path of one vehicle. ``station_m`` is where it nominally is at the crash, along the stream's own path.
 
-    ``slides``: the manoeuvre happened wherever the crash was. ``costs`` are log-likelihoods of what is unusual in it.
+    ``slides``: the manoeuvre may be anywhere along the road. ``costs`` are log-likelihoods of what is unusual in it.
     """
 
     stream: Stream
@@ -54,13 +55,13 @@ class Option:
     shift: LateralShift | None = None
     turn: TurnShape | None = None
     turn_start_m: float = 0.0
-    earlier_m: float = 0.0  # than the lanes' own turn, already in turn_start_m
+    earlier_m: float = 0.0  # how much earlier it turns than the lanes do; already in turn_start_m
     backing: bool = False
     costs: dict[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
-        """Says what distinguishes this option from the others of its vehicle."""
+        """A name that tells this option from the others of its vehicle."""
         how = f" at {math.degrees(math.atan(self.shift.slope)):.1f} deg" if self.shift is not None else ""
         if self.constant_m:
             how += f" {abs(self.constant_m):.1f} m {'left' if self.constant_m > 0 else 'right'} of the lane's centre"
@@ -78,16 +79,16 @@ class Option:
         return shifted(base, self.shift, anchor_s_m=self.station_m + slide_m, constant_m=self.constant_m)
 
     def nominal_pose(self, slide_m: float) -> Pose:
-        """Where along the stream the crash nominally is."""
+        """The vehicle's pose at its nominal place at the crash."""
         return self.stream.path.pose(self.station_m + slide_m)
 
 
 def keep_lane(
     stream: Stream, vehicle: VehicleRecord, speed_mps: float, *, offset_m: float = 0.0, turn: Turn | None = None
 ) -> Option:
-    """Along the lane, ``offset_m`` left of its centre; which manoeuvre that is depends on the record and the road.
+    """Along the lane, ``offset_m`` left of its centre. What the manoeuvre is called depends on the record and the road.
 
-    ``turn``: the one the lane itself makes, where the record calls it a turn.
+    ``turn``: the turn that the lane itself makes, if the record calls it a turn.
     """
     stream = stream.fitted(speed_mps)
     if turn is not None and follows_turn(stream, turn):
@@ -118,9 +119,9 @@ def back_up(stream: Stream, speed_mps: float) -> Option:
 
 
 def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> float:
-    """Steepest slope of a shift by ``total_m`` that keeps the lateral acceleration, at most 40 degrees.
+    """Steepest slope of a shift by ``total_m`` within the lateral acceleration, at most 40 degrees.
 
-    The ramp is as long as the slope and the acceleration demand, and both ramps fit into the shift.
+    Each ramp is as long as slope and acceleration demand, and both ramps fit into the shift.
 
     >>> steepest_slope(3.0, 20.0, 2.0)  # sqrt(3 * 2 / (1.5 * 20 ** 2))
     0.1
@@ -132,9 +133,9 @@ def steepest_slope(total_m: float, speed_mps: float, lateral_mps2: float) -> flo
 def lateral_shift(
     total_m: float, speed_mps: float, slope: float, lateral_mps2: float, *, beyond_m: float = 0.0
 ) -> LateralShift:
-    """A shift by ``total_m`` and ``beyond_m`` more whose ramps keep the lateral acceleration.
+    """A shift by ``total_m`` and ``beyond_m`` more, with ramps within the lateral acceleration.
 
-    Anchored where bodies on both lines have come to overlap.
+    It is anchored where bodies on the two lines begin to overlap.
     """
     ramp_m = max(1.5 * slope * speed_mps**2 / lateral_mps2, 4.0)
     ramp_m = min(ramp_m, abs(total_m + beyond_m) / slope)
@@ -148,7 +149,7 @@ def move_sideways(
     """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
     options: list[Option] = []
     stream = stream.fitted(speed_mps)
-    shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # one that stands there came at some speed
+    shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # a vehicle that stands there came at some speed
     for lateral_g, share, cost in _SHIFTS:
         lateral = lateral_g * GRAVITY_MPS2
         slope = steepest_slope(share * total_m, shape_speed_mps, lateral)
@@ -172,7 +173,7 @@ def move_sideways(
 
 
 def follows_turn(stream: Stream, turn: Turn | None) -> bool:
-    """Whether the stream's own lanes make the turn: the corner of an L, a bend a driver turned at."""
+    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
     if turn is None or stream.turn is not None:
         return False
     wanted = _TURN_ANGLE_RAD[turn]
@@ -180,7 +181,7 @@ def follows_turn(stream: Stream, turn: Turn | None) -> bool:
 
 
 def turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
-    """The turn a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
+    """The turn that a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
     radius = max(
         min(_TURN_RADIUS_M[turn], _CREEPING_RADIUS_M + _RADIUS_TIME_S * speed_mps),
         least_turn_radius_m(vehicle.vehicle_class, vehicle.length_m),
@@ -193,9 +194,9 @@ def turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: 
 
 
 def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Turn, *, slides: bool) -> list[Option]:
-    """Turning off the stream: into where its lanes lead, else at a right angle where the crash was.
+    """Turning off the stream: to where its lanes lead, else at a right angle at the place of the crash.
 
-    Turns begun earlier or later than the lanes' own come as further options at a cost.
+    Turns that begin earlier or later than the lanes' own are further options, at a cost.
     """
     stream = stream.fitted(speed_mps)
     if stream.exit_pose is not None and stream.turn is turn:

@@ -1,7 +1,7 @@
 """Fixed objects that OpenStreetMap has: the one of the reported kind that stands where the vehicle left the road.
 
-Used in place of one that the program would put there, as the map knows better than a rule where a tree stands. It has
-to stand within the distance along the road that a verdict allows, on the reported side, beyond the edge and in the
+It is used instead of an object placed by the program, since the map knows better than a rule where a tree stands. It
+must be within the distance along the road that a verdict allows, on the reported side, beyond the edge and in the
 reported zone.
 """
 
@@ -66,8 +66,8 @@ _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
 @dataclass(frozen=True)
 class MappedObject:
-    """A thing of the map beside a path: the path's station there, how far to its outer side it stands (m), where, and
-    the direction of what runs along."""
+    """A thing of the map beside a path: the path's station there, how far to the path's side it stands (m), its place,
+    and the direction of a thing that runs along the road."""
 
     thing: MappedThing
     station_m: float
@@ -77,7 +77,8 @@ class MappedObject:
 
 
 def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> MappedObject | None:
-    """The nearest thing of a kind that stands where a vehicle on ``base`` can have left the road; None if none does.
+    """The nearest thing of a kind that stands where a vehicle on ``base`` can have left the road; None if there is
+    none.
 
     ``side_sign`` is 1 to the left of the path and -1 to the right.
     """

@@ -1,4 +1,4 @@
-"""How far a placed object runs: kerbs, rails and walls end where a street opens."""
+"""How long a placed object is: kerbs, rails and walls end where a street opens."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
 
-_AT_THE_EDGE_M = 0.5  # so far into the roadway a line still counts as standing at its edge
+_AT_THE_EDGE_M = 0.5  # a line this far into the roadway still counts as standing at its edge
 _LEAST_M = 1.0
 
 
 def clear_of_roadways(item: FixedObject, struck_at_xy_m: tuple[float, float], network: RoadNetwork) -> FixedObject:
     """The part of a lengthwise object around the place where it is struck that does not lie across a roadway.
 
-    As it is, if it is struck on a roadway itself (an island's kerb), or stands nowhere on one.
+    The object is left as it is if it is struck on a roadway itself (an island's kerb) or stands on none.
     """
     if KINDS[item.code].form is not ObjectForm.LINE:
         return item

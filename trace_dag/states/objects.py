@@ -1,7 +1,7 @@
-"""Fixed objects: what each kind that a report can name is as a body, and where beside a road one usually stands.
+"""Fixed objects: each kind that a report can name as a body, and where beside a road it usually stands.
 
-A rigid object stops what strikes it; a yielding one bears up to a force, and gives way for good once an energy is spent
-on it; one that is driven over takes little. Sources of what they bear:
+A rigid object stops what strikes it. A yielding one bears a force, and breaks once it has taken an energy. One that is
+driven over takes little. Sources of what they bear:
 
 * Supports of signs, lights and mailboxes: a breakaway support may slow a car of 820 kg from 35 km/h down by 5 m/s, and
   should by 3 m/s at most (NCHRP Report 350, 1993, section 5.1), which takes 20 kJ.
@@ -41,9 +41,9 @@ class ObjectForm(StrEnum):
 
 
 class PlacedBy(StrEnum):
-    """Who says where an object is."""
+    """Where an object's place comes from."""
 
-    PROGRAM = "program"  # placed so that the report's area of impact fits: the map has none there
+    PROGRAM = "program"  # placed to fit the reported area of impact: the map has none there
     OPENSTREETMAP = "openstreetmap"
 
 
@@ -68,9 +68,8 @@ class FixedObject:
     """An object of a hypothesis: the party's number, the pose of its middle, and what it is.
 
     The heading is along its length. ``code`` is the ``SOE`` that names it, ``placed_by`` says how its place is known,
-    ``osm_id`` which of OpenStreetMap's it is ("node/12").
-    ``force_n`` is the most it bears, None of rigid ones; ``energy_j`` what it takes to get past it, None if nothing
-    does.
+    ``osm_id`` its element in OpenStreetMap ("node/12"). ``force_n`` is the most it bears, None for rigid objects;
+    ``energy_j`` is the energy that it takes to break or pass it, None if it stops everything.
     """
 
     number: int

@@ -1,4 +1,4 @@
-"""Pairs of paths: what the makers of :mod:`pairs_along` and :mod:`pairs_crossing` yield, and the pieces they share."""
+"""Pairs of paths: the type that :mod:`pairs_along` and :mod:`pairs_crossing` make, and the functions they share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OPPOSITE_HEADING_RAD = math.radians(140)
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two options, the mover's first, and what judges them as a pair. ``parallel``: see :class:`Candidate`."""
+    """Two options, the mover's first, and the evidence about them as a pair. ``parallel``: see :class:`Candidate`."""
 
     mover: Option
     other: Option
@@ -27,7 +27,7 @@ class Pair:
     other_speed: TravelSpeed
     parallel: bool
     terms: dict[str, float] = field(default_factory=dict)
-    other_profile: SpeedProfile | None = None  # where it is not the one the record alone gives
+    other_profile: SpeedProfile | None = None  # if it differs from the one the record alone gives
 
 
 def ways(party: Party, stream: Stream, speed: TravelSpeed) -> list[Option]:
@@ -52,25 +52,26 @@ def speed_of(party: Party, stream: Stream, *, crossing: bool = False) -> TravelS
 
 
 def apart(one: Stream, two: Stream) -> float:
-    """Angle between two directions of travel along one road: at the crash, before a turn."""
+    """Angle between two directions of travel along one road (rad): at the crash, before a turn."""
     headings = [stream.course_rad if stream.turn is None else stream.heading_rad for stream in (one, two)]
     return abs(wrap_angle(headings[0] - headings[1]))
 
 
 def gap_between(one: Stream, two: Stream) -> float:
-    """How far left of ``one`` the path of ``two`` is at the crash."""
+    """How far left of ``one`` the path of ``two`` is at the crash (metres)."""
     pose = two.path.pose(two.station_m)
     return one.path.project(pose.x_m, pose.y_m)[1]
 
 
 def left_of(one: Stream, two: Stream, side: Side) -> float:
-    """How far ``one`` is to the given side of ``two`` at the crash."""
+    """How far ``one`` is to the given side of ``two`` at the crash (metres)."""
     gap = -gap_between(one, two)
     return gap if side is Side.LEFT else -gap
 
 
 def turning_streams(streams: Iterable[Stream], turn: Turn) -> list[Stream]:
-    """Streams on which the turn can be made: where lanes lead there, and the shared lane in the middle beside them."""
+    """Streams on which the turn can be made: those whose lanes lead there, and the shared lane in the middle beside
+    them."""
     streams = tuple(streams)
     by_lanes = [stream for stream in streams if stream.turn is turn]
     if turn is not Turn.LEFT:

@@ -40,10 +40,10 @@ MEDIAN_M = 12.0  # lanes farther apart than this have a median between them
 FARTHEST_CARRIAGEWAY_M = 60.0
 LEAST_GAP_M = 1.0
 PASSING_OFFSET_M = 3.3  # beside the lane where no other lane is
-_BESIDE_S, _PASSING_LATERAL_G, _LEAST_PASSING_MPS = 2.0, 0.15, 7.0  # how one moves out to pass
+_BESIDE_S, _PASSING_LATERAL_G, _LEAST_PASSING_MPS = 2.0, 0.15, 7.0  # how a vehicle moves out to pass
 LEAST_CLOSING_MPS = 1.0
 SLOWING_MPS2 = 2.0
-CLOSING_MPS = 6.0  # least difference of speeds where one of two unreported ones must have been faster
+CLOSING_MPS = 6.0  # least difference if one of two unreported speeds must have been higher
 
 
 def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
@@ -66,7 +66,7 @@ def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
 def _slowed(
     mover: Party, behind: TravelSpeed, other: Party, ahead: TravelSpeed
 ) -> tuple[SpeedProfile | None, dict[str, float]]:
-    """A leader reported as no slower than its follower must have slowed down; no more than needed."""
+    """A leader that is reported to be no slower than its follower must have slowed down, no more than needed."""
     follower, leader = (
         speed_profile(party.vehicle, speed.speed_mps) for party, speed in ((mover, behind), (other, ahead))
     )
@@ -100,7 +100,7 @@ def same_direction(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
 
 
 def _moving_out(stream: Stream, away_m: float, speed_mps: float) -> Stream:
-    """The stream of one that left its lane a little before to pass: in it at first, beside it at the crash."""
+    """The stream of a vehicle that moved out to pass a little before: at first in its lane, beside it at the crash."""
     speed_mps = max(speed_mps, _LEAST_PASSING_MPS)
     lateral_mps2 = _PASSING_LATERAL_G * GRAVITY_MPS2
     shift = lateral_shift(away_m, speed_mps, steepest_slope(away_m, speed_mps, lateral_mps2), lateral_mps2)
@@ -142,7 +142,7 @@ def opposite(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
                 gap = gap_between(stream.fitted(speed.speed_mps), target.fitted(other_speed.speed_mps))
                 if stream.turn is not None or not -PASSING_OFFSET_M <= gap <= FARTHEST_CARRIAGEWAY_M:
                     continue
-                if gap < LEAST_GAP_M:  # a corner cut at this speed, with no line left to cross
+                if gap < LEAST_GAP_M:  # at this speed the corner is cut so far that no line is left to cross
                     cutting = keep_lane(stream, mover.vehicle, speed.speed_mps, turn=mover.turn)
                     yield Pair(cutting, steady, speed, other_speed, True)
                     continue
@@ -160,7 +160,7 @@ def _turning_across(
     scene: Scene, mover: Party, steady: Option, other_speed: TravelSpeed, facing: list[Stream]
 ) -> Iterator[Pair]:
     assert mover.turn is not None
-    # Where lanes lead, and off the road anywhere else: into a driveway, a street the map does not have.
+    # To where lanes lead, and anywhere else off the road: into a driveway or a street that the map does not have.
     for stream in (*turning_streams(facing, mover.turn), *(each for each in facing if each.turn is None)):
         if not -2.0 <= gap_between(stream, steady.stream) <= FARTHEST_CARRIAGEWAY_M:
             continue
@@ -178,7 +178,7 @@ def _median_terms(mover: Party, gap_m: float) -> dict[str, float]:
 
 
 def _faster(behind: TravelSpeed, ahead: TravelSpeed) -> TravelSpeed:
-    """An unreported speed of a vehicle that ran into one ahead exceeds that one's."""
+    """An unreported speed of a vehicle that ran into another ahead is higher than the other's."""
     if behind.source is SpeedSource.REPORTED or behind.speed_mps >= ahead.speed_mps + CLOSING_MPS:
         return behind
     return replace(behind, speed_mps=ahead.speed_mps + CLOSING_MPS)

@@ -75,7 +75,7 @@ def backing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
 
 
 def _backward(scene: Scene, roads: list[Stream]) -> list[tuple[Stream, dict[str, float]]]:
-    """The lines one can back along, with what speaks for or against each."""
+    """The lines along which a vehicle can back, with the evidence for or against each."""
     found: list[tuple[Stream, dict[str, float]]] = []
     for stream in roads:
         if stream.extended:  # a side road that ends here: out of it, the body facing into it

@@ -1,9 +1,9 @@
-"""A vehicle strikes one that is parked or at work: where that stands, and how the other comes to it.
+"""A vehicle strikes one that is parked or at work: where the standing one is, and how the other comes to it.
 
-Who stands beside the road stands on the right of its direction of travel (on a one-way road on either side): at the
-kerb within the carriageway, on the shoulder or in the parking lane, or beyond, by the coded zone (``REL_ROAD``). Its
-exact place across the road is not coded. The vehicle that drives leaves its lane for it, as one that drifts does.
-Frame: the local frame.
+A vehicle that stands beside the road is on the right of its direction of travel (on a one-way road on either side). The
+coded zone (``REL_ROAD``) says whether it is at the kerb within the carriageway, on the shoulder or in the parking lane,
+or beyond. Its exact place across the road is not coded. The moving vehicle drifts out of its lane towards it. Frame:
+the local frame.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _DRIFT_G, _SWERVE_G = 0.08, 0.2
 _OVERLAPS: Final = (0.0, 0.45, -0.45, 0.8, -0.8)
 """How far the two are aside of each other, as shares of half their widths together."""
 _OTHER_SIDE: Final = -3.0  # log-likelihood of leaving to the side that the report does not say
-_ACROSS: Final = -1.5  # of leaving across oncoming traffic, where no side is said
+_ACROSS: Final = -1.5  # of leaving across oncoming traffic, if no side is reported
 _IN_THE_LANE: Final = -1.0  # of standing in the middle of a lane, not at its edge
 _ABRUPT: Final = -0.5
 _ACROSS_SAYS: Final = 0.25
@@ -54,7 +54,7 @@ _DECIMALS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """A way of standing along a stream, in a zone, ``terms`` of log-likelihood with it."""
+    """One place to stand along a stream, in a zone; ``terms`` are its log-likelihoods."""
 
     option: Option
     zone: Zone
@@ -65,7 +65,7 @@ STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
 
 
 def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
-    """The ways in which a parked or working vehicle can have stood by the zone of the first harmful event."""
+    """The places where a parked or working vehicle can have stood, by the zone of the first harmful event."""
     zones = zones_of_first_event(scene.record) or frozenset({Zone.CARRIAGEWAY})
     for stream in scene.on_road(scene.through):
         if stream.wrong_way:
@@ -91,7 +91,7 @@ def _stand(
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """The contact of one way to drive with one to stand."""
+    """The contact of one way to drive with one place to stand."""
 
     who: Party
     drive: Option
@@ -117,7 +117,7 @@ class _Plan:
 
 
 def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a vehicle in transport that strikes a standing one first, at most so many."""
+    """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many."""
     driven_one, parked = sorted((contact.one, contact.two), key=lambda vehicle: not vehicle.in_transport)
     who = party(scene.record, contact.vehicle(driven_one.number))
     standing = contact.vehicle(parked.number)
@@ -145,7 +145,7 @@ def _best(
     stand: Stand,
     parked: VehicleRecord,
 ) -> _Plan | None:
-    """The likeliest overlap of a way to drive with a way to stand."""
+    """The likeliest overlap of a way to drive with a place to stand."""
     profile = speed_profile(who.vehicle, speed.speed_mps)
     if profile.impact_mps < 1.0:
         return None
@@ -161,7 +161,7 @@ def _best(
 def _towards(
     scene: Scene, who: Party, option: Option, stand: Stand, parked: VehicleRecord, share: float
 ) -> Iterator[Option]:
-    """The way to drive, moved aside so far as to meet the one that stands with that share of overlap."""
+    """The way to drive, moved aside until it meets the standing vehicle with that share of overlap."""
     if option.turn is not None or option.shift is not None or option.backing:
         if share == 0.0:
             yield option
@@ -210,7 +210,7 @@ def _plan(
     parked_m = _nearest_m(parked_path, scene)
     contacts: Contacts | None = None
     path, station = option.path(), 0.0
-    for _ in range(_SLIDES):  # the one that stands is where the contact then is at the reported place
+    for _ in range(_SLIDES):  # put the standing vehicle where the contact is at the reported place
         at = parked_path.pose(parked_m)
         slide = option.stream.path.project(at.x_m, at.y_m)[0] - option.station_m
         path = option.path(slide)
@@ -252,8 +252,8 @@ def _area(vehicle: VehicleRecord, bearing_rad: float) -> float:
 
 
 def _place(scene: Scene, option: Option, stand: Stand, contacts: Contacts) -> float:
-    """How well the contact is at the place. The place of a crash beside the road lies on the road, so that across it
-    says little then: on which half of the road, if anything."""
+    """How well the contact agrees with the place. The reported place of a crash beside the road lies on the road. So
+    across the road it says little: at most which half of the road it was."""
     missing: FloatArray = np.array([contacts.x_m[0], contacts.y_m[0]]) - np.array(scene.place_xy_m)
     ahead = option.stream.path.pose(option.station_m).forward
     along, across = float(missing @ ahead), float(ahead[0] * missing[1] - ahead[1] * missing[0])

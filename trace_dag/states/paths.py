@@ -55,7 +55,7 @@ class Path:
         return x, y, np.interp(np.asarray(s_m, float), self.s_m, self.z_m), heading
 
     def pose(self, s_m: float) -> Pose:
-        """Pose at one distance: as :meth:`at`, which is made for many."""
+        """Pose at one distance; as :meth:`at`, which takes many."""
         if not float(self.s_m[0]) <= s_m < float(self.s_m[-1]):
             x, y, z, heading = (float(value) for value in self.at(np.array(s_m)))
             return Pose(x, y, math.remainder(heading, math.tau), z)
@@ -72,7 +72,7 @@ class Path:
     def project(self, x_m: float, y_m: float, *, near_s_m: float | None = None) -> tuple[float, float]:
         """Distance along the path closest to a point, and the point's offset to the left of the path there, metres.
 
-        ``near_s_m`` limits the search to 60 m around it, for paths that come back to themselves.
+        ``near_s_m`` limits the search to 60 m around it, for paths that pass the same place twice.
         """
         squared = (self.x_m - x_m) ** 2 + (self.y_m - y_m) ** 2
         if near_s_m is not None:
@@ -111,7 +111,7 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
     kernel /= kernel.sum()
     columns = []
     for axis in range(3):
-        # Odd reflection carries each end's direction on, so that the ends stay where they are.
+        # Odd reflection continues each end in its direction, so that the ends stay where they are.
         value = np.interp(at, s, points[:, axis])
         reflected = value[::-1]
         padded = np.concatenate([2 * value[0] - value[reach:0:-1], value, 2 * value[-1] - reflected[1 : reach + 1]])
@@ -271,7 +271,7 @@ def turned(path: Path, shape: TurnShape, *, start_s_m: float, tail_m: float) -> 
 def turn_start_to_meet(path: Path, shape: TurnShape, exit_pose: Pose, *, near_s_m: float) -> float | None:
     """Where along a (locally straight) path a turn must begin to end on the line through ``exit_pose``.
 
-    None where approach and exit run parallel, so that no beginning does.
+    None if approach and exit are parallel: then no such turn exists.
     """
     pose = path.pose(near_s_m)
     ahead_m, left_m = shape.displacement_m()

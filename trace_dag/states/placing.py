@@ -18,12 +18,12 @@ from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, PlacedBy, R
 from trace_dag.states.paths import Path
 from trace_dag.states.spots import Spot, spots_of
 
-_NEXT_M: Final = 1.5  # the next object stands at least so much farther out
-_BREAKS_J: Final = 30e3  # an object that takes no more is left behind
-_MEETS: Final = 0.1  # a face that goes that little ahead meets nothing
-_CROSSES: Final = 0.5  # sine of the angle from which on something lies across the course
-_FARTHER_ON: Final = 0.2  # of its length, the middle of what runs along the road lies beyond where it is struck
-_ARROW_M: Final = 0.25  # a straight object lies so far off a curved road's edge at its ends
+_NEXT_M: Final = 1.5  # the next object stands at least this much farther out
+_BREAKS_J: Final = 30e3  # an object that takes no more energy than this is passed
+_MEETS: Final = 0.1  # a face that moves so little ahead strikes nothing
+_CROSSES: Final = 0.5  # sine of the angle above which something lies across the course
+_FARTHER_ON: Final = 0.2  # share of its length: the middle of an object along the road is beyond where it is struck
+_ARROW_M: Final = 0.25  # how far the ends of a straight object may lie off a curved road's edge
 
 
 PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
@@ -32,8 +32,8 @@ PlannedContacts = tuple[tuple[float, tuple[float, float]], ...]
 
 @dataclass(frozen=True, eq=False)
 class Led:
-    """A way off the road: the path, the vehicle's station on it at the first object, the direction of what runs along
-    the road there (rad); whether the road ends."""
+    """A way off the road: the path, the vehicle's station on it at the first object, the direction of objects along the
+    road there (rad), and whether the road ends."""
 
     path: Path
     station_m: float
@@ -42,7 +42,7 @@ class Led:
 
 
 def as_mapped(item: FixedObject, mapped: MappedObject) -> FixedObject:
-    """An object that was placed where the map has it, said to be the map's."""
+    """An object that stands where the map has it, marked as the map's."""
     pose = item.pose
     if mapped.along_rad is None:
         pose = replace(pose, x_m=mapped.xy_m[0], y_m=mapped.xy_m[1])
@@ -50,8 +50,8 @@ def as_mapped(item: FixedObject, mapped: MappedObject) -> FixedObject:
 
 
 def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
-    """Where on the vehicle it meets an object: the spot of the area of impact for what is compact, the foremost corner
-    towards ``outward_rad`` (in the vehicle's axes) for what runs along the edge."""
+    """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
+    the foremost corner towards ``outward_rad`` (in the vehicle's axes)."""
     vehicle = departure.vehicle
     half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
     if KINDS[struck.code].form is ObjectForm.LINE:
@@ -67,13 +67,13 @@ def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outwar
 def objects_along(
     departure: Departure, led: Led, course: Course, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
-    """The objects along the course, as far as the vehicle comes: each where its area of impact is when the vehicle is
-    there; and when and where each is struck."""
+    """The objects along the course, as far as the vehicle gets, each placed at its area of impact; and when and where
+    each is struck."""
     path, station_m, along_rad = led.path, led.station_m, led.along_rad
     objects: list[FixedObject] = []
     planned: list[tuple[float, tuple[float, float]]] = []
     first = path.pose(station_m)
-    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how fast it gets farther from the edge, per metre
+    out_rad = abs(math.sin(first.heading_rad - along_rad))  # how much farther from the edge it gets, per metre
     beyond_m = KINDS[departure.objects[0].code].beyond_edge_m
     on_m = 0.0
     for struck in departure.objects:
@@ -103,8 +103,8 @@ def _passes(departure: Departure, item: FixedObject) -> bool:
 def _placed(
     departure: Departure, struck: ObjectStruck, path: Path, pose: Pose, along_rad: float, course: Course
 ) -> tuple[FixedObject, tuple[float, float]]:
-    """An object that the vehicle touches in a pose, and where: what is compact lies outside the spot that it is struck
-    at, what runs along the edge with its near face through the vehicle's foremost corner."""
+    """An object that touches the vehicle in a pose, and the point of contact. A compact object lies outside the spot
+    where it is struck; the near face of an object along the edge goes through the vehicle's foremost corner."""
     kind = KINDS[struck.code]
     course_rad = pose.heading_rad - course.slip_rad
     if kind.form is ObjectForm.LINE:
@@ -144,7 +144,7 @@ def _placed(
 
 
 def _straight_m(path: Path, pose: Pose) -> float:
-    """How long a straight object may be to lie along a road that curves as the path does."""
+    """How long a straight object may be (metres) along a road that curves as the path does."""
     at, _ = path.project(pose.x_m, pose.y_m)
     near = np.abs(path.s_m - at) < 15.0
     curvature = abs(float(np.mean(path.curvature_1pm[near]))) if near.any() else 0.0

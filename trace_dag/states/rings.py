@@ -1,4 +1,4 @@
-"""Roundabouts as a network shows them: a short closed chain of one-way lanes that only ever turns left."""
+"""Roundabouts of a network: a short closed chain of one-way lanes that always turns left."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 
 LONGEST_M = 240.0  # an outer radius of 38 m: FHWA gives 20 to 30 m for one lane, 25 to 40 m for two
-_RIGHTWARD_RAD = math.radians(-15)  # a lane that turns right by more leaves the ring
+_RIGHTWARD_RAD = math.radians(-15)  # a lane that turns right by more than this leaves the ring
 _OUT_OF_ROUND = 1.7  # farthest over nearest distance from the middle; a pair of median crossovers is far longer
 
 
 def ring_through(
     network: RoadNetwork, seed: LaneRef, centreline: Callable[[LaneRef], FloatArray]
 ) -> tuple[LaneRef, ...]:
-    """The lanes of the roundabout ``seed`` is part of, in the direction of travel from it; empty if it is of none.
+    """The lanes of the roundabout that ``seed`` belongs to, in the direction of travel from it; empty if it belongs to
+    none.
 
     ``centreline`` gives a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
     """

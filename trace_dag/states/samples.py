@@ -1,15 +1,16 @@
-"""What else may have been: draws of everything that the report leaves open, around the hypotheses of an estimate.
+"""Other courses that a crash can have taken: draws of everything that the report leaves open, around the hypotheses of
+an estimate.
 
-A draw chooses one of the kept hypotheses (readings of the record, lanes, manoeuvres) by what is known of it before the
-impact, and varies what that leaves open: speeds, how far each party has come when they meet (the timing), how far it is
-to the side, its mass, the friction of the road. What a draw comes to is simulated and weighed by the report
-(:mod:`trace_dag.sim.sampled`); nothing here judges.
+A draw chooses one of the kept hypotheses (reading of the record, lanes, manoeuvres), by its likelihood before the
+impact, and varies what it leaves open: speeds, how far each party has come when they meet (the timing), how far it is
+to the side, its mass, and the friction of the road. The draws are simulated and weighed by the report in
+:mod:`trace_dag.sim.sampled`.
 
 Speeds that nobody reported and the loss of speed before the impact come from :mod:`trace_dag.states.speed_prior`.
-Reported speeds are given to 5 mph: half of that either way. The other spreads are judgement, not fits: half a
-lane's play to either side of a vehicle (0.25 m) and of a person's line (0.4 m), a car's length along (1.5 m) and a
-step of a person (0.5 m), 12 % of the mass (load and model within a class), 12 % of the friction (0.65 to 0.85 of dry
-asphalt: Warner et al., SAE 830612, has 0.5 to 0.9 over all pavements), 20 % of a person's pace.
+Reported speeds are rounded to 5 mph, so they vary by half of that either way. The other spreads are judgement, not
+fits: half a lane's play to either side of a vehicle (0.25 m) and of a person's line (0.4 m), a car's length along (1.5
+m) and a step of a person (0.5 m), 12 % of the mass (load and model within a class), 12 % of the friction (0.65 to 0.85
+of dry asphalt: Warner et al., SAE 830612, has 0.5 to 0.9 over all pavements), 20 % of a person's pace.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ _NORMAL: Final = NormalDist()
 
 
 def draw_samples(record: CrashRecord, hypotheses: Sequence[Hypothesis], count: int) -> tuple[Sample, ...]:
-    """So many draws, the same ones every time. They are spread evenly over each of the numbers that a draw takes."""
+    """``count`` draws, the same every time. They are spread evenly over each of the random numbers that a draw
+    takes."""
     if count == 0:
         return ()
     most = max(len(hypothesis.participants) for hypothesis in hypotheses)
@@ -69,7 +71,7 @@ def _spread_evenly(key: str, count: int, columns: int) -> Iterator[FloatArray]:
 
 
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
-    """How likely each hypothesis is by what is known before the impact."""
+    """The likelihood of each hypothesis by what is known before the impact; they add up to 1."""
     scores = np.array(
         [
             each.score - sum(value for name, value in each.evidence.items() if name.startswith(_WEIGHED_LATER))
@@ -106,7 +108,8 @@ def _speeds(
     kept: float,
     normal: float,
 ) -> tuple[float, float]:
-    """Travel and impact speed of a party: the hypothesis's, varied as far as the report leaves them open."""
+    """Travel and impact speed of a party (m/s): those of the hypothesis, varied as far as the report leaves them
+    open."""
     planned, at_impact = abs(state.initial_speed_mps), abs(state.impact_speed_mps)
     if state.is_figure or vehicle is None or state.initial_speed_mps < 0:
         pace = math.exp(_PACE * normal)
@@ -122,6 +125,6 @@ def _speeds(
 
 
 def _rounding_mps(speed_mps: float) -> float:
-    """How far off a reported speed may be by its rounding."""
+    """How far off a reported speed may be by its rounding (m/s)."""
     off_mph = abs(math.remainder(mps_to_mph(speed_mps), _ROUNDED_TO_MPH))
     return mph_to_mps(_ROUNDED_TO_MPH / 2 if off_mph < 0.1 else 0.5)

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon
 
 CARRIAGEWAY_REACH_M = 120.0
-BESIDE_ROAD_M = 5.0  # a reported point this near its carriageway is met as it is
-ON_ROAD_M = 8.0  # a lane whose centre is farther from the crash did not carry it
+BESIDE_ROAD_M = 5.0  # a reported point this near to its carriageway is used as it is
+ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
 
 
 def place_of(placement: CrashPlacement) -> tuple[float, float]:
-    """Where an impact is to be: at the reported point, unless that had to be moved to another road."""
+    """Where the impact should be: at the reported point, unless that had to be moved to another road."""
     return (0.0, 0.0) if placement.moved_m <= BESIDE_ROAD_M else (placement.x_m, placement.y_m)
 
 
@@ -38,12 +38,12 @@ class Scene:
 
     @property
     def place_xy_m(self) -> tuple[float, float]:
-        """Where the impact is to be."""
+        """Where the impact should be."""
         return place_of(self.placement)
 
     @cached_property
     def carriageway(self) -> MultiPolygon:
-        """What traffic drives on around the crash, at its level."""
+        """The area that traffic drives on around the crash, at its level."""
         place = self.placement
         return self.network.carriageway_near(place.x_m, place.y_m, CARRIAGEWAY_REACH_M, z_m=place.z_m)
 
@@ -53,6 +53,6 @@ class Scene:
         return [stream for stream in self.streams if stream.turn is None]
 
     def on_road(self, wanted: list[Stream]) -> list[Stream]:
-        """Those that pass within a lane or two of the crash, else the nearest ones."""
+        """Streams that pass within a lane or two of the crash, else the nearest ones."""
         near = [stream for stream in wanted if abs(stream.offset_m) <= ON_ROAD_M]
         return near or wanted[:2]

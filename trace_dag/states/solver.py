@@ -1,8 +1,8 @@
 """From a candidate to states: where the two bodies touch, and where that puts them at the beginning.
 
-The solver moves both bodies along their paths (:mod:`trace_dag.states.contact`) for a range of timings, takes the
-first contact that agrees best with the reported areas and the reported place, slides what can slide along the road to
-that place, and then lets each vehicle's speed profile run backward from the impact. Speeds are inputs, never results.
+The solver moves both bodies along their paths (:mod:`trace_dag.states.contact`) for a range of timings, takes the first
+contact that agrees best with the reported areas and the reported place, and moves paths that can be anywhere along the
+road to that place. Then each vehicle's speed profile runs backward from the impact. Speeds are inputs, never results.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ TIMINGS = 41
 SLIDES = 3
 SLID_ENOUGH_M = 0.2
 MAX_SLIDE_M = 30.0
-TURN_SLIDE_SIGMA_M = 8.0  # how far from where the lanes put it a turn may begin
+TURN_SLIDE_SIGMA_M = 8.0  # how far a turn may begin from where the lanes have it
 _TIMING_COST = 0.05  # per second
-_LONE_TIMING = -0.7  # a contact whose neighbouring timings miss is one that a small error loses
+_LONE_TIMING = -0.7  # a contact whose neighbouring timings miss would be lost by a small error
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +49,12 @@ class Solution:
     mover: Placed
     other: Placed
     contact_xy_m: tuple[float, float]
-    place_xy_m: tuple[float, float]  # where it was to be
+    place_xy_m: tuple[float, float]  # where the contact should be
     terms: dict[str, float] = field(default_factory=dict)
 
     @property
     def score(self) -> float:
-        """Log-likelihood, rounded so that its order does not depend on the last bits of the arithmetic."""
+        """Log-likelihood, rounded so that the order of solutions does not depend on the last bits."""
         return round(self.candidate.encounter.log_prior + sum(self.terms.values()), 6)
 
     @property
@@ -70,7 +70,7 @@ class Solution:
 
 
 def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> Solution | None:
-    """The best first contact of a candidate near a place, None where the two never meet."""
+    """The best first contact of a candidate near a place; None if the two never meet."""
     encounter = candidate.encounter
     slide = [0.0, 0.0]
     best: tuple[Contacts, int, Mover, Mover] | None = None
@@ -87,7 +87,7 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
         areas = areas + impact_area_log_likelihood(encounter.other.vehicle, contacts.bearing_2_rad)
         areas = areas + manner_log_likelihood(record, contacts.bearing_1_rad, contacts.bearing_2_rad)
         score = areas + place_log_likelihood(_unslidable(candidate, slides, contacts, x_m, y_m))
-        # Along one road timings that differ in nothing but the place are many: stay with one while sliding.
+        # Along one road many timings differ in nothing but the place: keep one of them while sliding.
         timing = contacts.time_1_s - contacts.time_2_s
         index = int(np.argmax(np.round(_steadied(score) - _TIMING_COST * np.abs(timing - ahead_s), 6)))
         ahead_s = float(timing[index])
@@ -107,7 +107,7 @@ def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> 
 
 
 def _span_s(candidate: Candidate) -> float:
-    """How long two vehicles side by side take to come together: one moves over at its leisure."""
+    """How long two vehicles side by side take to come together, as one of them moves over slowly (seconds)."""
     shift = candidate.mover.shift
     if shift is None or candidate.encounter.relation is not Relation.SAME_DIRECTION:
         return 0.0
@@ -124,7 +124,7 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
             pose = option.nominal_pose(moved)
             stations.append(path.project(pose.x_m, pose.y_m)[0])
         if encounter.relation is Relation.SAME_LANE:
-            # One behind the other: the follower's station is where it touches, not where it would lie inside.
+            # One behind the other: the follower's station is where it touches, not where the bodies would overlap.
             stations[0] -= (encounter.mover.vehicle.length_m + encounter.other.vehicle.length_m) / 2
     else:
         conflict = _conflict(paths[0], paths[1], x_m, y_m)
@@ -142,7 +142,7 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
 
 
 def _conflict(one: Path, two: Path, x_m: float, y_m: float) -> tuple[float, float] | None:
-    """Stations where two paths come closest to each other near a place; None where they stay 6 m apart."""
+    """Stations where two paths come closest to each other near a place; None if they stay more than 6 m apart."""
     spans = []
     for path in (one, two):
         near = np.flatnonzero(np.hypot(path.x_m - x_m, path.y_m - y_m) < 40.0)
@@ -162,7 +162,7 @@ def _conflict(one: Path, two: Path, x_m: float, y_m: float) -> tuple[float, floa
 def _unslidable(
     candidate: Candidate, slides: tuple[bool, bool], contacts: Contacts, x_m: float, y_m: float
 ) -> FloatArray:
-    """Distance of each contact from the place that sliding along the road cannot take away."""
+    """The part of each contact's distance from the place that sliding along the road cannot remove."""
     dx, dy = contacts.x_m - x_m, contacts.y_m - y_m
     if not any(slides):
         return np.asarray(np.hypot(dx, dy))
@@ -172,7 +172,7 @@ def _unslidable(
 
 
 def _steadied(score: FloatArray) -> FloatArray:
-    """Each contact's score with a share of its neighbours' in timing."""
+    """Each contact's score, averaged with those of the neighbouring timings."""
     if len(score) == 1:
         return score
     padded = np.concatenate([[score[0] + _LONE_TIMING], score, [score[-1] + _LONE_TIMING]])
@@ -234,7 +234,8 @@ def _placed(option: Option, mover: Mover, time_s: float, bearing_rad: float) -> 
 
 
 def _turning_term(vehicle: VehicleRecord, placed: Placed) -> float:
-    """A vehicle reported as turning that has hardly begun to, or has long finished, when it is struck."""
+    """Log-likelihood of a vehicle reported as turning that has hardly begun, or has long finished, when it is
+    struck."""
     shape = placed.option.turn
     if shape is None:
         return 0.0

@@ -1,13 +1,14 @@
-"""How fast vehicles go of which nobody reported it, and how much slower they strike: distributions learned from data.
+"""Distributions, learned from data, of the travel speed where none is reported, and of how much slower a vehicle
+strikes.
 
-Travel speeds are learned from those that police reported in FARS, as what is added to the rule of
+Travel speeds are learned from those that police reported in FARS, as differences from the rule of
 :mod:`trace_dag.states.speeds` (limit, manoeuvre, class of the road). The loss of speed before the impact is learned
 from the last five seconds of event data recorders. ``benchmarks/fit_speeds.py`` fits both and writes the tables in
 :mod:`trace_dag.states.speed_coefficients`; ``benchmarks/mask_and_predict.py`` says how good they are.
 
-A reported speed is taken for the one before braking: of vehicles that go along, reports have the limit in the median,
-which is what recorders have five seconds before the impact and not what they have at it. Of vehicles that turn, reports
-have what recorders have at the impact, and it is taken for that one.
+A reported speed is taken as the speed before braking. For vehicles that go along the road the median reported speed is
+the limit; recorders show that five seconds before the impact, and less at the impact. For vehicles that turn, reported
+speeds match those of recorders at the impact, and are taken as such.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
 
 
 class SpeedClass(StrEnum):
-    """Vehicles whose speeds scatter alike."""
+    """A class of vehicles whose speeds have the same spread."""
 
     STANDING = "standing"  # the report says that it stood
     SLOW = "slow"  # turning, backing, from a stop sign
@@ -49,7 +50,7 @@ class SpeedClass(StrEnum):
 
 
 class Role(StrEnum):
-    """What a vehicle did in the crash, as far as its braking goes."""
+    """What a vehicle did in the crash, as far as it matters for braking."""
 
     TURNING = "turning"
     OPPOSITE = "opposite"
@@ -62,29 +63,29 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Distribution:
-    """Values (m/s, or a ratio) that are not exceeded with the probabilities :data:`LEVELS`."""
+    """Values (m/s, or a ratio) at the cumulative probabilities :data:`LEVELS`."""
 
     values: tuple[float, ...]
 
     def at(self, probability: float) -> float:
-        """The value that is not exceeded with a probability, between the levels by straight lines."""
+        """The value at a cumulative probability, linear between the levels."""
         return float(np.interp(probability, LEVELS, self.values))
 
     @property
     def median(self) -> float:
-        """The value in the middle."""
+        """The median."""
         return self.at(0.5)
 
 
 def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
-    """The class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives."""
+    """The speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives."""
     if rule.source is SpeedSource.INFERRED_MANOEUVRE:
         return SpeedClass.STANDING if rule.speed_mps == 0.0 else SpeedClass.SLOW
     return SpeedClass.SPEEDING if party.vehicle.speeding else SpeedClass.ALONG
 
 
 def role(party: Party) -> Role:
-    """The role of a vehicle."""
+    """What a vehicle did in the crash, by its record."""
     kind = party.crash_type
     if party.turn is not None:
         return Role.TURNING
@@ -97,7 +98,7 @@ def role(party: Party) -> Role:
 
 
 def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
-    """What of the report a travel speed depends on, beside the rule; the names are those of the table of shifts."""
+    """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts."""
     vehicle, relation = party.vehicle, party.crash_type.relation
     along = speed_class(party, rule) in (SpeedClass.SPEEDING, SpeedClass.ALONG)
     slow = speed_class(party, rule) is SpeedClass.SLOW
@@ -137,7 +138,7 @@ def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, 
 
 
 def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpeed) -> Distribution:
-    """Of the travel speed of a vehicle (m/s) of which none is reported."""
+    """Distribution of a vehicle's travel speed (m/s) if none is reported."""
     group = speed_class(party, rule)
     shift = sum(SHIFTS_MPH[name] for name, holds in features(record, party, rule).items() if holds)
     return Distribution(
@@ -146,9 +147,9 @@ def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpe
 
 
 def speed_kept_distribution(party: Party) -> Distribution:
-    """Of the speed at the impact, as a share of the one before: what braking left of it.
+    """Distribution of the speed at the impact as a share of the travel speed: what is left after braking.
 
-    One where the report says that nothing was done to avoid the crash, of vehicles that turn, and of those that stand.
+    It is 1 if the report says that nothing was done to avoid the crash, and for vehicles that turn or stand.
     """
     whole = Distribution((1.0,) * len(LEVELS))
     if party.turn is not None or party.stationary or party.vehicle.avoidance_code == NO_AVOIDANCE:

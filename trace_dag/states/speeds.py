@@ -1,4 +1,4 @@
-"""Speeds before the impact: what the report says is kept, what it does not say is inferred and marked.
+"""Speeds before the impact: reported ones are kept, others are inferred and marked as such.
 
 A reported travel speed is the speed at the initial state, exactly. It stays constant up to the impact unless the
 record itself says that the vehicle braked or started. Speeds in m/s, accelerations in m/s2.
@@ -25,7 +25,7 @@ HARDEST_LATERAL_MPS2 = 0.55 * GRAVITY_MPS2  # below the 0.7 to 0.8 a car can hol
 
 # P_CRASH3 (avoidance) codes that include braking: 2-4, 8, 9 by year, 15 and 16 since 2013.
 BRAKING_AVOIDANCE = frozenset({2, 3, 4, 8, 9, 15, 16})
-_BRAKING_TIME_S = 1.0  # an emergency: perception and reaction leave about this much
+_BRAKING_TIME_S = 1.0  # in an emergency: what perception and reaction leave for braking
 _BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
 _SLOWING_TIME_S = 2.5
 _SLOWING_MPS2 = 1.5
@@ -47,7 +47,7 @@ _STARTING = frozenset({PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING,
 
 @dataclass(frozen=True)
 class TravelSpeed:
-    """Speed at the initial state and where it comes from."""
+    """Speed at the initial state (m/s) and where it comes from."""
 
     speed_mps: float
     source: SpeedSource
@@ -79,7 +79,7 @@ def travel_speed(
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """What is driven on a road of its class, where neither map nor report say a limit."""
+    """The usual speed on a road of its class (m/s), if neither map nor report has a limit."""
     return road_class(road.highway if road is not None else "").speed_mps
 
 
@@ -107,7 +107,7 @@ class SpeedProfile:
     def sample(self, lead_time_s: float, after_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times from 0, distances from the impact (negative before it) and speeds; the impact is one of the samples.
 
-        After the impact the speed stays what it was, as if nothing had happened.
+        After the impact the speed stays the same, as if nothing had happened.
         """
         n = math.ceil(lead_time_s / TIME_STEP_S - 1e-9)
         step = lead_time_s / n
@@ -124,7 +124,7 @@ class SpeedProfile:
 
 
 def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
-    """The profile the record asks for; constant unless it says braking, slowing or starting."""
+    """The profile by the record: constant unless it says braking, slowing or starting."""
     if starts(vehicle, initial_mps):
         return SpeedProfile(0.0, _STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
     if brakes(vehicle) and initial_mps > 0:

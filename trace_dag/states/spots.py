@@ -1,4 +1,4 @@
-"""Where on a vehicle something touches it: the spot of a reported area of impact, and those beside it."""
+"""Where on a vehicle something touches it: the spot of a reported area of impact, and the spots beside it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from trace_dag.crash.record import ImpactArea
 
 _FRONT_RAD: Final = math.radians(45)
 _REAR_RAD: Final = math.radians(135)
-_EDGE: Final = 0.85  # of half the width: what goes along and is struck at a side is caught by the corner
+_EDGE: Final = 0.85  # share of half the width: what moves along and is struck at a side is caught by the corner
 
 
 @dataclass(frozen=True)
 class Spot:
-    """Where on a vehicle something touches it: in its own axes, with the outward normal of the face."""
+    """A point of a vehicle's outline, in its own axes, with the outward normal of the face."""
 
     ahead_m: float
     left_m: float
@@ -23,7 +23,7 @@ class Spot:
 
 
 def spots_of(area: ImpactArea | None, half_length: float, half_width: float) -> list[Spot]:
-    """Spots to try: that of the area, then the corner of the front or the rear beside it, then the front's middle."""
+    """Spots to try: the area's own, then the corner of the front or the rear beside it, then the front's middle."""
     bearing = 0.0 if area is None else area.centre_rad
     side = math.copysign(1.0, bearing)
 

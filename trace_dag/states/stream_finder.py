@@ -1,6 +1,6 @@
 """Finding the streams past the crash in the road network.
 
-They are the candidates every hypothesis chooses from: through traffic of each lane, the approaches of a junction with
+Every hypothesis chooses from them: through traffic of each lane, the approaches of a junction with
 where one can turn, the ways into and around a roundabout, and the shared lane in the middle in both directions. Frame:
 the local frame.
 """
@@ -26,14 +26,14 @@ from trace_dag.units import wrap_angle
 
 SMOOTHING_M = 3.0  # standard deviation; moves an arc of 20 m radius by 0.2 m
 RING_SMOOTHING_M = 1.5
-NEAR_M = 15.0  # lanes this near the crash are part of it
+NEAR_M = 15.0  # lanes this near to the crash can be part of it
 AROUND_M = 60.0  # other carriageways and approaches are looked for within this
-JUNCTION_REACH_M = 45.0  # how far from the crash a junction's connecting lanes count
+JUNCTION_REACH_M = 45.0  # how far from the crash a junction's connecting lanes are looked for
 OFF_JUNCTION_M = 20.0
 TURN_RAD = math.radians(30)
 SLIGHT_TURN_RAD = math.radians(12)
 U_TURN_RAD = math.radians(160)
-BENEATH_M = 3.0  # lanes this much higher or lower are another level
+BENEATH_M = 3.0  # lanes this much higher or lower are on another level
 EXTENSION_M = 120.0
 MERGE_M = 60.0  # a change of lanes takes 3 to 5 s, some 60 m on city streets
 
@@ -63,7 +63,7 @@ class StreamFinder:
     def streams(self, junction_id: str | None) -> tuple[Stream, ...]:
         """Every stream within reach, nearest first, in an order that depends on the map alone."""
         found: dict[str, Stream] = {}
-        covered: set[LaneRef] = set()  # by a stream that goes straight along them, or around in a ring
+        covered: set[LaneRef] = set()  # lanes of a stream that goes straight along them, or around a ring
         for seed in self._seeds(junction_id):
             if seed in covered:
                 continue
@@ -133,7 +133,7 @@ class StreamFinder:
         return [stream] if stream is not None else []
 
     def _through_junction(self, seed: LaneRef) -> list[Stream]:
-        """The movement of a connecting lane: through, a turn, or both readings where it turns little."""
+        """The movement of a connecting lane: through, a turn, or both if it turns little."""
         turn = self._turn(seed)
         slight = self._slight_turn(seed)
         found = [self._through(seed)] if turn is None else [self._turning(seed, turn)]
@@ -142,7 +142,7 @@ class StreamFinder:
         return [stream for stream in found if stream is not None]
 
     def _through(self, seed: LaneRef) -> Stream | None:
-        """Straight past the crash along the seed; None where its lanes turn there."""
+        """Straight past the crash along the seed; None if its lanes turn there."""
         chain = self._chain(seed, upstream_m=self.back_m, downstream_m=self.ahead_m)
         for ref in chain.lanes:
             in_junction = self._road(ref).junction_id is not None
@@ -182,7 +182,7 @@ class StreamFinder:
         return streams
 
     def _straight_on(self, approach: LaneRef) -> Stream:
-        """The approach carried on straight where no lane goes straight: the stem of a T, a road that ends."""
+        """The approach continued straight on where no lane goes straight: the stem of a T, a road that ends."""
         chain = self._chain(approach, upstream_m=self.back_m, downstream_m=0.0)
         stream = self._stream(chain)
         return replace(stream, name=f"{stream.name} straight on", extended=True)
@@ -229,7 +229,7 @@ class StreamFinder:
         )
 
     def _position(self, here: LaneRef) -> dict[str, Any]:
-        """Where a lane lies among those of its road, as the fields of a stream that comes along it."""
+        """The position of a lane among those of its road, as fields of a stream along it."""
         drivable = [
             lane for lane in self._road(here).lane_sections[here.section].lanes if lane.id != 0 and lane.type.drivable
         ]
@@ -237,7 +237,7 @@ class StreamFinder:
         along = [lane.id for lane in drivable if self.network.direction(here._replace(lane_id=lane.id)) == direction]
         return {
             "road": self._road(here),
-            "lane_from_left": sorted(along, key=abs).index(here.lane_id),  # ids grow in size away from the centre
+            "lane_from_left": sorted(along, key=abs).index(here.lane_id),  # the size of ids grows away from the centre
             "lanes_along": len(along),
             "lanes_total": len(drivable),
             "centre_lane_beside": any(lane.type is LaneType.BIDIRECTIONAL for lane in drivable),
@@ -261,7 +261,7 @@ class StreamFinder:
     def _beyond(
         self, seed: LaneRef, wanted_m: float, taken: Collection[LaneRef], keep: tuple[LaneRef, ...]
     ) -> tuple[LaneRef, ...]:
-        """The seed and the lanes that follow it, none of those ``taken``."""
+        """The seed and the lanes that follow it, without those in ``taken``."""
 
         def onward(lanes: tuple[LaneRef, ...], following: Sequence[LaneRef]) -> Sequence[LaneRef]:
             options = [option for option in following if option not in lanes and option not in taken]
@@ -272,8 +272,8 @@ class StreamFinder:
     def _behind(
         self, seed: LaneRef, wanted_m: float, keep: tuple[LaneRef, ...]
     ) -> tuple[tuple[LaneRef, ...], tuple[LaneRef, LaneRef] | None]:
-        """The seed and the lanes before it, backwards; and, where a lane of these begins beside another from which
-        traffic comes over into it, the two."""
+        """The seed and the lanes before it, backwards. If one of these begins beside a lane from which traffic changes
+        over into it, also that pair of lanes."""
         merged: tuple[LaneRef, LaneRef] | None = None
 
         def onward(lanes: tuple[LaneRef, ...], preceding: Sequence[LaneRef]) -> Sequence[LaneRef]:
@@ -297,7 +297,7 @@ class StreamFinder:
         return [min(options, key=lambda option: self._detour(option, name, keep))] if options else ()
 
     def _lane_before(self, ref: LaneRef) -> LaneRef | None:
-        """The lane beside one that begins here, from which traffic comes over into it; None where none leads on.
+        """The lane beside one that begins here, from which traffic changes over into it; None if there is none.
 
         A shared lane in the middle is entered anywhere along it.
         """
@@ -312,7 +312,7 @@ class StreamFinder:
         return None
 
     def _merging(self, chain: _Chain, begun: LaneRef, beside: LaneRef) -> _Chain:
-        """The chain with a move over from the lane beside, begun where both are there, as far as both go on."""
+        """The chain with a change over from the lane beside, within the part where both lanes exist."""
         first = chain.lanes.index(begun)
         offsets: list[FloatArray] = []
         following: LaneRef | None = beside
@@ -358,7 +358,7 @@ class StreamFinder:
         )
 
     def _turn(self, connecting: LaneRef) -> Turn | None:
-        """The turn a connecting lane makes: by its own ends or by the roads some way off, whichever turns less.
+        """The turn that a connecting lane makes: by its own ends or by the roads some way off, whichever turns less.
 
         Maps often bend a carriageway into the junction's centre just before it, and roads often bend just beyond.
         """
@@ -377,7 +377,7 @@ class StreamFinder:
         return self._turns[connecting]
 
     def _slight_turn(self, connecting: LaneRef) -> Turn | None:
-        """The turn a driver would call it where a road of another name branches off at an acute angle."""
+        """The turn as a driver would call it if a road of another name branches off at an acute angle."""
         if self._turn(connecting) is not None or abs(self._angles[connecting]) < SLIGHT_TURN_RAD:
             return None
         before, after = self.network.predecessors(connecting), self.network.successors(connecting)

@@ -18,9 +18,9 @@ from trace_dag.states.paths import Path, through_points
 from trace_dag.units import GRAVITY_MPS2
 
 WIDER_SMOOTHING_M = (4.5, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0)
-BEYOND_CRASH_M = 10.0  # nobody drives on past it
+BEYOND_CRASH_M = 10.0  # nothing drives on past it
 FITTED_LATERAL_MPS2 = 0.6 * GRAVITY_MPS2  # leaves room for the manoeuvre itself
-HELD_LATERAL_MPS2 = 0.7 * GRAVITY_MPS2  # what dry asphalt holds, and a little less
+HELD_LATERAL_MPS2 = 0.7 * GRAVITY_MPS2  # a little less than dry asphalt holds
 BODY_WIDTH_M = 1.9
 LEAST_ROOM_M = 0.4
 
@@ -29,15 +29,14 @@ LEAST_ROOM_M = 0.4
 class Stream:
     """One way past the crash.
 
-    ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the
-    crash lies there. ``turn`` is the turn the lanes themselves make; then ``path`` runs straight on from
+    ``station_m`` is where the path is closest to the crash and ``offset_m`` how far to the left of the path the crash
+    lies there. ``turn`` is the turn that the lanes themselves make. In that case ``path`` runs straight on from
     ``turn_from_m``, where the turn's lanes begin, and ``exit_pose`` is where they end. ``wrong_way``: against the
-    lane's traffic. ``extended``: carried on straight where the road ends.
-    ``moves_out``: leaves the lane to pass, before the crash.
-    ``share_of_ring``: how far around a roundabout it has come at the crash.
-    ``centre_lane``: the shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight.
-    ``beyond`` is the first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane
-    among those of its direction; ``lanes_total`` counts both.
+    lane's traffic. ``extended``: continued straight on where the road ends. ``moves_out``: leaves the lane to pass,
+    before the crash. ``share_of_ring``: how far around a roundabout it has come at the crash. ``centre_lane``: the
+    shared turn lane in the middle. Before ``mapped_from_m`` the map ends and the path is straight. ``beyond`` is the
+    first lane past the crash and its junction. ``lane_from_left`` and ``lanes_along`` place the lane among those of its
+    direction; ``lanes_total`` counts both.
     """
 
     name: str
@@ -66,9 +65,9 @@ class Stream:
     _fitted: dict[float, Stream] = field(default_factory=dict, init=False, repr=False)
 
     def fitted(self, speed_mps: float) -> Stream:
-        """The stream as driven at this speed: bends a map draws as kinks rounded until one can take them.
+        """The stream as driven at this speed: bends that a map draws as kinks are rounded until they can be driven.
 
-        Within the lane if a car can hold it there; what is too sharp for that is cut as far as it must be.
+        The path stays within the lane if a car can; a bend too sharp for that is cut as far as necessary.
         """
         reach_m = max(speed_mps, 1.0) * 7.0
         room_m = max((self.width_m - BODY_WIDTH_M) / 2, LEAST_ROOM_M)
@@ -87,7 +86,7 @@ class Stream:
         return in_lane or stream
 
     def _moved_m(self, path: Path, driven: NDArray[np.bool_]) -> float:
-        """How far a smoothed path has moved from this stream's own where it is driven."""
+        """How far a smoothed path is from this stream's own where it is driven (metres)."""
         if path is self.path or not driven.any():
             return 0.0
         every = slice(None, None, 4)  # 2 m

@@ -24,19 +24,19 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.states.spots import Spot, spots_of
 
-_MEETS_MPS: Final = 0.3  # slower than this nobody comes to touch a face
-_REACH_M: Final = 12.0  # along the path, from where it is nearest to the place
+_MEETS_MPS: Final = 0.3  # at a lower closing speed a face is not touched
+_REACH_M: Final = 12.0  # farthest along the path from where it is nearest to the place
 _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
-_CROSSWALK_M: Final = 8.0  # from the place: where it crosses another leg of the intersection it is another crosswalk
-_CROSSWALK_SIGMA_M: Final = 0.7  # who crosses in a crosswalk walks beside its lines, too
+_CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
+_CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
 _NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR: the near side of a turning motorist's intersection
-_TURNED: Final = 0.4  # share of the turn from which on a vehicle struck at the far side has turned
+_TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at least this share of its turn
 
 
 # --- where on the vehicle ------------------------------------------------------------------------------------------
 def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
-    """The spot of the reported area, or the nearest one that the two can come to touch at; None if there is none."""
+    """The spot of the reported area, or the nearest one at which the two can touch; None if there is none."""
     half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
     ahead = -impact_mps if option.backing else impact_mps
     closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
@@ -56,14 +56,14 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
 
 # --- where along the path -------------------------------------------------------------------------------------------
 def is_far_side(person: NonMotorist, option: Option) -> bool:
-    """Whether a turning vehicle struck the person where it left the intersection."""
+    """Whether a turning vehicle struck the person on the far side, where it left the intersection."""
     if option.turn is None:
         return False
     return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
 
 
 def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
-    """The map's crosswalk that the report has the person in: the nearest one; None where the map or the report has
+    """The map's crosswalk nearest to the place, if the report has the person in a crosswalk; None if map or report has
     none."""
     near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
     return shapely.Polygon(near[0].corners_m) if near else None
@@ -77,7 +77,8 @@ def crosswalk_log_likelihood(crosswalk: shapely.Polygon, x_m: FloatArray, y_m: F
 def placed(
     scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool, crosswalk: shapely.Polygon | None
 ) -> tuple[Path, float, float]:
-    """Path, station at the strike, and how far the turn was moved along the road for it to be at the place."""
+    """The path, the station at the strike, and how far the turn was moved along the road to bring the strike to the
+    place."""
     if option.turn is None:
         return path, _station(scene, path, option, spot, far_side, 0.0, crosswalk)[0], 0.0
     found = []
@@ -99,8 +100,8 @@ def _station(
     slide_m: float,
     crosswalk: shapely.Polygon | None,
 ) -> tuple[float, float]:
-    """Where along the path the spot comes nearest to the place, in a turn where that fits how far it has turned and in
-    the crosswalk, if it was in one; and how well that fits, as a log-likelihood."""
+    """The station where the spot comes nearest to the place, and the log-likelihood of that. In a turn it must fit how
+    far the vehicle has turned, and it must be in the crosswalk if the person was in one."""
     x, y = scene.place_xy_m
     near, _ = path.project(x, y)
     stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)

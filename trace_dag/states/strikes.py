@@ -1,7 +1,7 @@
 """Who takes part when vehicles strike people: the first strike's vehicle and people, and vehicles that come later.
 
-The first strike is planned by :mod:`trace_dag.states.striking`. Where it throws whom is not asked here: that takes a
-simulator, see :mod:`trace_dag.estimators.strikes`.
+The first strike is planned by :mod:`trace_dag.states.striking`. Where the people are thrown is found by a simulator,
+see :mod:`trace_dag.estimators.strikes`.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from trace_dag.states.types import (
 )
 from trace_dag.units import GRAVITY_MPS2, bearing_to_clock_h
 
-_OFF_LANE_M: Final = 2.2  # a vehicle does not pass farther off its lane's centre to strike who lies there
+_OFF_LANE_M: Final = 2.2  # farthest off its lane's centre that a vehicle strikes a person who lies there
 _OFF_SIGMA_M: Final = 1.0
-_OTHER_WAY: Final = -1.5  # log-likelihood of the next vehicle coming from another direction than the one before
+_OTHER_WAY: Final = -1.5  # log-likelihood that the next vehicle comes from another direction than the one before
 _PULL_OVER_M: Final = 3.2
-_PULL_OVER_G: Final = 0.35  # hard: at the side by the time the vehicle stops, after a reaction and with 0.6 g
+_PULL_OVER_G: Final = 0.35  # hard: it is at the side when the vehicle stops, after a reaction and with 0.6 g
 _HIGH: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
 """Vehicles that go over who lies between their wheels without touching: they strike with the wheels of one side."""
 _TYRE_M: Final = 0.15  # from a vehicle's side to the middle of its tyres
 _HIT_AND_RUN_AFTER_S: Final = 12.0
-_COMPANION_M: Final = 0.8  # people struck together walk so far apart
+_COMPANION_M: Final = 0.8  # how far apart people walk who are struck together
 _ROOM_M: Final = 0.2
 ESSENTIAL: Final = frozenset({"no earlier contact", "nobody in the way"})
 """Checks without which a hypothesis is none."""
@@ -49,7 +49,7 @@ ESSENTIAL: Final = frozenset({"no earlier contact", "nobody in the way"})
 
 @dataclass(frozen=True, eq=False)
 class LaterStrike:
-    """A strike after the first one: the vehicle's way over who lies there, and when."""
+    """A strike after the first one: the vehicle's way over a person who lies there, and the time."""
 
     strike: Strike
     who: Party
@@ -66,7 +66,7 @@ class LaterStrike:
 
 # --- hypotheses ------------------------------------------------------------------------------------------------------
 def _companions(plan: StrikePlan, together: Sequence[Strike]) -> list[Walk]:
-    """Others struck by the same vehicle: beside the first one, as far apart as people walk."""
+    """Others struck by the same vehicle: beside the first person, as far apart as people walk."""
     found = []
     others = {strike.person.party: strike for strike in together if strike.person.party != plan.strike.person.party}
     for place, strike in enumerate(others.values(), 1):
@@ -80,8 +80,8 @@ def _companions(plan: StrikePlan, together: Sequence[Strike]) -> list[Walk]:
 def first_states(
     scene: Scene, plan: StrikePlan, together: Sequence[Strike], lead_s: float, *, pulls_over: bool
 ) -> list[ParticipantState]:
-    """Who takes part in the first strike, ``lead_s`` after the beginning: the vehicle, and whoever it strikes. Its
-    driver may pull over afterwards; one who left by the report drives on."""
+    """The parties of the first strike, ``lead_s`` after the beginning: the vehicle and the people it strikes. Its
+    driver may pull over afterwards; a driver who left, by the report, drives on."""
     drive = plan.drive
     path = _pulling_over(plan) if pulls_over and not drive.party.vehicle.hit_and_run else drive.path
     driver = _driven(scene, drive.party, drive.option, path, drive.station_m, drive.speed, drive.profile, lead_s, plan)
@@ -89,7 +89,7 @@ def first_states(
 
 
 def later_state(scene: Scene, later: LaterStrike) -> ParticipantState:
-    """Who strikes later."""
+    """The vehicle of a later strike."""
     way = later.option, later.path, later.station_m, later.speed, later.profile
     return _driven(scene, later.who, *way, later.time_s, None)
 
@@ -101,7 +101,7 @@ def strike_hypothesis(
     chain: Sequence[LaterStrike],
     lead_s: float,
 ) -> Hypothesis:
-    """The hypothesis of a plan of the first strike, the others of the same vehicle, and those after it."""
+    """The hypothesis made of the first strike's plan, other strikes by the same vehicle, and later strikes."""
     participants = tuple(sorted(states, key=lambda state: state.vehicle_number))
     first = _rounded_xy(plan.contact_xy_m)
     planned = [PlannedEvent(plan.strike.event_number, *plan.strike.pair, lead_s, first)]
@@ -152,7 +152,7 @@ def _driven(
 
 
 def _in_axes(pose: Pose, xy_m: tuple[float, float]) -> tuple[float, float]:
-    """A point in a pose's axes: ahead and left, metres."""
+    """A point in the axes of a pose: metres ahead and to the left."""
     ahead, left = pose.to_body(np.array(xy_m))
     return float(ahead), float(left)
 
@@ -200,7 +200,7 @@ def _pulling_over(plan: StrikePlan) -> Path:
 
 # --- strikes after the first -----------------------------------------------------------------------------------------
 def next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: float, at_s: float) -> LaterStrike | None:
-    """The likeliest way of the next vehicle over who lies there."""
+    """The likeliest way of the next vehicle over the person who lies there."""
     who = party(scene.record, strike.vehicle)
     best: LaterStrike | None = None
     for option, speed, terms in ways_of(scene, who):

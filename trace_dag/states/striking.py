@@ -1,8 +1,8 @@
 """One vehicle strikes one person: every way the vehicle can have come, with every course of the person.
 
-Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place fix
-the vehicle's pose at the strike; the person is then where that spot of the vehicle is, and both go backward from there.
-Frame: the local frame; stations along the vehicle's path.
+Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place give
+the vehicle's pose at the strike. The person is then at that spot of the vehicle, and both motions are followed backward
+from there. Frame: the local frame; stations along the vehicle's path.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ _BEYOND_EDGE_M: Final = {Zone.BESIDE: 0.6, Zone.WALKED: 2.0, Zone.OUTSIDE: 4.0}
 """How far beyond the carriageway's edge a person is taken to have been: the middle of a narrow shoulder, of a sidewalk
 behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
-_DRIFT_G: Final = 0.08  # a driver who drifts off the road
-_DASH_BEYOND_M: Final = 0.8  # who runs out starts so far beyond the edge
+_DRIFT_G: Final = 0.08  # of a driver who drifts off the road
+_DASH_BEYOND_M: Final = 0.8  # a person who runs out starts this far beyond the edge
 _KINDS: Final = {PartyKind.CYCLIST: PartyKind.CYCLIST, PartyKind.CONVEYANCE: PartyKind.CONVEYANCE}
 _MANOEUVRES: Final = {
     Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
@@ -64,7 +64,7 @@ _MANOEUVRES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """The vehicle's part: its path, where along it the strike is, and how it came there."""
+    """The vehicle's part: its path, where along it the strike is, and its speed before."""
 
     party: Party
     option: Option
@@ -83,7 +83,8 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """The person's part: path, station and pose at the strike, speed, and how far before it the person set off."""
+    """The person's part: path, station and pose at the strike, speed, and how far before the strike the person set
+    off."""
 
     person: NonMotorist
     kind: PartyKind
@@ -144,7 +145,7 @@ class StrikePlan:
 
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
-    """What the person is simulated as: whoever rides nothing that is known walks."""
+    """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
     return _KINDS.get(person.kind, PartyKind.PEDESTRIAN)
 
 
@@ -165,9 +166,9 @@ def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
 def ways_of(
     scene: Scene, who: Party, *, streams: Sequence[Stream] | None = None
 ) -> Iterator[tuple[Option, TravelSpeed, dict[str, float]]]:
-    """The ways a vehicle can have come by itself, each with its speed and the evidence for it.
+    """The ways a vehicle can have come, without regard to the person, each with its speed and the evidence for it.
 
-    ``streams``: those to look at, if not those that its turn and the place of the crash leave.
+    ``streams``: the streams to look at; by default those that fit its turn and the place of the crash.
     """
     for stream in _streams(scene, who) if streams is None else streams:
         speed = speed_of(who, stream)
@@ -181,7 +182,7 @@ def _streams(scene: Scene, who: Party) -> list[Stream]:
     following = [stream for stream in scene.streams if follows_turn(stream, who.turn)]
     turning = turning_streams(scene.streams, who.turn)
     found = {stream.name: stream for stream in (*following, *turning, *scene.on_road(scene.through))}
-    return list(found.values())  # one can turn where the map has no lanes for it: into a driveway it does not have
+    return list(found.values())  # a vehicle can turn where the map has no lanes for it: into a driveway
 
 
 def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
@@ -242,7 +243,7 @@ def _plan(
 
 # --- the way of the vehicle ------------------------------------------------------------------------------------------
 def _onto_person(scene: Scene, strike: Strike, option: Option, spot: Spot) -> tuple[Option, Path]:
-    """The vehicle's way: its own, or off the carriageway where the person was not on it."""
+    """The vehicle's way: along its lanes, or off the carriageway if the person was not on it."""
     zones = reported_zones(scene.record, strike.person)
     zone = next((each for each in _OUTWARD if each in zones), None)
     if zone is None or Zone.CARRIAGEWAY in zones or option.turn is not None or option.backing:
@@ -308,8 +309,8 @@ def _walk(
 
 
 def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
-    """Heading of the person at the strike. Across a road is at right angles to it: to the one a turning vehicle came
-    along or turns into, whichever the person crossed."""
+    """Heading of the person at the strike. Across a road means at right angles to it. If the vehicle turns, that is the
+    road it came from or the one it turns into, whichever the person crossed."""
     backing = math.pi if drive.option.backing else 0.0
     if course is Course.STANDING:
         return drive.pose.heading_rad + math.pi / 2
@@ -323,7 +324,7 @@ def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
 
 
 def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
-    """The path of the person and where along it the strike is: straight across, or along the road."""
+    """The path of the person, straight across or along the road, and the station of the strike on it."""
     back_m = 60.0
     if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
         base = drive.option.stream.path
@@ -335,7 +336,7 @@ def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path,
     return straight(pose, back_m=back_m, ahead_m=back_m), back_m
 
 
-# --- what speaks for it ----------------------------------------------------------------------------------------------
+# --- evidence ----------------------------------------------------------------------------------------------
 def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tuple[float, float]) -> dict[str, float]:
     x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
     along, across = drive.option.stream.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0

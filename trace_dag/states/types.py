@@ -1,4 +1,4 @@
-"""What an estimate is: participants with poses, speeds and a timed trajectory, for one hypothesis or several.
+"""The types of an estimate: participants with poses, speeds and a timed trajectory, for one or several hypotheses.
 
 Frame: the local frame of the crash; positions are of the body's centre. Time 0 is the start of the reconstruction,
 ``impact_time_s`` the planned first contact.
@@ -21,7 +21,7 @@ from trace_dag.states.objects import FixedObject
 
 
 class Manoeuvre(StrEnum):
-    """How a vehicle got from its initial lane to the crash, and how a person moved."""
+    """How a vehicle came from its initial lane to the crash, and how a person moved."""
 
     STRAIGHT = "straight"
     CURVE = "curve"
@@ -87,8 +87,8 @@ class Trajectory:
 class ParticipantState:
     """One party of a hypothesis: its body, impact and initial state, and the motion between them.
 
-    ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person. Of a person ``height_m`` is the
-    stature, ``mass_kg`` includes what it rides, and ``vehicle_class`` says nothing.
+    ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person. For a person ``height_m`` is the
+    stature, ``mass_kg`` includes a cycle or the like, and ``vehicle_class`` has no meaning.
     """
 
     vehicle_number: int
@@ -110,7 +110,7 @@ class ParticipantState:
     braking: bool = False  # the record says it braked before the impact
     kind: PartyKind = PartyKind.MOTOR_VEHICLE
     drives_on: bool = False  # after striking a person: the record says that the driver left
-    skids_from_s: float | None = None  # out of control from then on: moves along the trajectory, however it is turned
+    skids_from_s: float | None = None  # out of control from then on: it moves along the trajectory whatever its heading
 
     @property
     def is_figure(self) -> bool:
@@ -120,7 +120,7 @@ class ParticipantState:
 
 @dataclass(frozen=True)
 class PlannedEvent:
-    """What is to happen between two parties, in a hypothesis: the number of the record's event, when (s) and where."""
+    """A planned contact of two parties: the number of the record's event, when (s) and where."""
 
     event_number: int
     party_1: int
@@ -131,8 +131,8 @@ class PlannedEvent:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One way it can have happened: participants (vehicles that drive, people who move or stand) and what is planned to
-    happen between them, in order. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
+    """One way the crash can have happened: participants (vehicles that drive, people who move or stand) and their
+    planned contacts, in order. ``score`` is a log-likelihood of the record's evidence, by term in ``evidence``."""
 
     name: str
     score: float
@@ -142,7 +142,7 @@ class Hypothesis:
     impact_point_xy_m: tuple[float, float]
     checks: tuple[EstimateCheck, ...] = ()
     planned: tuple[PlannedEvent, ...] = ()  # strikes of persons, in order; a collision of two vehicles has none
-    objects: tuple[FixedObject, ...] = ()  # that stand beside the road, in the order of their events
+    objects: tuple[FixedObject, ...] = ()  # objects beside the road, in the order of their events
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ class EstimateCheck:
 class EstimatorRun:
     """Provenance of an estimate: who made it, and for LLMs model, prompt version, attempts, tokens, cost, answers.
 
-    ``estimator`` made it. Where that is not the one that was asked, ``fallback_from`` is the asked one and
-    ``fallback_reason`` says why it made none; model, attempts, cost and answers are then what asking it took.
+    ``estimator`` made it. If that is not the estimator that was asked, ``fallback_from`` names the asked one and
+    ``fallback_reason`` says why it made none; model, attempts, cost and answers are then those of the asked one.
     """
 
     estimator: str
@@ -181,7 +181,7 @@ class EstimatorRun:
         return self.fallback_from is not None
 
     def in_words(self) -> str:
-        """Which estimator made the estimate, and why not the asked one."""
+        """Which estimator made the estimate, and, if it was not the asked one, why."""
         made = f"{self.estimator} estimator"
         if self.fallback_from is None:
             return f"{made} ({self.model})" if self.model else made
@@ -190,7 +190,8 @@ class EstimatorRun:
 
 @dataclass(frozen=True)
 class PartyDraw:
-    """One party of a draw: speeds without sign, and its place when the plan has it at the impact, off the plan's."""
+    """One party of a draw: speeds without sign (m/s), and how far it is off its planned place at the impact
+    (metres)."""
 
     number: int
     travel_mps: float
@@ -202,7 +203,7 @@ class PartyDraw:
 
 @dataclass(frozen=True)
 class Sample:
-    """A draw: the index of the hypothesis, the friction as a share of the plan's, and every party."""
+    """A draw: the index of the hypothesis, the friction as a share of the planned one, and every party."""
 
     hypothesis: int
     friction: float
@@ -216,7 +217,7 @@ class StateEstimate:
     key: str
     hypotheses: tuple[Hypothesis, ...]
     run: EstimatorRun
-    ambiguity: float = 0.0  # posterior share of everything but the best hypothesis, 0 to 1
+    ambiguity: float = 0.0  # posterior probability of all hypotheses but the best, 0 to 1
     samples: tuple[Sample, ...] = ()  # draws of what the report leaves open
 
     @property

@@ -1,6 +1,6 @@
-"""What a model answers, in two forms, and what is wrong with an answer.
+"""The two forms of a model's answer, and the check of an answer.
 
-Every complaint is a sentence the model can act on: it is put back into the next prompt.
+Every complaint is a sentence that the model can act on; it goes into the next prompt.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trace_dag.states.speeds import brakes, starts
 MAX_PLACE_M = 15.0
 HEADING_TOLERANCE_DEG = 30.0
 WRONG_SIDE_DEG = 120.0
-SPEED_SHARE = 0.5  # of the distance a reported speed covers
+SPEED_SHARE = 0.5  # share of the distance that a reported speed covers
 
 
 class _Form(BaseModel):
@@ -117,7 +117,7 @@ def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
 def _is_json(text: str) -> bool:
     try:
         json.loads(text)
-    except (ValueError, RecursionError):  # nested deeper than anybody answers
+    except (ValueError, RecursionError):  # nested too deep
         return False
     return True
 
@@ -130,7 +130,7 @@ def decide(
     *,
     lead_time_s: float,
 ) -> Decision:
-    """The approaches an answer amounts to. Raises :class:`WrongAnswer` with everything that is wrong with it."""
+    """The approaches that an answer chooses. Raises :class:`WrongAnswer` with everything that is wrong with it."""
     complaints: list[str] = []
     given = [each.vehicle_number for each in answer.vehicles]
     if sorted(given) != sorted(numbers):

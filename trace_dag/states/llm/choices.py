@@ -34,7 +34,7 @@ class Approach:
         return math.degrees(pose.heading_rad) % 360.0
 
     def described(self) -> dict[str, object]:
-        """What the model is told of it."""
+        """The approach as the model is told of it."""
         stream, road = self.stream, self.stream.road
         movement = f"turns {stream.turn.value} here" if stream.turn is not None else "passes the crash"
         if stream.turn is not None and stream.exit_road is not None and stream.exit_road.name:
@@ -74,7 +74,7 @@ class Choices:
 
     @cached_property
     def approaches(self) -> tuple[Approach, ...]:
-        """Every stream some reading of the record puts a vehicle on, in order of first mention."""
+        """Every stream on which some reading of the record puts a vehicle, in order of first mention."""
         streams: dict[str, Stream] = {}
         vehicles: dict[str, set[int]] = {}
         for candidate in self.found:
@@ -90,7 +90,7 @@ class Choices:
         )
 
     def by_id(self, approach_id: str) -> Approach | None:
-        """The approach of that id, None if there is none."""
+        """The approach with that id; None if there is none."""
         return next((approach for approach in self.approaches if approach.id == approach_id), None)
 
     def at(self, x_m: float, y_m: float, heading_deg: float, vehicle_number: int) -> Approach | None:

@@ -1,9 +1,9 @@
 """Asking a model through litellm: any provider, one question at a time.
 
 Keys and endpoints are read by litellm from the provider's usual environment variables (``GEMINI_API_KEY``,
-``OPENAI_API_KEY``, ``OPENAI_API_BASE``, ``OLLAMA_API_BASE``, ...); no key passes through this project, and whatever a
-provider says back is cleared of them before it is shown. Temperature stays the provider's default; determinism comes
-from stored answers.
+``OPENAI_API_KEY``, ``OPENAI_API_BASE``, ``OLLAMA_API_BASE``, ...); no key passes through this project, and keys are
+removed from a provider's messages before they are shown. The temperature is the provider's default; results can be
+repeated because answers are stored.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SHORTEST_SECRET = 6
 _LONGEST_MESSAGE = 300
 _KEY_WANTED = re.compile(r"api.?key|credential", re.IGNORECASE)
 _REFUSED_STATUS = (401, 403)
-_ANSWERING_FOR_S = 60.0  # after an answer the provider needs no trial
+_ANSWERING_FOR_S = 60.0  # for so long after an answer the provider is not tried out again
 _TRIAL: list[Message] = [{"role": "user", "content": 'Are you there? Answer with {"ready": true}.'}]
 _TRIAL_ANSWER = {
     "type": "object",
@@ -66,9 +66,10 @@ class LlmClient:
     _answered_s: float = field(default=-math.inf, init=False, repr=False)  # by the monotonic clock
 
     def try_out(self) -> None:
-        """Make sure that the model answers: one short question, unless it has answered within the last minute.
+        """Check that the model answers: one short question, unless it has answered within the last minute.
 
-        What it says does not matter; whether key, model, budget and way to it are right does. Raises as :meth:`ask`.
+        What it says does not matter. The question shows whether key, model, budget and connection are right. Raises as
+        :meth:`ask`.
         """
         if time.monotonic() - self._answered_s > _ANSWERING_FOR_S:
             self._ask(_TRIAL, _TRIAL_ANSWER)
@@ -80,7 +81,7 @@ class LlmClient:
 
         Raises:
             TransientFailure: the provider did not answer (429, 5xx, time-out, unreachable) after several tries.
-            Failure: it never will (no such model, no key, malformed request), or the budget is spent.
+            Failure: asking again would not help (no such model, no key, malformed request), or the budget is spent.
         """
         limits = {} if self.max_output_tokens is None else {"max_output_tokens": self.max_output_tokens}
         key = question_key(model=self.model, prompt=prompt, messages=messages, schema=schema, **limits)
@@ -91,7 +92,7 @@ class LlmClient:
         return stored
 
     def _ask(self, messages: list[Message], schema: Mapping[str, Any]) -> StoredAnswer:
-        taken_s = 0.0  # by requests: waiting for one's turn does not count
+        taken_s = 0.0  # time of requests: waiting for one's turn does not count
 
         def ask_once() -> StoredAnswer:
             nonlocal taken_s
@@ -127,7 +128,7 @@ class LlmClient:
         return answer
 
     def _request(self, messages: list[Message], schema: Mapping[str, Any], timeout_s: float) -> StoredAnswer:
-        """One request. Raises :class:`_NoAnswer` where another may be answered, :class:`Failure` where none will."""
+        """One request. Raises :class:`_NoAnswer` if another request may be answered, :class:`Failure` if none will."""
         litellm = _litellm()
         started = time.monotonic()
         limits = {} if self.max_output_tokens is None else {"max_tokens": self.max_output_tokens}
@@ -144,7 +145,7 @@ class LlmClient:
             )
         except litellm.exceptions.ContentPolicyViolationError as error:
             return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
-        except Exception as error:  # litellm's own, its HTTP clients', and what it lets through from either
+        except Exception as error:  # errors of litellm, of its HTTP clients, and others that it lets through
             said = without_secrets(str(error)).partition(_ITS_TRACEBACK)[0]
             what = f"{self.model}: {type(error).__name__}: {' '.join(said.split())[:_LONGEST_MESSAGE]}"
             wanted = _KEY_WANTED.search(said) or getattr(error, "status_code", None) in _REFUSED_STATUS
@@ -188,8 +189,8 @@ class LlmClient:
             return 0.0
 
 
-class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if it stays
-    """A request that was not answered although another may be; ``wait_s`` is the pause the provider asks for."""
+class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if all tries end so
+    """A request that was not answered, though a later one may be; ``wait_s`` is the pause the provider asks for."""
 
     def __init__(self, message: str, wait_s: float | None) -> None:
         super().__init__(message)
@@ -197,7 +198,7 @@ class _NoAnswer(Exception):  # noqa: N818 - becomes a failure if it stays
 
 
 def _pause_s(state: RetryCallState) -> float:
-    """Seconds before a question is asked again: as the provider asks, else twice as long each time."""
+    """Seconds before a question is asked again: as long as the provider asks for, else twice as long each time."""
     error = state.outcome.exception() if state.outcome else None
     asked_s = error.wait_s if isinstance(error, _NoAnswer) else None
     return asked_s if asked_s is not None else _BACK_OFF(state)
@@ -209,10 +210,11 @@ def _say_asking_again(state: RetryCallState) -> None:
 
 
 def _missing_keys(litellm: Any, model: str) -> list[str]:
-    """The environment variables with keys that litellm knows the model's provider to need and does not find."""
+    """The environment variables for keys that the model's provider needs, as far as litellm knows, and that are not
+    set."""
     try:
         missing = litellm.validate_environment(model)["missing_keys"]
-    except Exception:  # it raises for what it does not know
+    except Exception:  # litellm raises for a model that it does not know
         return []
     return [name for name in missing if _SECRET_NAME.search(name)]
 
@@ -231,11 +233,11 @@ def _retry_after_s(error: Exception) -> float | None:
     try:
         return max(float(value), 0.0) if value is not None else None
     except ValueError:
-        return None  # a date: wait as long as without
+        return None  # a date: wait as if nothing were asked for
 
 
 def without_secrets(text: str) -> str:
-    """The text with the values of secret environment variables, and anything shaped like a key, blotted out."""
+    """The text with the values of secret environment variables, and anything shaped like a key, replaced by stars."""
     for name, value in os.environ.items():
         if _SECRET_NAME.search(name) and len(value) >= _SHORTEST_SECRET:
             text = text.replace(value, "***")
@@ -251,5 +253,5 @@ def _litellm() -> Any:
         raise Failure("the llm estimator needs the package litellm; install it, or set states.estimator") from error
     litellm.suppress_debug_info = True
     litellm.telemetry = False
-    logging.getLogger("LiteLLM").setLevel(logging.ERROR)  # its messages quote requests
+    logging.getLogger("LiteLLM").setLevel(logging.ERROR)  # its log messages quote requests
     return litellm

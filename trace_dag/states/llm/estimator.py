@@ -1,4 +1,5 @@
-"""The LLM estimator: ask, check, ask again with what was wrong, and let the solver turn the choice into states."""
+"""The LLM estimator: it asks, checks the answer, asks again with what was wrong, and lets the solver turn the choice
+into states."""
 
 from __future__ import annotations
 
@@ -51,7 +52,7 @@ def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger
 
 @dataclass
 class _Tally:
-    """What asking took so far, for the provenance of the estimate."""
+    """Attempts, tokens, cost and answers so far, for the provenance of the estimate."""
 
     answers: list[dict[str, object]] = field(default_factory=list)
     prompt_tokens: int = 0
@@ -116,7 +117,7 @@ def estimate_llm(
     found = [each for reading in encounters(record, one, two) for each in candidates(scene, reading)]
     choices = Choices(scene, tuple(found))
     if not choices.approaches:
-        return estimate_analytic(record, network, report, settings)  # raises the rejection that says why
+        return estimate_analytic(record, network, report, settings)  # this raises the rejection that says why
     schema = form(prompt.kind).model_json_schema()
     messages = prompt.messages(record, choices, lead_time_s=settings.lead_time_s)
     tally = _Tally()
@@ -189,6 +190,7 @@ def _solved(choices: Choices, decision: Decision, settings: StateSettings) -> tu
 
 
 def _unavoidable(choices: Choices, settings: StateSettings) -> set[str]:
-    """Checks that no choice of approaches passes: the record contradicts itself or the map, and no answer helps."""
+    """Checks that fail for every choice of approaches: the record contradicts itself or the map, and another answer
+    would not help."""
     best, _ = ranked(choices.scene, solve_all(choices.scene, list(choices.found)), settings)
     return {check.name for check in best[0].checks if not check.passed} if best else set()

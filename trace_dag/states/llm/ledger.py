@@ -1,12 +1,12 @@
-"""What a run has spent, how fast it asks and whether the provider answers, over all processes that ask for it.
+"""What a run has spent, how fast it asks and whether the provider answers, counted over all its processes.
 
-Each process keeps a page of its own in a folder of the storage root, which it alone writes and all read: no lock is
-needed, and the workers of a cluster share budget and rate through the same object store as everything else. Without
-files the ledger is this process's own.
+Each process has its own page, a file in a folder of the storage root. Only this process writes it and all read it, so
+no lock is needed, and the workers of a cluster share budget and rate through the object store. Without files the ledger
+counts this process alone.
 
-The budget is looked at before each request, so that what is spent beyond it is at most what was under way when it was
-reached. A request's turn comes after every turn given so far and after those who have waited longer; two processes
-that look at the same moment can at worst take the same turn. Clocks of machines are taken to agree to a second.
+The budget is checked before each request, so only requests that were under way when it was reached go beyond it. A
+request's turn comes after every turn given so far and after those of processes that have waited longer. If two
+processes look at the same moment, they can take the same turn. Clocks of machines are taken to agree to a second.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from trace_dag.sealing import sealed, unsealed
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
 PAUSE_S = 60.0
-_LONGEST_RESERVING_S = 10.0  # who has been waiting for longer is dead
+_LONGEST_RESERVING_S = 10.0  # a process that has waited longer is taken for dead
 
 
 class SharedFiles(Protocol):
     """Named files that several processes see; :class:`trace_dag.storage.Storage` is one."""
 
     def write(self, name: str, data: bytes) -> object:
-        """Put it there in one step."""
+        """Write the whole file in one step."""
 
     def list(self, folder: str) -> Mapping[str, object]:
-        """The files of a folder by name."""
+        """The files of a folder, by name."""
 
     def read_many(self, names: Iterable[str]) -> Mapping[str, bytes]:
-        """Contents of those that exist."""
+        """Contents of those files that exist."""
 
 
 @dataclass
@@ -60,7 +60,7 @@ _pages = TypeAdapter(Page)
 
 @dataclass
 class SpendingLedger:
-    """Budget (US dollars, None has no limit) and rate of one run. ``sleep`` and ``clock`` (epoch seconds) for tests.
+    """Budget (US dollars; None: no limit) and rate of one run. ``sleep`` and ``clock`` (epoch seconds) are for tests.
 
     Ledgers with the same ``files`` and ``name`` count together, in one process or many.
     """
@@ -75,15 +75,15 @@ class SpendingLedger:
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def spent_usd(self) -> float:
-        """What has been spent so far, by all."""
+        """What all processes have spent so far, US dollars."""
         return sum(page.spent_usd for page in self._all_pages())
 
     def reserve(self) -> None:
         """Wait for this request's turn.
 
         Raises:
-            BudgetSpent: the budget is spent.
-            TransientFailure: the provider has left several questions in a row unanswered; after a pause one may ask.
+            BudgetSpent: the budget is spent. TransientFailure: the provider has left several questions in a row
+            unanswered; after a pause asking is allowed again.
         """
         with self._lock:
             now = self.clock()
@@ -100,14 +100,14 @@ class SpendingLedger:
             self.sleep(turn_s - now)
 
     def charge(self, cost_usd: float) -> None:
-        """Book what an answered request cost."""
+        """Record the cost of an answered request."""
         with self._lock:
             self._page.spent_usd += cost_usd
             self._page.unanswered = 0
             self._put()
 
     def unanswered(self) -> None:
-        """Book that the provider left a question unanswered, however often it was asked."""
+        """Record that the provider left a question unanswered after all tries."""
         with self._lock:
             self._page.unanswered += 1
             self._page.unanswered_s = self.clock()
@@ -151,14 +151,14 @@ class SpendingLedger:
             self.files.write(f"{self._folder}/{self._page.owner}.json", sealed(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
-        """Every process's page, this one's as it is here."""
+        """The pages of all processes; this one's own from memory."""
         pages = [self._page]
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():
                 try:
                     page = _pages.validate_json(unsealed(data, name=self._folder))
                 except (DamagedFile, ValidationError):
-                    continue  # not a page of ours
+                    continue  # not a page of this ledger
                 if page.owner != self._page.owner:
                     pages.append(page)
         return pages

@@ -1,7 +1,7 @@
 """From a prompt file and a crash to messages.
 
-What comes from reports and maps goes into the prompt as JSON whose angle brackets are escaped, inside a fence the
-system message declares to be data: no text of a report can close the fence or stand as a message of its own.
+Text from reports and maps goes into the prompt as JSON with its angle brackets escaped, inside a fence that the system
+message declares to be data. So no text of a report can close the fence or pass for a message.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Prompt:
 
     @classmethod
     def load(cls, version: str) -> Prompt:
-        """The prompt of that name. Raises :class:`UserError` where there is none, listing those there are."""
+        """The prompt of that name. If there is none, raises :class:`UserError`, which lists the known names."""
         folder = files("trace_dag.states") / "prompts"
         known = sorted(entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md"))
         known = [name for name in known if name.rpartition("-v")[0] in _KINDS]
@@ -60,7 +60,7 @@ class Prompt:
 
 
 def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
-    """The question with what was wrong with the last answer; the conversation before it stays."""
+    """The conversation so far and a new question that says what was wrong with the last answer."""
     listed = "\n".join(f"- {fenced(complaint)}" for complaint in complaints)
     return [
         *messages,
@@ -74,7 +74,7 @@ def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> li
 
 
 def fenced(value: object) -> str:
-    """JSON of a value that cannot close a fence: angle brackets escaped, control characters out, texts cut.
+    """A value as JSON that cannot close a fence: angle brackets escaped, control characters removed, long texts cut.
 
     >>> print(fenced('MAIN ST </data>'))
     "MAIN ST \\u003c/data\\u003e"

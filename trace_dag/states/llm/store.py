@@ -1,6 +1,6 @@
-"""Answers of models, kept by the content of the question: what was asked once costs nothing again.
+"""Answers of models, stored by the content of the question: a question asked again costs nothing.
 
-Only answers are kept, right or wrong; a provider's failure never is.
+Answers are stored, right or wrong; a provider's failures are not.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ class Files(Protocol):
     """Named files; :class:`trace_dag.storage.Storage` is one."""
 
     def read(self, name: str) -> bytes:
-        """The whole file; ``FileNotFoundError`` where there is none."""
+        """The whole file. Raises ``FileNotFoundError`` if there is none."""
 
     def write(self, name: str, data: bytes) -> object:
-        """Put it there in one step."""
+        """Write the whole file in one step."""
 
 
 @dataclass(frozen=True)
 class StoredAnswer:
-    """One answer and what it took. Latency in seconds, cost in US dollars (0 where the price is unknown)."""
+    """One answer and what it cost: latency in seconds, cost in US dollars (0 if the price is unknown)."""
 
     text: str
     finish_reason: str
-    model: str  # as the provider names what answered
+    model: str  # the model's name as the provider gives it
     prompt_tokens: int
     completion_tokens: int
     cost_usd: float
@@ -45,14 +45,14 @@ _answers = TypeAdapter(StoredAnswer)
 
 
 class AnswerStore:
-    """Answers below one storage root, or in memory for this process alone where none is given."""
+    """Answers below one storage root; if none is given, in memory for this process alone."""
 
     def __init__(self, files: Files | None = None) -> None:
         self._files = files
         self._memory: dict[str, StoredAnswer] = {}
 
     def get(self, key: str) -> StoredAnswer | None:
-        """The answer stored under ``key``; None if there is none, or if what is there cannot be read."""
+        """The answer stored under ``key``; None if there is none or its file cannot be read."""
         if self._files is None:
             return self._memory.get(key)
         try:
@@ -61,7 +61,7 @@ class AnswerStore:
             return None
 
     def put(self, key: str, answer: StoredAnswer) -> None:
-        """Keep an answer."""
+        """Store an answer."""
         if self._files is None:
             self._memory[key] = answer
         else:
@@ -69,7 +69,7 @@ class AnswerStore:
 
 
 def question_key(**question: object) -> str:
-    """The key of a question: a digest of everything that makes it what it is."""
+    """The key of a question: a digest of everything that defines it, given by name."""
     return hashlib.sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()
 
 
