@@ -37,7 +37,7 @@ from trace_dag.settings import RoadSettings
 
 @dataclass(frozen=True)
 class RoadMap:
-    """A road map, as converted and as written, and what is recorded beside it."""
+    """A road map, as converted and as written, and the report that is stored beside it."""
 
     network: RoadNetwork
     stored: StoredMap
@@ -45,7 +45,8 @@ class RoadMap:
 
 
 class RejectedRoadMap(Rejection):
-    """The map of a crash that is rejected for it, as converted and as OpenDRIVE, with what is recorded beside it."""
+    """The map for which a crash is rejected, as converted and as OpenDRIVE, with the report that is stored beside
+    it."""
 
     def __init__(self, why: Rejection, network: RoadNetwork, xodr: bytes, report: RejectedMapReport) -> None:
         super().__init__(why.reason, why.detail, measured=why.measured, threshold=why.threshold)
@@ -57,11 +58,11 @@ class RejectedRoadMap(Rejection):
 def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSettings) -> RoadMap:
     """The road map of one crash, in the local frame of its reported point.
 
-    The extract is converted and the crash placed; where OSM is silent on the streets there and the report is not, the
-    extract is converted again with what the report says. The map as it is written must pass every gate.
+    The extract is converted and the crash placed. If the report says something about the streets there that OSM does
+    not, the extract is converted again with it. The map as written must pass every gate.
 
-    Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` with elevation off; as
-    :class:`RejectedRoadMap` where there is a map to look at.
+    Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` if elevation is switched
+    off; as :class:`RejectedRoadMap` if there is a map to look at.
     """
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     converter = road_converter(settings)
@@ -101,7 +102,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
 
 
 def road_converter(settings: RoadSettings) -> Converter:
-    """The converter the settings name. Raises :class:`trace_dag.errors.UserError` where it cannot be loaded."""
+    """The converter that the settings name. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
     converter: Converter = load(PluginKind.CONVERTER, settings.converter)()
     return converter
 
@@ -117,13 +118,13 @@ def find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[St
 
 
 def _marked(comparison: Comparison, filled: frozenset[str]) -> Comparison:
-    """The report's word is on the map where only the report spoke."""
+    """The comparison, marked if the map has the value from the report alone."""
     only_report = comparison.agreement == NOT_COMPARABLE and comparison.reported is not None
     return replace(comparison, filled_from_report=only_report and comparison.attribute in filled)
 
 
 def _reject_vertical_geometry(extract: OsmExtract, frame: LocalFrame, settings: RoadSettings) -> None:
-    """As the published pipeline does, which cannot represent heights."""
+    """Reject bridges and tunnels near the crash, as the published pipeline does, which has no heights."""
     limit_m = settings.vertical_geometry_radius_m
     for way in extract.ways:
         raised = [key for key in ("bridge", "tunnel", "layer") if way.tags.get(key, "no") not in ("no", "0")]

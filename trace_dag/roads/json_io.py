@@ -1,4 +1,4 @@
-"""What is recorded beside a road map, to and from JSON."""
+"""The report that is stored beside a road map, to and from JSON."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def _rejected() -> TypeAdapter[RejectedMapReport]:
 
 
 def rejected_report_to_json(report: RejectedMapReport) -> bytes:
-    """The report on a map that its crash is rejected for, as stored."""
+    """The report on a map for which its crash is rejected, as stored."""
     return _rejected().dump_json(report, indent=1)
 
 
 def rejected_report_from_json(data: bytes) -> RejectedMapReport:
-    """A stored report on a map that its crash is rejected for."""
+    """A stored report on a map for which its crash is rejected."""
     return _rejected().validate_json(data)

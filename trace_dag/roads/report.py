@@ -1,6 +1,6 @@
-"""What is known of a road map beyond its geometry: the crash's place on it, its gates, its agreement with the report.
+"""The report on a road map: the crash's place on it, its gates, its agreement with the crash report.
 
-Stored beside the map as ``road_map/<key>.json``; of a map that its crash is rejected for, as
+Stored beside the map as ``road_map/<key>.json``; for a map for which its crash is rejected, as
 ``road_map/<key>.rejected.json``. Types only.
 """
 
@@ -21,7 +21,7 @@ class CrashPlacement:
 
     ``road_id`` is the road the report names (or the nearest), ``moved_m`` how far the point was moved to reach its
     carriageway, ``junction_id`` the crossing of an intersection crash, ``matched_by`` the evidence used.
-    ``cross_road_ids``: the other roads of that crossing, or the ones ``TWAY_ID2`` names.
+    ``cross_road_ids``: the other roads of that crossing, or those that ``TWAY_ID2`` names.
     """
 
     x_m: float
@@ -37,7 +37,7 @@ class CrashPlacement:
 
 @dataclass(frozen=True)
 class MapGate:
-    """One measured guarantee of a map: value, threshold, whether it holds, and in what unit."""
+    """One measured property of a map: value, threshold, unit, and whether it holds."""
 
     name: str
     value: float | None
@@ -69,7 +69,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class InferredRoad:
-    """A road that is not OpenStreetMap's: drawn because the crash report asks for it."""
+    """A road that is not from OpenStreetMap but drawn because of the crash report."""
 
     road_id: str
     why: str
@@ -77,9 +77,10 @@ class InferredRoad:
 
 @dataclass(frozen=True)
 class MappedThing:
-    """What OpenStreetMap has beside the road that a vehicle can strike.
+    """A thing beside the road that a vehicle can strike, by OpenStreetMap.
 
-    ``tag`` says what it is ("natural=tree"); ``xy_m`` where, in the local frame: a point or the corners of a line.
+    ``tag`` says what it is ("natural=tree"); ``xy_m`` is its place in the local frame: a point or the corners of a
+    line.
     """
 
     osm_id: str
@@ -105,9 +106,10 @@ class MapReport:
 
 @dataclass(frozen=True)
 class NearStreet:
-    """A street around the reported point: ``distance_m`` to its surface, which it has nearest at ``nearest_xy_m``.
+    """A street around the reported point: ``distance_m`` to its surface, and the surface's nearest point
+    ``nearest_xy_m``.
 
-    ``bears_reported_name``: whether it is one of the streets the report names; None where names cannot be compared.
+    ``bears_reported_name``: whether it is one of the streets that the report names; None if names cannot be compared.
     """
 
     name: str
@@ -119,7 +121,7 @@ class NearStreet:
 
 @dataclass(frozen=True)
 class RejectedMapReport:
-    """What is recorded beside a map that its crash is rejected for.
+    """The report beside a map for which its crash is rejected.
 
     ``streets`` around the reported point, nearest first; the point may be moved by at most ``max_move_m`` to its road.
     ``gates``: measured only where the crash was placed on the map.

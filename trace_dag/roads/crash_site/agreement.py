@@ -1,10 +1,10 @@
 """The map against the report, at the crash: lanes, limit, division, traffic control, and kind of intersection.
 
-Each attribute agrees, differs, or cannot be compared because one of the two does not say. Where both speak OSM's value
-stands whatever the report says; the difference is kept. Each vehicle is compared with the street it was on. At a
-crossing the report does not say which of the two that was, so it is the one that its lanes, limit, trafficway and
-control fit better, the crash's own street if both fit alike. What the report adds where OSM is silent is
-:mod:`trace_dag.roads.crash_site.gap_filling`'s task.
+Each attribute agrees, differs, or cannot be compared because one of the two does not say. If both say something, the
+map keeps OSM's value and the difference is recorded. Each vehicle is compared with the street it was on. At a crossing
+the report does not say which of the two streets that was. The one that fits its lanes, limit, trafficway and control
+better is taken; the crash's own street if both fit equally well. Gaps in OSM are filled from the report in
+:mod:`trace_dag.roads.crash_site.gap_filling`.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ CONTROL: Final = "traffic control"
 LIMIT: Final = "speed limit"
 
 _SIGNAL_TYPES: Final = {"1000001": Control.SIGNAL, "206": Control.STOP, "205": Control.YIELD}
-_CROSSING_CONTROL_M: Final = 60.0  # a signal or sign this near a crossing applies to it
-_CRASH_CONTROL_M: Final = 20.0  # between crossings, one this near the crash
+_CROSSING_CONTROL_M: Final = 60.0  # a signal or sign this near to a crossing applies to it
+_CRASH_CONTROL_M: Final = 20.0  # between crossings: one this near to the crash
 _SAME_LIMIT_MPS: Final = 0.5  # posted limits come in steps of 5 mph (2.2 m/s)
 _INTERSECTION_RADIUS_M: Final = 15.0  # within the kerb lines, as FARS has it; the map's junctions reach farther
 _BEND_REACH_M: Final = 20.0
-_BEND_RAD: Final = math.radians(60)  # a road that turns by so much within twice the reach is an L
+_BEND_RAD: Final = math.radians(60)  # a road that turns by this much within twice the reach is an L
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class StreetAtCrash:
 
 @dataclass(frozen=True)
 class SiteStreets:
-    """The crash's own street, the one that crosses it (None between crossings), and each vehicle's of the two."""
+    """The crash's own street, the one that crosses it (None between crossings), and which of the two each vehicle was
+    on."""
 
     own: StreetAtCrash
     cross: StreetAtCrash | None
@@ -77,7 +78,7 @@ class SiteStreets:
 
 
 def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> tuple[Comparison, ...]:
-    """Every attribute that both the report and the map know something of, in the order of :mod:`report`'s table."""
+    """The attributes that report and map have in common, compared, in a fixed order."""
     streets = streets_at(network, record, placement)
     return (
         _per_vehicle(LANES, streets, _reported_lanes, _mapped_lanes),
@@ -89,7 +90,7 @@ def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement
 
 
 def streets_at(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> SiteStreets:
-    """The streets at the crash, and which of them each vehicle was on."""
+    """The streets at the crash, and which one each vehicle was on."""
     crossing = None
     if placement.junction_id is not None:
         crossings = (c for c in find_crossings(network) if placement.junction_id in c.junction_ids)
@@ -110,12 +111,12 @@ def _street_of(vehicle: VehicleRecord, own: StreetAtCrash, cross: StreetAtCrash 
         return own
     gain = _fit(vehicle, cross) - _fit(vehicle, own)
     if gain == 0 and control_of(vehicle) in (Control.STOP, Control.YIELD):
-        return cross if _is_minor(cross, own) else own  # the one that gives way is the lesser street
+        return cross if _is_minor(cross, own) else own  # the street that gives way is the lesser one
     return cross if gain > 0 else own
 
 
 def _is_minor(street: StreetAtCrash, other: StreetAtCrash) -> bool:
-    """Whether a street is the one that ends here, or is of a lower class."""
+    """Whether a street ends here, or has a lower class than the other."""
     ranks = [min((road_class(road.highway).rank for road in s.roads), default=math.inf) for s in (street, other)]
     return len(street.roads) < len(other.roads) if ranks[0] == ranks[1] else ranks[0] > ranks[1]
 
@@ -153,7 +154,7 @@ def _controls(
 
 
 def _fit(vehicle: VehicleRecord, street: StreetAtCrash) -> int:
-    """How many attributes of a vehicle's road fit a street, less those that do not."""
+    """How many attributes of a vehicle's road fit a street, minus those that do not."""
     score = 0
     for reported, mapped in (
         (_reported_lanes(vehicle), _mapped_lanes(vehicle, street)),
@@ -172,10 +173,10 @@ def _per_vehicle(
     reported_of: Callable[[VehicleRecord], str | None],
     mapped_of: Callable[[VehicleRecord, StreetAtCrash], tuple[str, ...]],
 ) -> Comparison:
-    """Agrees if on every street the map has what a vehicle there reports.
+    """Agrees if for every street the map has the value that a vehicle on it reports.
 
-    Vehicles on one street may report different values, since each speaks of its own direction and its own moment (one
-    counts the turn lane, the other passed it): the map then agrees if it has one of them.
+    Vehicles on one street may report different values, each for its own direction and place (one counts a turn lane
+    that the other has passed). The map then agrees if it has one of the values.
     """
     reported: dict[str, None] = {}
     mapped: dict[str, None] = {}
@@ -219,7 +220,7 @@ def _reported_control(vehicle: VehicleRecord) -> str | None:
 
 
 def _mapped_controls(vehicle: VehicleRecord, street: StreetAtCrash) -> tuple[str, ...]:
-    """A map without a sign says "none" only to a report that says so too: OSM lacks many signs that are there."""
+    """A map without a sign is compared only with a report of no control: OSM lacks many signs that exist."""
     if street.controls:
         return tuple(sorted(control.value for control in street.controls))
     return (Control.NONE.value,) if control_of(vehicle) == Control.NONE else ()
@@ -232,7 +233,7 @@ def _reported_limit(vehicle: VehicleRecord) -> str | None:
 def _mapped_limits(vehicle: VehicleRecord, street: StreetAtCrash) -> tuple[str, ...]:
     limits = {road.speed_mps for road in street.roads if road.speed_mps is not None}
     reported = vehicle.speed_limit_mps
-    # Printed alike if they are alike, so that 25 mph and 40 km/h (24.9 mph) are.
+    # Rounded, so that 25 mph and 40 km/h (24.9 mph) print the same.
     return tuple(
         _limit(reported if reported and abs(limit - reported) < _SAME_LIMIT_MPS else limit) for limit in sorted(limits)
     )
@@ -259,9 +260,9 @@ def _intersection(
 def _kind_as_named(
     network: RoadNetwork, record: CrashRecord, placement: CrashPlacement, own: Crossing | None
 ) -> RoadTopology:
-    """The kind of the crossing that the report speaks of: the crash's own, unless only another has the reported names.
+    """The kind of the crossing that the report means: the crash's own, unless only another one has the reported names.
 
-    A crash that happened on the way to or from a crossing may lie nearer to the one before.
+    A crash on the way to or from a crossing may lie nearer to another crossing.
     """
     meant = own
     if own is None or not is_named(own, record):
@@ -284,13 +285,13 @@ def _kind_at(network: RoadNetwork, placement: CrashPlacement) -> RoadTopology:
 
 
 def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
-    """Whether the street turns at the crash, be it where one road ends and the next, of another name, begins."""
+    """Whether the street turns at the crash, also where one road ends and a road of another name begins."""
     return abs(bend_rad(network, placement, _BEND_REACH_M)) > _BEND_RAD
 
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
-    """By how much the crash's road turns between ``reach_m`` before it and as far behind, radians to the left along
-    the road's reference line."""
+    """How far the crash's road turns from ``reach_m`` before the crash to ``reach_m`` behind it, radians to the left
+    along the road's reference line."""
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
     before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))
     return wrap_angle(after - before)

@@ -1,6 +1,7 @@
 """What OpenStreetMap has beside the road at the crash: the trees, poles, barriers and buildings a vehicle can strike.
 
-Only what a report can name as a fixed object; what lies behind it (water, woods, parking) is for pictures.
+Only things that a report can name as a fixed object. Areas farther off (water, woods, parking) are only drawn in
+pictures.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.report import CrashPlacement, MappedThing
 
-_REACH_M: Final = 40.0  # a vehicle leaves the road within the clear zone of its place
+_REACH_M: Final = 40.0  # a vehicle that leaves the road stays within the clear zone
 _KEYS: Final = ("barrier", "natural", "power", "highway", "man_made", "emergency", "amenity", "waterway", "building")
 _ANY_VALUE: Final = ("traffic_sign", "bridge:support", "building")
 _BACKGROUND: Final = frozenset(
@@ -26,7 +27,7 @@ _BACKGROUND: Final = frozenset(
 def things_near(
     features: Iterable[OsmFeature], frame: LocalFrame, placement: CrashPlacement
 ) -> tuple[MappedThing, ...]:
-    """What stands within 40 m of the crash, nearest first, in the local frame."""
+    """Things within 40 m of the crash, nearest first, in the local frame."""
     place = shapely.Point(placement.x_m, placement.y_m)
     found: list[tuple[float, MappedThing]] = []
     for each in features:
@@ -47,7 +48,7 @@ def things_near(
 
 
 def _tag(feature: OsmFeature) -> str | None:
-    """The tag that says what it is, "natural=tree"; of keys with any value, the key alone."""
+    """The tag that says what a thing is, as "natural=tree"; only the key, if any value means the same."""
     for key in _ANY_VALUE:
         if key in feature.tags:
             return key

@@ -1,4 +1,4 @@
-"""What the cross-section of a street is at a place: lanes each way, the other carriageway, divided or not."""
+"""The cross-section of a street at a place: lanes each way, the other carriageway, divided or not."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _APPROACH_M: Final = 60.0  # lanes are counted on this much road either way: tur
 
 @dataclass(frozen=True)
 class LaneCount:
-    """Traffic lanes of a road object: along and against its reference line, and for turning in the middle.
+    """Traffic lanes of a road object: along its reference line, against it, and turn lanes in the middle.
 
-    A cross-section with lanes that only turn is counted twice, with them and without: ``VNUM_LAN`` has them where they
-    are part of what the vehicle drove on, which the map cannot know.
+    A cross-section with lanes that only turn is counted twice, with and without them. ``VNUM_LAN`` includes them if
+    they belong to what the vehicle drove on, and the map cannot know that.
     """
 
     along: int
@@ -54,7 +54,7 @@ class Carriageway:
 
     @property
     def divided(self) -> bool:
-        """Whether the street has something between its two directions."""
+        """Whether a median or a gap lies between the street's two directions."""
         return self.opposite is not None or self.median
 
 
@@ -95,7 +95,7 @@ def _count(lanes: list[Lane], centre: int) -> LaneCount:
 
 
 def _opposite(network: RoadNetwork, road: Road, x_m: float, y_m: float, heading_rad: float) -> Road | None:
-    """The nearest one-way road the other way round that is not plainly another street, on the left."""
+    """The nearest one-way road in the other direction, on the left, unless it is clearly another street."""
     for match in network.nearest_lanes(x_m, y_m, _OTHER_CARRIAGEWAY_M):
         other = network.road_by_id[match.lane.road_id]
         if other.id == road.id or other.junction_id is not None or other.highway in SERVICE_HIGHWAYS:

@@ -1,4 +1,4 @@
-"""Crossings as a road user sees them: their arms, and what kind of intersection they are.
+"""Crossings as a road user sees them: their arms and their kind of intersection.
 
 A junction of the map is where lanes connect. A crossing is what a police officer would call an intersection: several
 junctions where a divided road is crossed, none at all where a ramp merges or a driveway joins. Kinds are the words of
@@ -21,22 +21,22 @@ from trace_dag.roads.map.model import ContactPoint, Junction, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.units import wrap_angle
 
-_MEDIAN_M: Final = 45.0  # junctions this near each other, one on each carriageway, are one crossing
-_OFFSET_M: Final = 30.0  # and two halves of one street that meet another this far apart
-_ARM_SEEN_AT_M: Final = 25.0  # where along an arm its place and direction are taken
-_PARALLEL_RAD: Final = math.radians(32)  # carriageways of one divided arm: as near to parallel as this,
-_SIDE_BY_SIDE_RAD: Final = math.radians(135)  # and seen from the centre within this angle of each other
+_MEDIAN_M: Final = 45.0  # junctions this near to each other, one on each carriageway, are one crossing
+_OFFSET_M: Final = 30.0  # so are two halves of one street that meet another this far apart
+_ARM_SEEN_AT_M: Final = 25.0  # distance along an arm at which its place and direction are taken
+_PARALLEL_RAD: Final = math.radians(32)  # carriageways of one divided arm are parallel to within this,
+_SIDE_BY_SIDE_RAD: Final = math.radians(135)  # and lie within this angle of each other, seen from the centre
 _SLIP_ROAD_M: Final = 120.0  # roads no longer than this that lead to one place are one arm: turning lanes, triangles
-_MERGE_RAD: Final = math.radians(60)  # one-way roads that meet at a lesser angle merge, they do not cross
+_MERGE_RAD: Final = math.radians(60)  # one-way roads that meet at a smaller angle merge, they do not cross
 _STRAIGHT_ON_RAD: Final = math.radians(35)
-_T_STEM_RAD: Final = math.radians(50)  # a third arm at least this far from the through road makes a T, else a Y
+_T_STEM_RAD: Final = math.radians(50)  # a third arm at least this angle from the through road makes a T, else a Y
 
 
 @dataclass(frozen=True)
 class Arm:
     """One arm of a crossing: its roads (two where divided), the heading in which it leaves, radians, and its names.
 
-    ``bearing_rad`` is where it is seen from the centre of the crossing.
+    ``bearing_rad`` is its direction from the centre of the crossing.
     """
 
     road_ids: tuple[str, ...]
@@ -50,7 +50,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Junctions that are one crossing, its arms counter-clockwise from east, and its kind (None: no intersection)."""
+    """Junctions that form one crossing, its arms counter-clockwise from east, and its kind (None: no intersection)."""
 
     junction_ids: tuple[str, ...]
     centre_xy_m: tuple[float, float]
@@ -79,14 +79,14 @@ def is_same_street(a: Arm, b: Arm) -> bool:
 
 
 def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
-    """All crossings of a network. Where :func:`with_kinds` has set the kinds of its junctions, those hold."""
+    """All crossings of a network. Kinds of junctions that :func:`with_kinds` has set are used."""
     return tuple(_with_stored_kind(network, crossing) for crossing in _find(network, frozenset()))
 
 
 def with_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """The network with each junction's ``kind`` set to that of its crossing, also if that is not an intersection.
 
-    The extract knows what the network does not: which ways are roundabouts, and which are private.
+    The extract says what the network does not: which ways are roundabouts and which are private.
     """
     on_roundabout = {
         node_id
@@ -141,7 +141,7 @@ def _ends_at_junctions(network: RoadNetwork) -> dict[str, list[_End]]:
 
 
 def _groups(network: RoadNetwork, ends: dict[str, list[_End]]) -> Iterable[tuple[Junction, ...]]:
-    """Junctions that are one crossing, in the order of the network."""
+    """Groups of junctions that form one crossing, in the order of the network."""
     leader = {junction.id: junction.id for junction in network.junctions}
 
     def find(junction_id: str) -> str:
@@ -162,7 +162,7 @@ def _groups(network: RoadNetwork, ends: dict[str, list[_End]]) -> Iterable[tuple
             leader[find(junction_ids[1])] = find(junction_ids[0])
     groups: dict[str, list[Junction]] = defaultdict(list)
     for junction in network.junctions:
-        if junction.connections:  # maps of others have junctions that lead nowhere
+        if junction.connections:  # maps from other programs have junctions that lead nowhere
             groups[find(junction.id)].append(junction)
     return [tuple(group) for group in groups.values()]
 
@@ -170,8 +170,7 @@ def _groups(network: RoadNetwork, ends: dict[str, list[_End]]) -> Iterable[tuple
 def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, list[_End]]) -> bool:
     """Whether a road between two junctions is part of one crossing.
 
-    It crosses a median, goes round a roundabout, or is the step between the two halves of a street that crosses with an
-    offset.
+    It crosses a median, goes round a roundabout, or connects the two halves of a street that crosses with an offset.
     """
     if all(junction.kind == RoadTopology.ROUNDABOUT.value for junction in junctions):
         return is_one_way(road)
@@ -187,7 +186,7 @@ def _is_inside_crossing(road: Road, junctions: list[Junction], ends: dict[str, l
 
 
 def _on_divided_road(ends: list[_End], median_road: Road) -> bool:
-    """Whether a carriageway passes this junction besides the road over the median: one-way in, one-way out."""
+    """Whether a carriageway passes this junction beside the road over the median: one one-way road in, one out."""
     others = [(road, contact) for road, contact in ends if road.id != median_road.id and is_one_way(road)]
     return len({contact for _, contact in others}) == 2
 
@@ -248,7 +247,7 @@ def _neighbours_merged(arms: list[Arm], together: Callable[[Arm, Arm], bool]) ->
 
 
 def _are_ramps_of_one_side(a: Arm, b: Arm) -> bool:
-    """Whether two arms are the way to and from one motorway, on the same side of the crossing road."""
+    """Whether two arms are the ramps to and from one motorway, on the same side of the crossing road."""
     return a.ramp and b.ramp and a.enters == b.leaves and a.enters != a.leaves
 
 
@@ -344,7 +343,7 @@ def _kind(arms: tuple[Arm, ...]) -> RoadTopology | None:
 
 
 def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
-    """Whether traffic only joins or parts here, as where a ramp meets a motorway: no paths that cross or meet."""
+    """Whether traffic only merges or divides here, as where a ramp meets a motorway: no paths cross."""
     entering = [arm for arm in arms if arm.enters]
     leaving = [arm for arm in arms if arm.leaves]
     if len(entering) + len(leaving) > len(arms) or min(len(entering), len(leaving)) > 1:
@@ -353,7 +352,7 @@ def _merges_or_divides(arms: tuple[Arm, ...]) -> bool:
 
 
 def _is_t(headings_rad: list[float]) -> bool:
-    """Whether two of three arms go straight on and the third comes from aside."""
+    """Whether two of three arms go straight on and the third comes from the side."""
     for stem in range(3):
         a, b = (headings_rad[i] for i in range(3) if i != stem)
         bent = math.pi - abs(wrap_angle(a - b))

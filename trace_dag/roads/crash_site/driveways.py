@@ -1,10 +1,10 @@
-"""Driveways that the report speaks of and OpenStreetMap does not have, drawn as roads of the map and marked as ours.
+"""Driveways that the report mentions and OpenStreetMap does not have: drawn as roads of the map and marked as inferred.
 
 A vehicle that is reported to have come out of a driveway, from the side, or to have turned off the street between
-intersections, drove on something. Where no road of the map passes the crash on that side, a way is added to a copy of
-the extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides
-where the report leaves the side open. Its tag ``trace_dag:inferred`` says why it is there. On a divided street it
-crosses the median where the reported course asks for that.
+intersections, must have used a driveway. If no road of the map passes the crash on that side, a way is added to a copy
+of the extract, as a mapper would have drawn it: at right angles to the street, through the crash's place, on both sides
+if the report does not say which. Its tag ``trace_dag:inferred`` says why it is there. On a divided street it crosses
+the median if the reported course does.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.units import wrap_angle
 
-DRIVEWAY_RELATIONS: Final = frozenset({4, 8})  # RELJCT2: in a driveway access, related to one
+DRIVEWAY_RELATIONS: Final = frozenset({4, 8})  # RELJCT2: in a driveway access, or related to one
 _DRIVEWAY_TRAFFICWAY: Final = 0  # VTRAFWAY: a driveway access or other non-trafficway
 _WIDTH_M: Final = 6.1
 """20 ft: the most that York County's code (VA, 20.5-98) lets a residential driveway be wide (9 to 20 ft), the least
@@ -42,22 +42,23 @@ _LENGTH_M: Final = 50.0  # from the middle of the street: 40 m or more beside it
 _LONGEST_M: Final = 100.0
 _DRIVEN_S: Final = 5.5  # a vehicle that was fast needs room for the seconds before the crash
 _LEAST_LENGTH_M: Final = 15.0
-_PASSES_M: Final = 16.0  # a side road whose line is this near the crash can have brought a vehicle to it
+_PASSES_M: Final = 16.0  # a vehicle can have come from a side road whose line passes this near to the crash
 _FARTHEST_END_M: Final = 60.0
 _SIDEWAYS_RAD: Final = (math.radians(35), math.radians(145))
 _SAME_JUNCTION_M: Final = 15.0
 _SAME_PLACE_M: Final = 1.0
 _OPPOSING_COSINE: Final = math.cos(math.radians(150))
-_MEDIAN_CROSSING_M: Final = 45.0  # a carriageway farther off is another street
-_BEFORE_RIGHT_TURN_M: Final = 3.0  # the corner cut: one that turns right joins the street a little farther on
+_MEDIAN_CROSSING_M: Final = 45.0  # a carriageway farther away is another street
+_BEFORE_RIGHT_TURN_M: Final = 3.0  # the cut corner: a vehicle that turns right joins the street this much farther on
 _TAGS: Final = {"highway": "service", "service": "driveway", "width": f"{_WIDTH_M:g}"}
 
 
 @dataclass(frozen=True)
 class Access:
-    """What the report says of a way off the street. ``side``: as seen in the street's traffic, None: either.
+    """The way off the street that the report mentions. ``side``: as seen in the direction of the street's traffic;
+    None: either.
 
-    ``turn``: what the vehicle did that came out of it. ``across``: the course leads over the whole street.
+    ``turn``: that of the vehicle which came out of it. ``across``: the course leads over the whole street.
     """
 
     why: str
@@ -68,7 +69,7 @@ class Access:
 
 
 def reported_access(record: CrashRecord) -> Access | None:
-    """The way off the street that the report speaks of, whether or not the map has it."""
+    """The way off the street that the report mentions, whether or not the map has it."""
     pair = pair_of(record)
     if len(pair) != 2:
         return None
@@ -83,7 +84,7 @@ def reported_access(record: CrashRecord) -> Access | None:
     if any(_backs(vehicle) for vehicle in pair):
         return Access("the crash is reported at a driveway") if at_driveway else None
     if _is_crossing(pair):
-        # Who turned came from the side; of two that went straight, either can have.
+        # The vehicle that turned came from the side; if both went straight, either can have.
         for vehicle, other in both:
             if turn_of(vehicle) is not None:
                 return _coming_out(vehicle, other, f"vehicle {vehicle.number} is reported to have come from the side")
@@ -95,7 +96,7 @@ def reported_access(record: CrashRecord) -> Access | None:
         turn = turn_of(vehicle)
         if turn in (Turn.LEFT, Turn.RIGHT):
             why = f"vehicle {vehicle.number} is reported to have turned {turn} between intersections"
-            # Who turns left crosses the other carriageway, and the crash is on that one.
+            # A vehicle that turns left crosses the other carriageway, and the crash is on that one.
             return Access(why, side=Side.RIGHT, across=turn is Turn.LEFT)
     return None
 
@@ -103,7 +104,7 @@ def reported_access(record: CrashRecord) -> Access | None:
 def add_driveways(
     network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
 ) -> OsmExtract:
-    """The extract with the driveways the report asks for; as it is where the map has a road there, or no room."""
+    """The extract with the driveways that the report mentions; unchanged if the map has a road there or no room."""
     access = reported_access(record)
     road = network.road_by_id[placement.road_id]
     if access is None or not road_class(road.highway).driveways or road.bridge or road.tunnel:
@@ -118,7 +119,7 @@ def add_driveways(
     if street.one_way:
         wanted = [side for side in Side if access.side in (side, None) and side not in passing]
     else:
-        wanted = [] if passing else list(Side)  # which way the street's vehicle went is open
+        wanted = [] if passing else list(Side)  # the direction of the street's vehicle is not known
     for side in wanted:
         canvas.draw(street, side, access)
     return canvas.extract()
@@ -160,7 +161,8 @@ def _driven_m(vehicle: VehicleRecord) -> float:
 # --- what the map has ----------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class _Street:
-    """The way under the crash: how far along it, the point there, and its direction (that of a one-way's traffic)."""
+    """The way under the crash: the crash's station along it (metres), the point there, and the way's direction (of a
+    one-way street: its traffic's)."""
 
     way: OsmWay
     s_m: float
@@ -215,7 +217,7 @@ class _Hit(NamedTuple):
     distance_m: float
     way: OsmWay
     s_m: float
-    opposes: bool  # a one-way whose traffic goes against the street's
+    opposes: bool  # a one-way road with traffic against the street's
 
 
 class _Canvas:
@@ -235,7 +237,7 @@ class _Canvas:
         self._drawn: list[OsmWay] = []
 
     def street_at(self, road: Road, placement: CrashPlacement) -> _Street | None:
-        """The way of a road that is nearest to the crash; None for a road without ways."""
+        """Of the ways of a road, the one nearest to the crash; None for a road without ways."""
         here = np.array([placement.x_m, placement.y_m])
         found: list[tuple[float, int, _Street]] = []
         for way in self._ways:
@@ -249,7 +251,7 @@ class _Canvas:
         return min(found, key=lambda each: each[:2])[2] if found else None
 
     def draw(self, street: _Street, side: Side, access: Access) -> None:
-        """A driveway on one side of a street; nothing where another road leaves no room for one."""
+        """Draw a driveway on one side of a street; nothing if another road leaves no room."""
         outward = street.outward(side)
         along_m = 0.0
         if access.turn is Turn.RIGHT:
@@ -257,7 +259,7 @@ class _Canvas:
         target_m = street.xy_m + along_m * street.direction
         root_m = self._junction_near(street, _station(self._line(street.way), target_m))
         start = _on(self._line(street.way), root_m)[0]
-        between: list[_Hit] = []  # the other carriageway, where the driveway's leads across it
+        between: list[_Hit] = []  # the other carriageway, if the driveway leads across it
         end_m, joined = access.length_m, None
         for hit in self._hits(street, start, outward, access.length_m + _LEAST_LENGTH_M):
             if hit.opposes and street.one_way and hit.distance_m <= _MEDIAN_CROSSING_M and not between:
@@ -278,7 +280,7 @@ class _Canvas:
         self._drawn.append(OsmWay(way_id, tuple(nodes), {**_TAGS, INFERRED_TAG: access.why}))
 
     def extract(self) -> OsmExtract:
-        """The extract with what was drawn; the very same one if nothing was."""
+        """The extract with the driveways drawn; the same object if there are none."""
         if not self._drawn:
             return self._extract
         nodes = {**self._extract.nodes, **{node.id: node for node in self._new_nodes}}
@@ -289,7 +291,8 @@ class _Canvas:
         return np.array([self._xy[node_id] for node_id in way.node_ids])
 
     def _junction_near(self, street: _Street, s_m: float) -> float:
-        """The station of a junction of the street so near that a driveway would be an arm of it, else ``s_m``."""
+        """The station of a junction of the street if it is so near that a driveway would be an arm of it, else
+        ``s_m``."""
         stations = arc_lengths(self._line(street.way))
         near = [
             (abs(float(station) - s_m), float(station))
@@ -324,7 +327,7 @@ class _Canvas:
         return sorted(hits, key=lambda hit: (hit.distance_m, hit.way.id))
 
     def _node_at(self, way: OsmWay, s_m: float) -> int:
-        """The way's node at a station, a new one where it has none."""
+        """The way's node at a station; a new one if it has none there."""
         line = self._line(way)
         at = [*zip(arc_lengths(line).tolist(), way.node_ids, strict=True), *self._inserted[way.id]]
         apart_m, node_id = min((abs(station - s_m), node_id) for station, node_id in at)
@@ -353,7 +356,7 @@ def _whole(way: OsmWay, extract: OsmExtract) -> bool:
 
 
 def _station(line: FloatArray, point: FloatArray) -> float:
-    """How far along a polyline the place nearest to a point is."""
+    """Station along a polyline (metres) of its place nearest to a point."""
     stations = arc_lengths(line)
     best = (math.inf, 0.0)
     for i, (a, b) in enumerate(pairwise(line)):

@@ -1,8 +1,8 @@
 """What the report adds to the map where OSM is silent: lane counts, limits, signals, stop and yield signs, driveways.
 
-OSM's own tags are never changed. Lanes and limits travel as hints to the converter, which uses them for untagged ways
-only; a signal or sign becomes a tagged node in a copy of the extract, and a driveway a way, as a mapper would have put
-it there.
+OSM's own tags are never changed. Lanes and limits are given to the converter as hints, which it uses for untagged ways
+only. A signal or sign becomes a tagged node in a copy of the extract and a driveway a way, as a mapper would have drawn
+them.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class GapFilling:
 
 
 def fill_gaps(network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement) -> GapFilling:
-    """What the report knows and the map does not, for the streets at the crash.
+    """Fill gaps in the map from the report, for the streets at the crash.
 
-    A street is filled along its whole length on the map. Nothing is filled from vehicles that contradict each other.
+    A street is filled along its whole length on the map. Nothing is filled in if vehicles contradict each other.
     """
     streets = streets_at(network, record, placement)
     hints: dict[int, WayHints] = {}
@@ -76,7 +76,7 @@ def _distinct(streets: SiteStreets) -> Iterable[StreetAtCrash]:
 
 
 def _agreed(values: Iterable[_Number | None]) -> _Number | None:
-    """The value if all that are known are the same."""
+    """The value, if all known values are the same."""
     known = {value for value in values if value}
     return known.pop() if len(known) == 1 else None
 
@@ -129,7 +129,7 @@ def _add_controls(network: RoadNetwork, extract: OsmExtract, streets: SiteStreet
 
 
 def _with_signals(extract: OsmExtract, node_ids: set[int]) -> OsmExtract:
-    """Signals on those of a crossing's nodes where ways meet."""
+    """Signals on those nodes of a crossing where ways meet."""
     arms = Counter(node_id for way in extract.ways for pair in pairwise(way.node_ids) for node_id in pair)
     new = {
         node_id: node._replace(tags={**node.tags, "highway": "traffic_signals"})
@@ -162,7 +162,8 @@ def _way_with_signs(way: OsmWay, nodes: dict[int, OsmNode], crossing_nodes: set[
 
 
 def _add_sign(nodes: dict[int, OsmNode], far: OsmNode, crossing: OsmNode, tags: dict[str, str]) -> int | None:
-    """A sign between two nodes of a way: a new node if there is room for one (its id is returned), else the far one."""
+    """A sign between two nodes of a way: a new node if there is room (its id is returned), else the far node of the
+    two."""
     length_m = _distance_m(far, crossing)
     if length_m <= 2 * _SIGN_BEFORE_M:
         if "highway" not in far.tags:

@@ -1,4 +1,4 @@
-"""Which roads and streets are around the reported point, how near, and which of them bear a reported name."""
+"""The roads and streets around the reported point, how near they are, and which of them have a reported name."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from trace_dag.roads.map.model import LaneMatch, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import NearStreet
 
-_REACHES_M: Final = (100.0, 400.0)  # where there is no street within the first, the second
-_TURNING_LANE_M: Final = 1.5  # a turn's surface belongs to its street a little less than a straight one: judgement
+_REACHES_M: Final = (100.0, 400.0)  # the second is used if there is no street within the first
+_TURNING_LANE_M: Final = 1.5  # a turn belongs to its street a little less than a straight movement does: judgement
 
 
 @dataclass
 class Nearness:
-    """The lanes by which a road, or its ways through junctions, comes near to a point, and how near its surface is."""
+    """The lanes of a road, and of its movements through junctions, near a point, and the distance to their surface."""
 
     distance_m: float = math.inf
     matches: list[LaneMatch] = field(default_factory=list)
 
     @property
     def nearest(self) -> LaneMatch:
-        """The lane that is nearest."""
+        """The nearest lane."""
         return min(self.matches, key=lambda match: match.outside_m)
 
 
 def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> dict[str, Nearness]:
-    """Roads around a point, by id. A way through a junction counts for the roads it comes from and leads to."""
+    """Roads around a point, by id. A movement through a junction counts for the roads it comes from and leads to."""
     near: dict[str, Nearness] = {}
     for match in network.nearest_lanes(x_m, y_m, reach_m):
         road = network.road_by_id[match.lane.road_id]
@@ -47,7 +47,7 @@ def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> 
 
 
 def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
-    """The roads that a way through a junction comes from and leads to."""
+    """The roads that a movement through a junction comes from and leads to."""
     links = (connecting.predecessor, connecting.successor)
     return tuple(
         network.road_by_id[link.element_id] for link in links if link is not None and link.element_type == "road"
@@ -55,7 +55,7 @@ def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
 
 
 def near_streets(network: RoadNetwork, record: CrashRecord) -> tuple[NearStreet, ...]:
-    """The streets within 100 m of the reported point, nearest first; those within 400 m where there are none."""
+    """The streets within 100 m of the reported point, nearest first; if there are none, those within 400 m."""
     x_m, y_m = (float(value) for value in network.frame.to_local(record.latitude_deg, record.longitude_deg))
     for reach_m in _REACHES_M:
         streets: dict[str, dict[str, Nearness]] = {}

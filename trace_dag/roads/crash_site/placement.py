@@ -1,9 +1,9 @@
 """Where the crash is on the map: which road, where on it, and at which crossing.
 
-The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. What
-the report says of the road decides: its name or number, its class, lanes, limit, whether it is divided, and how far the
-point lies from it. Each is a log-likelihood ratio (how many times likelier it is to be reported so of this road than of
-another), so that they add up. The weights were set by judgement. Beside them stands what
+The reported point is a coded point: some metres beside the road, on the wrong carriageway, or on the bridge above. So
+the road is chosen by what the report says about it: its name or number, class, lanes, limit, whether it is divided, and
+how far the point lies from it. Each of these gives a log-likelihood ratio (how many times likelier such a report is for
+this road than for another), and they are added up. The weights were set by judgement. Beside them stands what
 ``benchmarks/placement_weights.py`` measured afterwards on the 80 stored maps of two cohorts (62 crashes in Virginia in
 2023, 210 of FARS 2012 to 2016): 52 roads that bear the reported name against 120 others within 100 m. Stored maps
 mostly agree with their report, so differences are rarer among them than in reality. By these figures limit and
@@ -38,34 +38,34 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.settings import RoadSettings
 
-_LOOK_AROUND_M: Final = 100.0  # named roads are looked for this far even if a crash is not moved so far
-_OTHER_STREET: Final = 0.4  # likeness of names below which two are not one street: judgement
+_LOOK_AROUND_M: Final = 100.0  # a road with the reported name is looked for this far, even if no crash is moved so far
+_OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement
 _DISTANCE_SCALE_M: Final = 6.0
 """Of ``-log1p((distance / scale)**2)``: 6 m beside the road costs 0.7, 12 m 1.6, 50 m 4.3. Measured, against a point on
 the surface (where 16 of 52 lie): 3 to 6 m 1.2, up to 12 m 2.5, up to 25 m 4.7, up to 50 m 5.9."""
-_CROSSING_SCALE_M: Final = 15.0  # judgement: crossings are as wide as that, and reported by their middle
+_CROSSING_SCALE_M: Final = 15.0  # judgement: crossings are this wide and are reported by their middle
 _NAME_WEIGHTS: Final = (5.5, -1.5)
 """Per unit of likeness, and for no likeness at all. Judgement: names tell which road is which, so there is nothing to
 measure them against. They outweigh all else together within a lane or two of the point."""
-_OTHER_STREETS_NAME: Final = -2.0  # judgement: it bears the name of the street that is crossed
+_OTHER_STREETS_NAME: Final = -2.0  # judgement: it has the name of the street that is crossed
 _CLASS_WEIGHTS: Final = ((0.9, 0.7), (1.7, 0.0), (2.7, -0.7), (math.inf, -1.5))
 """By steps between classes, up to. Measured: 0.7, -0.3, -0.4, -1.1."""
 _TRAFFICWAY_WEIGHTS: Final = {
     True: 0.6,
     False: -0.4,
-}  # measured: 0.3, -2.5 (it never differed on the 24 roads that tell)
+}  # measured: 0.3, -2.5 (it never differed on the 24 roads that say it)
 _LANES_WEIGHTS: Final = {True: 0.7, False: -0.5}  # measured: 0.2, -0.6
 _LIMIT_WEIGHTS: Final = {True: 0.5, False: -0.3}  # measured: 0.4, -1.5
-_RAMP_WEIGHTS: Final = {True: 1.5, False: -1.5}  # of a ramp, reported so or not: judgement, too few to measure
-_SERVICE_WEIGHTS: Final = {True: -1.0, False: -2.5}  # of a service road, at a driveway or not: judgement
-_CROSSING_NAME_WEIGHTS: Final = (4.0, -1.0)  # as for roads, for each of the two names: judgement
+_RAMP_WEIGHTS: Final = {True: 1.5, False: -1.5}  # a ramp, reported as one or not: judgement, too few to measure
+_SERVICE_WEIGHTS: Final = {True: -1.0, False: -2.5}  # a service road, at a driveway or not: judgement
+_CROSSING_NAME_WEIGHTS: Final = (4.0, -1.0)  # as for roads, for each of the crossing's two names: judgement
 _CROSSING_KIND_WEIGHT: Final = 1.0  # judgement: TYP_INT and the map's number of arms agree
 _INSIDE_LANE_M: Final = 1.0  # a moved point comes to lie this far inside the lane's border: judgement
-_NOT_ITS_STREET: Final = -10.0  # a driveway that was drawn for the crash on the street: more than all else together
+_NOT_ITS_STREET: Final = -10.0  # a driveway that was drawn for this crash: more than all other evidence together
 _SAME_SPEED_MPS: Final = 1.2  # half a step of posted limits
 
 # FUNC_SYS: interstate, other freeway, principal arterial, minor arterial, major and minor collector, local. Between two
-# of OSM's classes where mappers use either; how far is judgement.
+# of OSM's classes where mappers use either; how far between is judgement.
 _RANK_OF_FUNCTION: Final = {1: 0.0, 2: 0.7, 3: 2.0, 4: 2.8, 5: 3.7, 6: 4.4, 7: 5.6}
 _AT_DRIVEWAY: Final = (4, 8)  # RELJCT2
 _AT_INTERSECTION: Final = (2, 3)  # RELJCT2
@@ -76,11 +76,11 @@ _NO_INTERSECTION: Final = (RoadTopology.NOT_AN_INTERSECTION, RoadTopology.OTHERS
 def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSettings) -> CrashPlacement:
     """The crash on the map, in the network's frame.
 
-    A point on the surface of the road it belongs to stays where it is, one beside it is moved just inside the nearest
-    lane, by at most ``settings.max_move_m``.
+    A point on the surface of its road stays where it is. A point beside it is moved just inside the nearest lane, by at
+    most ``settings.max_move_m``.
 
-    Raises :class:`Rejection` (``crash_off_road``) if no road lies so near, or if the road that the report names is
-    farther away and the ones at hand have other names.
+    Raises :class:`Rejection` (``crash_off_road``) if no road is that near, or if the road that the report names is
+    farther away and the nearer ones have other names.
     """
     return _Placer(network, record, settings).place()
 
@@ -93,14 +93,14 @@ def is_at_intersection(record: CrashRecord) -> bool:
 
 
 def is_named(crossing: Crossing, record: CrashRecord) -> bool:
-    """Whether a crossing is the one the report names: both of its streets meet there."""
+    """Whether a crossing is the one that the report names: both named streets meet there."""
     return _are_same_streets(_name_similarities(crossing, record))
 
 
 def class_steps(record: CrashRecord, road: Road) -> float | None:
     """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
 
-    None where either says nothing: a driveway or a track has no functional class.
+    None if one of the two is not known: a driveway or a track has no functional class.
     """
     expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
     mapped = road_class(road.highway)
@@ -220,7 +220,7 @@ class _Placer:
         return best
 
     def _named(self, reported: str, *, exclude: Collection[str]) -> tuple[str, ...]:
-        """Roads near the point that a report's street name means."""
+        """Roads near the point whose names fit a street name of the report."""
         if not reported:
             return ()
         return tuple(
@@ -232,7 +232,7 @@ class _Placer:
 
     # --- crossings -------------------------------------------------------------------------------------------
     def _crossing(self) -> Crossing | None:
-        """The crossing the report means: by distance, the names of its streets, and its kind."""
+        """The crossing that the report means, chosen by distance, names of streets, and kind."""
         record, best, best_score = self._record, None, -math.inf
         for crossing in self._crossings:
             if crossing.kind is None:
@@ -250,7 +250,7 @@ class _Placer:
         return best
 
     def _distance_to(self, crossing: Crossing) -> float:
-        """From the point to the surface of a crossing's junctions."""
+        """Distance from the point to the surface of a crossing's junctions (metres)."""
         inside = [
             match.outside_m
             for near in self._near.values()
@@ -269,7 +269,8 @@ class _Placer:
         return self._placement(best, surface, junction, self._cross_roads(crossing, best.road))
 
     def _belongs(self, lane: LaneRef, crossing: Crossing, names: Collection[str]) -> bool:
-        """Whether a lane is of the crossing or of one of its streets beyond (past the next driveway, say)."""
+        """Whether a lane belongs to the crossing or to one of its streets farther on (past the next driveway, for
+        example)."""
         road = self._network.road_by_id[lane.road_id]
         if road.id in crossing.road_ids or road.junction_id in crossing.junction_ids:
             return True
@@ -286,7 +287,7 @@ class _Placer:
         return min(inside, default=math.inf)
 
     def _cross_roads(self, crossing: Crossing, road: Road) -> tuple[str, ...]:
-        """Roads of the crossing that are not of the crash's own street, the ones ``TWAY_ID2`` names if it does."""
+        """Roads of the crossing other than the crash's own street; those that ``TWAY_ID2`` names, if it does."""
         own = set(crossing.street_of(road.id))
         others = [arm for arm in crossing.arms if own.isdisjoint(arm.road_ids)]
         if self._record.trafficway_2:

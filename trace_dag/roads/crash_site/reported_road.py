@@ -1,10 +1,9 @@
-"""What the report says of the road each vehicle was on, in terms that a map can be asked about.
+"""What the report says about each vehicle's road, in terms that can be compared with a map.
 
 FARS elements, by the FARS Analytical User's Manual: ``VTRAFWAY`` describes the trafficway. ``VNUM_LAN`` counts the
 lanes of the roadway the vehicle was on: both directions together where the trafficway is not divided, only the
-vehicle's own roadway where it is; turn lanes count where they belong to what the vehicle drove on, 7 means seven or
-more. ``VTRAFCON`` is the traffic control that
-applied to the vehicle.
+vehicle's own roadway where it is; turn lanes count if they belong to what the vehicle drove on; 7 means seven or more.
+``VTRAFCON`` is the traffic control that applied to the vehicle.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ MOST_LANES: Final = 7  # VNUM_LAN: seven or more
 
 
 class Trafficway(StrEnum):
-    """``VTRAFWAY`` as far as a map shows it."""
+    """Values of ``VTRAFWAY`` that a map can show."""
 
     UNDIVIDED = "undivided"
     DIVIDED = "divided"
@@ -28,7 +27,7 @@ class Trafficway(StrEnum):
 
 
 class Control(StrEnum):
-    """``VTRAFCON`` as far as a map shows it."""
+    """Values of ``VTRAFCON`` that a map can show."""
 
     NONE = "none"
     SIGNAL = "signal"
@@ -54,25 +53,25 @@ _CONTROLS: Final = {
 
 
 def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
-    """The trafficway, None where not reported or a driveway."""
+    """The trafficway; None if it is not reported or is a driveway."""
     return None if vehicle.trafficway_code is None else _TRAFFICWAYS.get(vehicle.trafficway_code)
 
 
 def control_of(vehicle: VehicleRecord) -> Control | None:
-    """The traffic control, None where not reported or of a kind no map holds (a person, a warning sign)."""
+    """The traffic control; None if it is not reported or no map has such (a person, a warning sign)."""
     return None if vehicle.traffic_control_code is None else _CONTROLS.get(vehicle.traffic_control_code)
 
 
 def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
-    """The two vehicles that collided, else all."""
+    """The two vehicles that collided; all vehicles if the record names no such two."""
     return record.colliding_vehicles or record.vehicles
 
 
 def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> frozenset[int]:
     """What ``VNUM_LAN`` would be on a street of the map, given how ``VTRAFWAY`` describes it.
 
-    Several values where lanes begin, end or only turn near the place, or the two directions differ; and where the
-    report does not say whether the trafficway is divided, both readings of a divided one.
+    There are several values if lanes begin, end or only turn near the place, or if the two directions differ. If the
+    report does not say whether the trafficway is divided, both ways to count a divided one are included.
     """
     values: set[int] = set()
     for count in street.counts:

@@ -1,9 +1,9 @@
 """Whether two names mean the same American street: ``SR-41/FRANKLIN TRNPK`` and ``Franklin Turnpike``, ``VA 41``.
 
 Police write abbreviations and route numbers, OpenStreetMap writes names out and puts numbers into ``ref``. A text is
-read into route numbers (system and number) and plain names (core words, type, directions); two texts are alike as far
-as their best pair of routes or names is. Abbreviations of street types and directions are those of the US Postal
-Service's Publication 28 (appendices B and C1) as far as FARS and OSM use them, and a few of the police.
+split into route numbers (system and number) and plain names (core words, type, directions). How alike two texts are is
+how alike their best pair of routes or names is. Abbreviations of street types and directions are those of the US Postal
+Service's Publication 28 (appendices B and C1), as far as FARS and OSM use them, and a few that police use.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Final
 
 
 class RouteSystem(StrEnum):
-    """Who numbers a route."""
+    """Who numbers a route: the federal government, a state, a county, ..."""
 
     INTERSTATE = "interstate"
     US = "us"
@@ -30,7 +30,7 @@ class RouteSystem(StrEnum):
 
 @dataclass(frozen=True)
 class Route:
-    """A numbered route. ``variant`` is "business", "alternate", ... where it is not the route itself."""
+    """A numbered route. ``variant`` is "business", "alternate", ..., or empty for the route itself."""
 
     system: RouteSystem
     number: str
@@ -48,7 +48,7 @@ class PlainName:
 
 @dataclass(frozen=True)
 class StreetName:
-    """Everything one text names."""
+    """All routes and names of one text."""
 
     routes: tuple[Route, ...]
     names: tuple[PlainName, ...]
@@ -186,13 +186,13 @@ _ROUTE: Final = re.compile(
     rf"(?:[\s-]+(?P<variant>{'|'.join(_VARIANTS)})\b)?"
 )
 _BARE_SYSTEM: Final = re.compile(r"^(?:CR|MU|LS|SR|TR|CO|PR|OT)\s*-\s*(?=[A-Z])")  # "CR-ROSS ROAD": a system, no number
-_LIKE_ENOUGH: Final = 0.84  # ratio of equal letters from which two spellings are one name with a slip
-_SHORTEST_MISSPELT: Final = 5  # letters: shorter names with a difference are other names
+_LIKE_ENOUGH: Final = 0.84  # two spellings with at least this share of equal letters are one name with a typing error
+_SHORTEST_MISSPELT: Final = 5  # letters: shorter names that differ are different names
 
 
 @lru_cache(maxsize=4096)
 def parse_street(text: str) -> StreetName:
-    """Read one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street.
+    """Split one text. Parts divided by ``/``, ``;``, ``,``, ``(`` or ``@`` are names of the same street.
 
     >>> parse_street('N MAIN ST').names[0].core
     ('MAIN',)
@@ -208,7 +208,7 @@ def parse_street(text: str) -> StreetName:
             routes[_route(match)] = None
         rest = _BARE_SYSTEM.sub("", _ROUTE.sub(" ", rest).strip())
         name = _plain_name(rest)
-        # "INTERSTATE 283 RD" or "US 60 E": what is left of a route is a type or a direction, not a name.
+        # "INTERSTATE 283 RD" or "US 60 E": the words left beside the route are a type or a direction, not a name.
         if name is not None:
             names[name] = None
     return StreetName(tuple(routes), tuple(names), ramp)
@@ -217,7 +217,7 @@ def parse_street(text: str) -> StreetName:
 def similarity(reported: str, mapped: Iterable[str]) -> float | None:
     """How well a reported street fits the names of a mapped one, 0 (another street) to 1 (the same).
 
-    None if the two cannot be compared: a name against nothing but a route number, or either without any.
+    None if the two cannot be compared: one has only names and the other only route numbers, or one has neither.
     """
     wanted = parse_street(reported)
     best: float | None = None
@@ -242,7 +242,7 @@ def _route_similarity(a: Route, b: Route) -> float:
     elif RouteSystem.UNKNOWN in (a.system, b.system):
         value = 0.9
     elif {a.system, b.system} == {RouteSystem.STATE, RouteSystem.COUNTY}:
-        value = 0.6  # secondary state roads are taken for county roads, and the other way round
+        value = 0.6  # secondary state roads are often called county roads, and the other way round
     else:
         return 0.0
     return value if a.variant == b.variant else value * 0.5
@@ -297,7 +297,8 @@ def _plain_name(text: str) -> PlainName | None:
 
 
 def _take_directions(tokens: list[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Directions before and after a name; a name that is nothing else ("North Street", "Avenue E") keeps its word."""
+    """Directions before and after a name, and the rest; one without which only a type would be left stays ("North
+    Street", "Avenue E")."""
     directions: list[str] = []
     rest = list(tokens)
     if len(rest) > 1 and rest[0] in _DIRECTIONS and not (len(rest) == 2 and rest[1] in _TYPES):

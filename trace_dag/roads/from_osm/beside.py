@@ -1,9 +1,9 @@
 """Sidewalks and cycle lanes beside the roads of a street.
 
-They are laid outside the lanes that traffic drives in, once those are finished, so that no road changes its place for
-them: cycle lanes next to the traffic, sidewalks outermost, with what lies between carriageway and sidewalk as a lane
-without content. Where the carriageway of another road lies, there is neither. Through junctions they go on roads of
-their own (:mod:`trace_dag.roads.from_osm.corners`).
+They are laid outside the finished lanes of the traffic, so that no road moves for them: cycle lanes next to the
+traffic, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". Where another road's
+carriageway lies, there is neither sidewalk nor cycle lane. Through junctions they go on roads of their own
+(:mod:`trace_dag.roads.from_osm.corners`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road, RoadMark
 
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
 _LEAST_M: Final = 8.0  # a shorter one is left out
-_TO_JUNCTION_M: Final = 8.0  # what ends so near before a junction goes on to it
+_TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
 _NO_MARK: Final = RoadMark("none", "standard", "none")
 _EDGE: Final = RoadMark("solid", "white", "none")
 
@@ -109,7 +109,7 @@ class _Chain:
         return along_arcs(x[k], y[k], heading[k], s_m - begins_m[k], curvature[k])
 
     def reach_m(self, strip: Strip) -> tuple[float, float]:
-        """From where to where a strip is laid: within the roads, and on to a junction that it ends just before."""
+        """Where a strip begins and ends: within the roads, and extended to a junction that it ends just before."""
         begins, ends = (link is not None for link in (self.roads[0].predecessor, self.roads[-1].successor))
         low_m, high_m = max(strip.begin_m, self.begin_m), min(strip.end_m, self.end_m)
         if begins and low_m - self.begin_m <= _TO_JUNCTION_M:
@@ -156,7 +156,7 @@ class _New(NamedTuple):
 
 
 class _Outside:
-    """One side of a lane section: its own lanes and those that are new, outward."""
+    """One side of a lane section: its own lanes and the new ones, outward."""
 
     def __init__(self, own: Sequence[Lane], new: Mapping[str, _New], side: int) -> None:
         self._new = new
@@ -178,7 +178,8 @@ class _Outside:
             s for s in strips if s.side == side and s.begin_m < piece.end_m - 1e-6 and s.end_m > piece.begin_m + 1e-6
         ]
         walks = [(s, s.width_m) for s in here if s.type is LaneType.SIDEWALK]
-        # What is between ends where the sidewalk has closed: ending with it, it would draw the sidewalk to the street.
+        # The verge ends after the sidewalk has closed: if they ended together, the sidewalk would be drawn towards the
+        # street.
         verges = [
             (s._replace(begin_m=s.begin_m - _END_M, end_m=s.end_m + _END_M), s.verge_m)
             for s in here
@@ -232,7 +233,7 @@ class _Outside:
 
 
 def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float) -> tuple[Cubic, ...]:
-    """Width along a section of a lane that is there where the strips are, as cubics from the section's begin on."""
+    """Width along a section of a lane that exists where the strips are, as cubics from the section's begin on."""
     cubics: list[Cubic] = []
     for strip, width_m in sorted(strips):
         low_m, high_m = max(strip.begin_m, begin_m), min(strip.end_m, end_m)
@@ -249,7 +250,7 @@ def _widths(strips: Sequence[tuple[Strip, float]], begin_m: float, end_m: float)
             slope = -3 * width_m / ease_m**2, 2 * width_m / ease_m**3
             cubics.append(Cubic(high_m - ease_m - begin_m, width_m, 0.0, *slope))
             cubics.append(Cubic(high_m - begin_m, 0.0))
-    # What ends where the next begins is one record.
+    # Cubics that end where the next begins are one record.
     return tuple({round(cubic.s_m, 6): cubic for cubic in cubics}.values())
 
 
@@ -302,7 +303,7 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
 
 
 def _leaves(road: Road, street: Collection[str]) -> bool:
-    """Whether a road of a junction begins or ends at one of a street's roads, whose sidewalks it leaves there."""
+    """Whether a road of a junction begins or ends at one of a street's roads, and so touches its sidewalks there."""
     ends = (road.predecessor, road.successor)
     return road.junction_id is not None and any(link is not None and link.element_id in street for link in ends)
 

@@ -1,4 +1,4 @@
-"""What the ``sidewalk`` and ``cycleway`` tags of an OpenStreetMap road say is beside it."""
+"""Sidewalks and cycle lanes beside an OpenStreetMap road by its ``sidewalk`` and ``cycleway`` tags."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from trace_dag.roads.from_osm.tags import parse_length_m
 
 SIDEWALK_WIDTH_M: Final = 1.5  # 5 ft (FHWA, Designing Sidewalks and Trails for Access, 1999, 4.3.1)
 CYCLE_LANE_WIDTH_M: Final = 1.5  # 5 ft (AASHTO, Guide for the Development of Bicycle Facilities, 2012, 4.6.4)
-_WIDTHS_M: Final = (0.9, 4.5)  # a tagged width outside of it is a slip of the keyboard
+_WIDTHS_M: Final = (0.9, 4.5)  # a tagged width outside this range is a typing error
 
 
 class Beside(NamedTuple):
-    """Widths (m) of what the tags of a way have beside it, seen along the way; None where there is none."""
+    """Widths (m) of the sidewalks and cycle lanes by a way's tags, seen along the way; None where there is none."""
 
     sidewalk_left_m: float | None = None
     sidewalk_right_m: float | None = None

@@ -26,7 +26,7 @@ class Carriageways:
         self._roads = roads
 
     def at(self, points: FloatArray) -> Iterator[tuple[int, Road]]:
-        """Which of the points, (n, 2), may lie on the lanes of which roads: nothing that does is left out."""
+        """Which of the points, (n, 2), may lie on the lanes of which roads. May name too many, never too few."""
         owner, (x, y, heading, half, left_m, right_m) = self._boxes
         tree = shapely.STRtree(np.asarray(shapely.points(points)))
         reach = np.hypot(np.maximum(np.abs(left_m), np.abs(right_m)) + _CLEAR_M, half + _CLEAR_M)
@@ -61,7 +61,7 @@ class Carriageways:
 
 
 def _extent_m(road: Road) -> tuple[float, float]:
-    """How far left and right of the reference line its lanes to drive in reach, at most, left positive."""
+    """How far left and right of the reference line the road's drivable lanes reach at most (metres, left positive)."""
     offsets = [cubic.a for cubic in road.lane_offset] or [0.0]
     left_m = right_m = 0.0
     for section in road.lane_sections:

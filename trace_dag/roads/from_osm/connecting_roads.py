@@ -43,7 +43,7 @@ _MOST_CURVED: Final = 0.19  # lane offset over radius
 _STRAIGHT_PATH_RAD: Final = 1.2
 _SHORTEST_M: Final = 0.05  # below it two arms touch and there is nothing to connect
 _HALF_CAR_M: Final = 0.95
-_OVERRUN_M: Final = 0.3  # by which a car that turns round may leave the ground between the ends of the roads
+_OVERRUN_M: Final = 0.3  # how far a car that turns round may leave the ground between the ends of the roads
 _STEP_M: Final = 0.5
 
 
@@ -112,7 +112,7 @@ def _street_link(
 
 
 def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | None:
-    """A lane with a road of its own; None where no sensible curve leads from its one end to the other."""
+    """A lane with a road of its own; None if no sensible curve connects its ends."""
     lane_in, lane_out = pair
     start = _shifted(movement.origin.inbound, lane_in.offset_m)
     end = _shifted(movement.target.outbound, lane_out.offset_m)
@@ -125,10 +125,10 @@ def _lane_link(movement: Movement, pair: tuple[ArmLane, ArmLane]) -> _Link | Non
 
 
 def _possible(links: list[_Link]) -> list[_Link]:
-    """The links without those no car can drive, unless a lane has no other way on or in.
+    """The links that a car can drive, and others only if a lane has no other way on or in.
 
-    Those are U-turns that leave the junction's ground (across a median of no width a car turns round only where there
-    is room to swing out first) and corners that stay too tight with swinging out.
+    A car cannot drive U-turns that leave the junction's ground (to turn round across a narrow median it needs room to
+    swing out first), nor corners that are too tight even with swinging out.
     """
     undrivable = [link for link in links if not _drivable(link, links)]
     if not undrivable:
@@ -200,7 +200,7 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _along_streets(movement: Movement) -> PlanView | None:
-    """The streets' own geometry through the junction, or None where it bends back on itself."""
+    """The streets' own geometry through the junction; None if it bends back on itself."""
     head, first = _split_last_line(movement.origin.rest)
     tail, last = _split_last_line(movement.target.rest)
     points = [first, *_distinct(movement, first, last), last]

@@ -2,7 +2,7 @@
 
 A controller gives all its signals the same state (ASAM OpenDRIVE 1.7.0, 14.6). The lights of opposing approaches to a
 junction have one, those of the street that crosses them the next: the two-phase plan of the US Signal Timing Manual
-(FHWA-HOP-08-024, 4.1). When they change is the simulator's affair.
+(FHWA-HOP-08-024, 4.1). When they change is left to the simulator.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def with_controllers(network: RoadNetwork) -> RoadNetwork:
 
 
 def _approach(network: RoadNetwork, road: Road, signal: Signal) -> tuple[str | None, _Approach]:
-    """The junction that traffic under a light comes to next, if it is near, and how it gets there."""
+    """The junction that traffic under a light comes to next, if it is near, and the approach to it."""
     street = road.name
     forward = signal.orientation == "+"
     left_m = road.length_m - signal.s_m if forward else signal.s_m

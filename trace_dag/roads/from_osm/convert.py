@@ -54,12 +54,12 @@ _LANE_STEP_RATIO: Final = 5.2  # bends this much wider than the outermost lane's
 
 
 class NativeConverter:
-    """This module's conversion as a :class:`Converter`."""
+    """The native conversion as a :class:`Converter`."""
 
     limits = MapLimits()
 
     def require(self) -> None:
-        """It needs nothing that is not installed with this package."""
+        """Nothing to check: it needs no extra."""
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
@@ -147,7 +147,7 @@ def convert(
     network = with_controllers(network)
     if settings.elevation:
         network = elevate(network, extract)
-    # Last, so that nothing that traffic drives on depends on what is mapped for people.
+    # Last, so that no lane for traffic depends on what is mapped for people.
     carriageways = Carriageways(network.roads)
     roads_out = with_lanes_beside(network.roads, extract, graph, plans, built, carriageways)
     network = replace(network, roads=with_crosswalks(roads_out, extract, graph, plans, built))
@@ -160,7 +160,7 @@ def _least_radius_m(street: Street) -> float:
 
 
 def _radii_needed(section: CrossSection) -> Iterator[float]:
-    """What each lane of a cross-section asks for."""
+    """The radius of the reference line that each lane of a cross-section needs."""
     for lanes, sign in ((section.left, 1), (section.forward, -1)):
         border = section.offset_m
         for lane in lanes:

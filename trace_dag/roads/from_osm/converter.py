@@ -1,4 +1,4 @@
-"""What a converter is: the road network it makes of an extract, and what may be asked of its maps."""
+"""The interface of a converter, which makes a road network of an extract, and the limits its maps have to keep."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from trace_dag.settings import RoadSettings
 
 @dataclass(frozen=True)
 class MapLimits:
-    """Thresholds of the gates. The defaults are what the native converter guarantees; infinity measures only."""
+    """Thresholds of the gates. The defaults are what the native converter guarantees; with infinity a gate only
+    measures."""
 
     rule_violations: float = 0
     stored_difference_m: float = 1e-3
@@ -41,7 +42,7 @@ class MapLimits:
 
 @dataclass(frozen=True)
 class WayHints:
-    """What another source says of one way, used only where its tags are silent."""
+    """What the report says about one way, used only where the way's tags say nothing."""
 
     lanes: int | None = None  # in all, both directions and centre turn lane included
     speed_mps: float | None = None
@@ -53,7 +54,7 @@ class Converter(Protocol):
     limits: MapLimits
 
     def require(self) -> None:
-        """Raise :class:`trace_dag.errors.UserError` for what is not installed, before anything runs."""
+        """Raise :class:`trace_dag.errors.UserError` before anything runs if something it needs is not installed."""
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]

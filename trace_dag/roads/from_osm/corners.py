@@ -1,8 +1,8 @@
 """Sidewalks and cycle lanes through junctions, on roads of their own.
 
 A sidewalk goes round each corner that has one on both its sides, and past a street that joins on the other side; a
-cycle lane goes on with the traffic beside it, straight on and to the right. Every one is a road of the junction with
-one lane, whose middle is its reference line. Traffic has no part in them: no other road changes.
+cycle lane goes on with the traffic beside it, straight on and to the right. Each is a road of the junction with one
+lane, whose middle is the reference line. The roads of the traffic do not change.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from trace_dag.roads.map.network import RoadNetwork
 _NO_MARK: Final = RoadMark("none", "standard", "none")
 _LEAST_WIDTH_M: Final = 0.5  # a lane that has closed before the junction does not go on
 _LEAST_M: Final = 0.1
-_FARTHEST_M: Final = 60.0  # of the ends of a corner: as far as the largest junctions reach
+_FARTHEST_M: Final = 60.0  # farthest distance of a corner's ends: as large as the largest junctions
 _STEP_M: Final = 1.0
 
 
@@ -143,7 +143,7 @@ def _arm(road: Road, contact: ContactPoint, beside: Mapping[tuple[LaneType, int]
 
 # --- which lead where ------------------------------------------------------------------------------------------------
 def _round_corners(arms: Sequence[_Arm]) -> Iterator[_Path]:
-    """Sidewalks: from the right of each arm to the left of the next one counter-clockwise."""
+    """Sidewalks: from the right side of each arm to the left side of the next one counter-clockwise."""
     if len(arms) < 2:
         return
     middle_x, middle_y = np.mean([arm.pose[:2] for arm in arms], axis=0).tolist()
@@ -188,7 +188,7 @@ def _shifted(pose: PlanPose, left_m: float) -> PlanPose:
 
 
 def _clear_of_traffic(paths: Mapping[str, Sequence[_Path]], carriageways: Carriageways) -> dict[str, list[_Path]]:
-    """The paths without sidewalks that would lie where vehicles drive. Cycle lanes cross those who turn."""
+    """The paths, without sidewalks that would lie where vehicles drive. Cycle lanes may cross turning traffic."""
     flat = [(junction_id, path) for junction_id, some in paths.items() for path in some]
     points: list[tuple[float, float]] = []
     owner: list[int] = []

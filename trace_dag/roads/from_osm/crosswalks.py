@@ -1,7 +1,7 @@
 """Crosswalks: from OSM's crossings, nodes of a road or ways across it, to outlines from edge to edge of that road.
 
-A crossing leads the way its own way does, if it has one, and otherwise straight across. Those close to a junction lie
-where the road is cut back for the turns: they belong to the road all the same, beyond its end.
+A crosswalk has the direction of the crossing's own way, if there is one, and otherwise leads straight across. Near a
+junction, where the road is cut back for the turns, a crosswalk belongs to the road but lies beyond its end.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from trace_dag.roads.map.model import Crosswalk, LaneType, Road
 
 _WIDTH_M: Final = 3.05  # 10 ft; MUTCD 2009, 3B.18, asks for 6 ft at least
 _WIDTHS_M: Final = (1.8, 8.0)
-_SAME_M: Final = 5.0  # a crossing's node and its way where they are not joined
+_SAME_M: Final = 5.0  # farthest between a crossing's node and its way if they are not joined
 _MOST_SKEWED: Final = math.tan(math.radians(50))  # from straight across
 _NOT_CARRIAGEWAY: Final = frozenset({LaneType.SIDEWALK, LaneType.NONE})
 _LEAST_ACROSS_M: Final = 2.0
@@ -36,7 +36,7 @@ _LEAST_ACROSS_M: Final = 2.0
 
 @dataclass
 class _Crossing:
-    """A crossing of one street: where, the direction it leads in (its unit vector, if known), what its tags say."""
+    """A crossing of one street: its place, its direction (a unit vector, if known), and its tags."""
 
     street: int
     s_m: float
@@ -76,7 +76,7 @@ def with_crosswalks(
 def _at_nodes(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> list[_Crossing]:
-    """Crossings that are nodes of a street, but for those on a junction: which arm they cross is not said."""
+    """Crossings that are nodes of a street, without those on a junction: nothing says which arm they cross."""
     tagged = {
         graph.aliases.get(node.id, node.id): node
         for node in extract.nodes.values()
@@ -105,7 +105,7 @@ def _add_ways(
     plans: Sequence[PlanView],
     built: Mapping[int, StreetRoads],
 ) -> None:
-    """What the ways of crossings say: the direction of those there are nodes of, and those there are no nodes of."""
+    """Add what the ways of crossings say: the direction of crossings that have nodes, and crossings that have none."""
     ways = [way for way in extract.walkways if is_crossing(way.tags)]
     numbers = [index for index in built if len(set(graph.streets[index].points)) > 1]
     if not ways or not numbers:
@@ -162,7 +162,7 @@ def _crosswalk(crossing: _Crossing, plan: PlanView, road: Road, begin_m: float, 
         ahead, left = x * cosine + y * sine, y * cosine - x * sine
         skew = ahead / left if abs(left) > 1e-6 else math.inf
         if abs(skew) > _MOST_SKEWED:
-            return None  # it runs along this street and crosses another
+            return None  # the way runs along this street and crosses another
     right_edge_m, left_edge_m = _edges(road, s_m)
     if left_edge_m - right_edge_m < _LEAST_ACROSS_M:
         return None

@@ -33,11 +33,9 @@ found are 16 m wide, the widest 30 m."""
 _LARGEST_CROSSING_M: Final = 45.0
 """Farthest apart two nodes of one crossing may be, so that car parks do not become one. Judgement: half of the joined
 ones are smaller than 10 m; the largest, of 44 m, comes near it."""
-_GAP_M: Final = 5.0  # an arm is clear for good where it has been clear this far: about a car. Judgement
-_OVERLAP_M: Final = (
-    0.5  # by which carriageways may overlap and still be clear: lanes are drawn wider than cars. Judgement
-)
-_LEAST_STREET_M: Final = 1.0  # what must remain of a street between two junctions: a road needs a length. Judgement
+_GAP_M: Final = 5.0  # an arm counts as clear once it has been clear over this length, about a car's. Judgement
+_OVERLAP_M: Final = 0.5  # overlap of carriageways that still counts as clear: lanes are wider than cars. Judgement
+_LEAST_STREET_M: Final = 1.0  # what must remain of a street between two junctions. Judgement
 _LEAST_CORNERS_M: Final = 2.6
 """Room for the corners at both ends of a street together, or its junctions are one: set so that the tightest corners
 that a lane's centre may take fit in (``CORNER_RADIUS_M``)."""
@@ -45,13 +43,13 @@ _CORNER_M: Final = {True: 3.0, False: 5.0}
 """Room for the corner where a service road is one of the two, and else. Judgement."""
 _MAJOR_CORNER_M: Final = 6.5  # the same where both are secondary roads or greater. Judgement
 _EDGE_LANE_M: Final = 1.3  # from the edge of a road to the middle of its outer lane, at least: half a narrow lane
-_CORNER_RAD: Final = (0.6, 2.6)  # 34 to 149 degrees between arms: they make a corner; beyond, one goes on in the other
+_CORNER_RAD: Final = (0.6, 2.6)  # 34 to 149 degrees between arms: they form a corner; beyond, one continues the other
 _ACROSS_SINE: Final = 0.5  # a street at 30 degrees or more to a divided road crosses its median. Judgement
 _OPPOSITE_COSINE: Final = -0.85  # carriageways at 148 degrees or more belong to one divided road. Judgement
 _PARALLEL_RAD: Final = 0.12  # 7 degrees: carriageways of a divided road, not a fork. Judgement
 _FORK_M: Final = 20.0  # farthest that the fork of a divided road is cut back. Judgement
 _HAIRPIN_RAD: Final = 0.6  # 34 degrees between its sides. Judgement
-_HAIRPIN_CUT_M: Final = 2.5  # the point of a hairpin is where the mappers put it, however its sides overlap. Judgement
+_HAIRPIN_CUT_M: Final = 2.5  # the point of a hairpin stays where mappers put it, even if its sides overlap. Judgement
 _FOLD_DEVIATION_M: Final = 2.9  # farthest that the curve of a fold passes from its point. Judgement
 _SHIFT_RATIO: Final = 2.0  # room ahead and behind for lanes that shift sideways, per metre of shift. Judgement
 
@@ -126,8 +124,8 @@ def lay_out(streets: Sequence[Street], plans: Sequence[PlanView]) -> Layout:
 class _Crossings:
     """Junction nodes grouped into crossings, and how far each crossing cuts its arms back.
 
-    The one decides the other: a street that the cuts at its two ends use up makes one crossing of two, and that has
-    other arms to be clear of.
+    Each depends on the other: if the cuts at a street's two ends use it up, its two crossings become one, and that one
+    has other arms to be clear of.
     """
 
     def __init__(self, streets: Sequence[Street], plans: Sequence[PlanView]) -> None:
@@ -145,13 +143,13 @@ class _Crossings:
         self._cuts = {end: _Cut(0.0, 0.0) for index in range(len(streets)) for end in _both_ends(index)}
 
     def join_divided_roads(self) -> None:
-        """Make one of the two crossings that a divided road has with one cross street."""
+        """Join the two crossings that a divided road has with one cross street."""
         for index in _divided_crossings(self._streets, self._plans, self._ends):
             a, b = self._roots(index)
             self._joined_to[b] = a
 
     def cut_back_and_join(self) -> None:
-        """Cut arms back, join crossings whose street is used up by that, and again until no more are joined."""
+        """Cut arms back and join crossings whose street is used up by that; repeat until no more are joined."""
         changed = {self._root(node) for node in self._ends}
         while changed:
             nodes_of: dict[int, list[int]] = defaultdict(list)
@@ -205,14 +203,14 @@ class _Crossings:
         return a == b and self._plans[index].length_m <= _DIVIDED_JOIN_M
 
     def _cut_back(self, ends: Sequence[StreetEnd]) -> None:
-        """Cut back the arms of one crossing; those that no traffic comes or goes by are none and stay whole."""
+        """Cut back the arms of one crossing; streets on which no traffic enters or leaves it stay whole."""
         arms = [end for end in ends if end.street not in self._inner]
         self._cuts.update((end, _Cut(0.0, 0.0)) for end in arms)
         arms = [end for end in arms if _connects(end, arms, self._streets)]
         self._cuts.update(zip(arms, _cuts(arms, self._streets, self._plans), strict=True))
 
     def _join_used_up(self, nodes_of: dict[int, list[int]]) -> set[int]:
-        """Join crossings whose street has no room for the corners at both its ends; gives what was joined."""
+        """Join crossings whose street has no room for the corners at both its ends. Returns the joined crossings."""
         joined = set()
         for index in range(len(self._streets)):
             if index in self._inner or not self._is_between_nodes(index):
@@ -225,7 +223,7 @@ class _Crossings:
         return {self._root(node) for node in joined}
 
     def _is_used_up(self, index: int) -> bool:
-        """Whether too little of a street is left between its cuts. Those of roundabouts are never."""
+        """Whether too little of a street is left between its cuts; never true for streets of roundabouts."""
         length_m = self._plans[index].length_m
         if length_m > _JOIN_M or self._streets[index].spans[0].profile.roundabout:
             return False
@@ -233,7 +231,7 @@ class _Crossings:
         return cut_m + _LEAST_CORNERS_M + _LEAST_STREET_M > length_m
 
     def _is_compact(self, nodes: Sequence[int]) -> bool:
-        """Whether a joined crossing would still be one crossing and not a car park."""
+        """Whether a joined crossing would still be small enough for one crossing."""
         xs, ys = zip(*(self._positions[node] for node in nodes), strict=True)
         return math.hypot(max(xs) - min(xs), max(ys) - min(ys)) <= _LARGEST_CROSSING_M
 
@@ -305,8 +303,8 @@ class _Strip:
     def shift_to(self, other: _Strip) -> float:
         """How far lanes shift sideways on the way to or from an opposite arm, metres.
 
-        Either their outer edges do, or the inner ones, as where a street is divided: its one lane becomes the two of a
-        carriageway that is as wide as the street.
+        Either the outer edges shift, or the inner ones: where a street becomes divided, its one lane can become the two
+        lanes of a carriageway that is as wide as the street was.
         """
         inner = ((self.incoming, other.outgoing), (self.outgoing, other.incoming))
         return max(
@@ -316,9 +314,9 @@ class _Strip:
         )
 
     def clear_of(self, other: _Strip) -> float:
-        """Distance along this arm from which on neither of its edges is on the other arm's ground.
+        """Distance along this arm (metres) beyond which neither of its edges is on the other arm's ground.
 
-        Ground that the arm reaches only later, after having been clear of it, does not count.
+        Ground that the arm reaches again after having been clear of it does not count.
         """
         clear = 0.0
         for s, x, y, c, n, length in self.segments:
@@ -328,7 +326,7 @@ class _Strip:
             for edge in (self.left - _OVERLAP_M, _OVERLAP_M - self.right):
                 px, py = x - edge * n, y + edge * c
                 for _, ox, oy, oc, on, olength in other.segments:
-                    # Where the edge, a line in the other segment's axes, is inside its rectangle.
+                    # The part of the edge, a line in the other segment's axes, inside its rectangle.
                     dx, dy = px - ox, py - oy
                     u, v = dx * oc + dy * on, -dx * on + dy * oc
                     du, dv = c * oc + n * on, -c * on + n * oc
@@ -394,7 +392,8 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
                 reach += max(corner, (TIGHTEST_RADIUS_M - _EDGE_LANE_M) / math.tan(angle / 2))
             elif angle >= _CORNER_RAD[1]:
                 shift_m = strip.shift_to(other)
-                # Half the way in which lanes eased over by a cubic bend no tighter than a corner: 6 shift / way**2.
+                # Half the length over which lanes shifted by a cubic bend no tighter than a corner: 6 shift /
+                # length**2.
                 clear = max(clear, math.sqrt(6 * shift_m * CORNER_RADIUS_M) / 2)
                 reach = max(reach, _SHIFT_RATIO * shift_m)
             wanted = max(wanted, reach)
@@ -406,7 +405,8 @@ def _cuts(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[
 
 
 def _longest_fold_cut_m(angle_rad: float) -> float:
-    """Cut of both arms of a fold, ``angle_rad`` apart, at which the curve between them stays near its point."""
+    """Longest cut (metres) of both arms of a fold, ``angle_rad`` apart, at which the curve between them stays near its
+    point."""
     if angle_rad < _HAIRPIN_RAD:
         return _HAIRPIN_CUT_M
     missed_per_metre = math.tan((math.pi - angle_rad) / 4)  # distance from the point to the arc, per metre of cut
@@ -435,7 +435,7 @@ def _directions(end: StreetEnd, streets: Sequence[Street]) -> tuple[bool, bool]:
 
 
 def _fit_cuts(length_m: float, start: _Cut, end: _Cut) -> tuple[float, float]:
-    """Both cuts of a street, shortened where it is too short: first the corners, then everything."""
+    """Both cuts of a street, shortened if the street is too short: first the room for corners, then the rest."""
     room = length_m - min(_LEAST_STREET_M, length_m / 3)
     clear, wanted = start.clear_m + end.clear_m, start.wanted_m + end.wanted_m
     if wanted <= room:

@@ -1,9 +1,9 @@
 """Lane sections of a street: which lane continues which, and how widths and offsets change in between.
 
 Where one way continues another with other lanes, the new lanes open and the ending ones close over a taper, so that
-every lane border is continuous in position and direction. The boundary between two sections is a state of its own:
-the matched lanes only, at widths both sides agree on; a section runs from the state at its start through its full
-cross-section to the state at its end.
+every lane border is continuous in position and direction. The boundary between two sections has only the lanes that
+match, at widths that fit both sides. A section goes from the widths at its start over its full cross-section to the
+widths at its end.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _boundary(before: CrossSection, after: CrossSection) -> _Boundary:
     opens = len(right) < len(after.forward) or len(left) < len(after.left)
 
     def side(pairs: list[tuple[int, int]], olds: Sequence[LaneSpec], news: Sequence[LaneSpec]) -> _Side:
-        # Whoever has fewer lanes has them at full width at the boundary.
+        # The side with fewer lanes has them at full width at the boundary.
         return [_Matched(i, j, news[j].width_m if closes else olds[i].width_m) for i, j in pairs]
 
     right_side, left_side = side(right, before.forward, after.forward), side(left, before.left, after.left)
@@ -120,7 +120,7 @@ def _boundary(before: CrossSection, after: CrossSection) -> _Boundary:
 
 
 def _match(before: Sequence[LaneSpec], after: Sequence[LaneSpec], *, towards_end: bool) -> list[tuple[int, int]]:
-    """Which lane of one side continues as which; both lists run from the centre outwards.
+    """Which lane before the boundary continues as which lane after it; both lists run from the centre outwards.
 
     ``towards_end``: traffic of this side drives from ``before`` to ``after``. Lanes are added and dropped at the
     outer edge unless the turns painted on them say that it happens at the centre.
@@ -246,7 +246,7 @@ def _state(specs: Sequence[LaneSpec], side: _Side | None, *, second: bool) -> tu
 
 
 def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float], offset: float) -> float:
-    """How far the lane border that moves most lies from where the full cross-section has it, metres."""
+    """The largest distance (metres) of a lane border at the boundary from its place in the full cross-section."""
     most = moved = abs(offset - section.offset_m)
     for specs, widths, sign in ((section.left, left, 1), (section.forward, right, -1)):
         border = sign * (offset - section.offset_m)
@@ -260,7 +260,8 @@ def _shift(section: CrossSection, left: Sequence[float], right: Sequence[float],
 def _profile(
     start: float, middle: float, end: float, taper_in: float, taper_out: float, length: float
 ) -> tuple[Cubic, ...]:
-    """From ``start`` over ``middle`` to ``end`` with flat ends, as cubics from the stretch's begin on."""
+    """A value that goes from ``start`` over ``middle`` to ``end``, with slope 0 at both ends, as cubics from the
+    stretch's begin on."""
     cubics: list[Cubic] = []
     if abs(start - middle) > _SAME_M:
         cubics.append(_ease(0.0, start, middle, taper_in))
@@ -312,7 +313,7 @@ _NO_MARK = RoadMark("none", "standard", "both")
 
 
 def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool) -> tuple[RoadMark, RoadMark | None]:
-    """Mark of a lane's outer border: as written for reconstruction, and as the law paints it where that differs.
+    """Mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
 
     After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B.
     """

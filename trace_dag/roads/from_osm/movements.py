@@ -1,7 +1,7 @@
-"""Connecting roads: one for every movement that a junction permits, lane by lane.
+"""The movements that a junction permits, and their lanes; each becomes a connecting road.
 
-A movement is permitted if a path through the junction's own ways leads from the arm to the other arm against no
-one-way street and no turn restriction. Which lanes make it follows ``turn:lanes`` where painted, otherwise US custom:
+A movement is permitted if a path along the junction's own ways leads from one arm to the other without going against a
+one-way street or a turn restriction. Its lanes are those of ``turn:lanes`` if tagged. Otherwise they follow US custom:
 left from the left lane, right from the right lane, straight on from every lane. Straight movements follow the OSM
 geometry with all their lanes side by side; turns are curves between lane centres, each lane its own road, so that
 distances along them are distances driven.
@@ -36,9 +36,9 @@ _U_TURN_RAD: Final = math.radians(155)
 _SAME_NAME_RAD: Final = 0.25
 _ONTO_RAMP_RAD: Final = 0.2
 _PER_CLASS_RAD: Final = 0.03
-_ARROW_REACH_RAD: Final = 1.1  # an arrow allows no movement farther off than 63 degrees. Judgement
-# What an arrow means where no turn of its name is there: a right angle, half of one more for sharp ones, 35 degrees
-# for slight ones. Judgement.
+_ARROW_REACH_RAD: Final = 1.1  # an arrow allows no movement that differs from it by more than 63 degrees. Judgement
+# Angle that an arrow means if the junction has no turn of its name: 90 degrees, 135 for sharp ones, 35 for slight ones.
+# Judgement.
 _TURN_ANGLES: Final = {
     "reverse": math.pi,
     "sharp_left": math.radians(135),
@@ -247,7 +247,7 @@ def _with_turns(movements: Sequence[Movement]) -> list[Movement]:
         else:
             turn = "left" if movement.angle_rad > 0 else "right"
         named.append(Movement(movement.origin, movement.target, movement.angle_rad, turn, movement.waypoints))
-    # A U-turn goes left in right-hand traffic, whatever side the last degree falls on.
+    # A U-turn goes left in right-hand traffic, also if its angle is just over 180 degrees the other way.
     return sorted(named, key=lambda movement: -(math.pi if movement.turn == "u_turn" else movement.angle_rad))
 
 
@@ -278,7 +278,7 @@ def _assign_lanes(origin: JunctionArm, movements: list[Movement]) -> list[Moveme
     for index, movement in enumerate(movements):
         if not chosen[index]:  # permitted, though no lane is painted for it
             chosen[index] = [lanes[0] if movement.angle_rad > 0 else lanes[-1]]
-    for lane in lanes:  # a lane that leads nowhere joins what its neighbour does
+    for lane in lanes:  # a lane without a movement goes straight on, or turns with the lanes beside it
         if not any(lane in lanes_of for lanes_of in chosen):
             nearest = straight if straight is not None else movements[0 if lane is lanes[0] else -1]
             chosen[movements.index(nearest)].append(lane)
@@ -294,7 +294,7 @@ def _continues(origin: JunctionArm, target: JunctionArm) -> bool:
 
 
 def _painted_movements(lane: ArmLane, movements: Sequence[Movement]) -> set[int]:
-    """Movements a lane's arrows allow. An unmarked lane among marked ones goes straight on."""
+    """The movements that the arrows of lanes allow. An unmarked lane among marked ones goes straight on."""
     found: set[int] = set()
     for turn in lane.turns or ("through",):
         wanted = _TURN_ANGLES.get(turn)
@@ -350,7 +350,7 @@ def _customary(lanes: Sequence[ArmLane], movements: Sequence[Movement]) -> list[
 
 
 def _turning_lanes(movement: Movement, lanes: Sequence[ArmLane], through: Sequence[ArmLane], *, from_left: bool) -> int:
-    """How many lanes turn: those that cannot go straight; as many as the target has where roads diverge."""
+    """How many lanes turn: those that cannot go straight on; if roads diverge, as many as the target has."""
     spare = 0
     for lane in lanes if from_left else reversed(lanes):
         if lane in through:

@@ -1,8 +1,8 @@
 """CARLA's Osm2Odr as another converter behind the same interface, for comparison and as a cross-check.
 
 It runs in a process of its own, because it writes to the terminal from C++ and ends the process when it fails. It makes
-two roads of every street; those that run back to back are joined into one here, and each road is given the tags of the
-ways it lies on, so that the later stages see what they see of native maps. Needs the ``carla`` extra.
+two roads of every street; those that run back to back are joined into one here, and each road gets the tags of the ways
+it lies on, so that later stages find the same as in native maps. Needs the ``carla`` extra.
 """
 
 from __future__ import annotations
@@ -89,10 +89,10 @@ class Osm2OdrConverter:
 
 
 def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
-    """The road network of an extract as Osm2Odr makes it, both directions of a street in one road where they can be.
+    """The road network of an extract as Osm2Odr makes it, with both directions of a street in one road where possible.
 
-    Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than
-    two minutes, :class:`Rejection` (``map_distorted``) when it makes nothing of the extract.
+    Raises :class:`UserError` without the ``carla`` extra, :class:`Failure` when Osm2Odr breaks or takes longer than two
+    minutes, :class:`Rejection` (``map_distorted``) when it makes no road of the extract.
     """
     network = read_opendrive(run_osm2odr(write_osm(extract), frame), name="Osm2Odr's map")
     if not any(road.junction_id is None for road in network.roads):
@@ -166,7 +166,7 @@ def without_dangling_links(network: RoadNetwork) -> RoadNetwork:
 def merge_directions(network: RoadNetwork) -> RoadNetwork:
     """Join pairs of one-way roads that share name, length and reference line in opposite directions.
 
-    Pairs are joined only where each end of one leads where the other comes from, so that one link says it for both.
+    Pairs are joined only if each end of one road leads to where the other comes from, so that one link holds for both.
     """
     partner = _opposite_roads(network)
     while True:
@@ -191,7 +191,7 @@ def merge_directions(network: RoadNetwork) -> RoadNetwork:
 
 
 def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
-    """Connections numbered through within each junction: Osm2Odr repeats numbers."""
+    """Connections numbered anew within each junction: Osm2Odr repeats numbers."""
     return tuple(
         replace(junction, connections=tuple(replace(c, id=str(n)) for n, c in enumerate(junction.connections)))
         for junction in junctions
@@ -199,7 +199,7 @@ def _renumbered(junctions: tuple[Junction, ...]) -> tuple[Junction, ...]:
 
 
 def _opposite_roads(network: RoadNetwork) -> dict[str, str]:
-    """Road kept and road that becomes its left side."""
+    """Pairs of roads by id: the one that is kept, and the one that becomes its left side."""
     simple = [road for road in network.roads if road.junction_id is None and _is_simple(road)]
     lines = {road.id: network.road_geometry(road.id).line for road in simple}
     pairs: dict[str, str] = {}
@@ -272,7 +272,7 @@ def _mirrored(signal: Signal, length_m: float) -> Signal:
 
 
 def _relinked(road: Road, merged: Mapping[str, str]) -> Road:
-    """A road whose links, and whose lanes' links, name what its neighbours have become."""
+    """A road with its links and its lanes' links changed to what its neighbours have become."""
     sections = list(road.lane_sections)
     for link, index, key in ((road.predecessor, 0, "predecessor"), (road.successor, -1, "successor")):
         if link is not None and link.element_type == "road" and link.element_id in merged:
@@ -301,7 +301,7 @@ def _moved_connection(connection: Connection, merged: Mapping[str, str]) -> Conn
 
 # --- what the ways say -------------------------------------------------------------------------------------------
 def with_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """Class, names, speed and sources of each road from the ways it lies on."""
+    """The network with class, names, speed and sources of each road taken from the ways it lies on."""
     ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True)]
     lines = np.array([shapely.LineString(_way_line(way, extract, network.frame)) for way in ways], dtype=object)
     tree = shapely.STRtree(lines)

@@ -1,9 +1,9 @@
 """Polylines to reference lines: an arc at every vertex, as wide as the lanes need.
 
-Each vertex becomes an arc tangent to both its segments: the plainest curve with continuous heading, exact in arc length
-(OpenDRIVE 1.7, 7.3), with a deviation known in closed form. Where the vertices of a bend are too close together for
-the radius that its lanes need, they become one; where a corner is so sharp that its arc would cut far inside it, the
-line runs a little outside the street on its way there, as drivers do.
+Each vertex becomes an arc tangent to both its segments: the simplest curve with continuous heading. Its arc length is
+exact (OpenDRIVE 1.7, 7.3) and its distance from the vertex has a formula. If the vertices of a bend are too close
+together for the radius that its lanes need, they become one. If a corner is so sharp that its arc would pass far inside
+it, the line swings out before it, as drivers do.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ _TOLERANCE_M: Final = 0.12  # deviation accepted at a vertex for the sake of a w
 _MAX_DEVIATION_M: Final = 2.95  # deviation accepted to keep the inner lanes of a sharp bend drivable
 _MERGE_DEVIATION_M: Final = 1.5  # by which a bend may miss the vertices it was drawn with
 _NEGLIGIBLE_TURN_RAD: Final = 0.02
-_WIDEST_CORNER_RAD: Final = 2.4  # more cannot be one arc between two tangents
+_WIDEST_CORNER_RAD: Final = 2.4  # a larger turn cannot be one arc between two tangents
 _STRAIGHT_RAD: Final = 4e-6  # turns below it count as straight: 0.4 mm in 100 m
-_ENOUGH_ROOM: Final = 0.95  # of the tangent needed; corners with less are merged
-_END_SHARE: Final = 0.7  # of its first and last segment a plan may use for arcs: it begins and ends with a line
+_ENOUGH_ROOM: Final = 0.95  # share of the needed tangent; corners with less are merged
+_END_SHARE: Final = 0.7  # share of its first and last segment that arcs may use: a plan begins and ends with a line
 _MIN_LENGTH_M: Final = 1e-6
 _SWING_M: Final = 0.95  # farthest that the line swings out before a corner
-_LEAST_SWING_M: Final = 0.1  # less is not worth it
-_SWING_LENGTH_M: Final = 7.0  # over which it does so if there is room,
+_LEAST_SWING_M: Final = 0.1  # a smaller swing is not made
+_SWING_LENGTH_M: Final = 7.0  # length over which it swings out if there is room,
 _SHORTEST_SWING_M: Final = 4.0  # and at least
-_SWING_BENDS: Final = 2.5  # tangents that a swing needs for its two bends, and a little to spare
+_SWING_BENDS: Final = 2.5  # tangents that a swing needs for its two bends, with a small margin
 
 
 def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = False) -> PlanView:
@@ -74,7 +74,7 @@ class _Corner(NamedTuple):
 
 
 class _Shape(NamedTuple):
-    """A polyline and its corners' arcs: segments, turns (of inner corners), tangents needed and liked, and given."""
+    """A polyline and its corners' arcs: segments, turns (of inner corners), and tangents: needed, wanted, and given."""
 
     corners: list[_Corner]
     lengths: list[float]
@@ -99,7 +99,8 @@ def _shape(corners: list[_Corner], min_radius_m: float) -> _Shape:
 
 
 def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
-    """The corners, or None for a line without; those that their arcs would pass by more than a metre moved outwards."""
+    """The corners, those moved outwards that their arcs would miss by more than a metre; None for a line without
+    corners."""
     corners = shape.corners
     swung: list[_Corner] = [corners[0]]
     taken_m = 0.0  # of the segment before a corner, by the corner before it
@@ -113,14 +114,14 @@ def _swung_out(shape: _Shape, min_radius_m: float) -> list[_Corner] | None:
 
 
 class _Swing(NamedTuple):
-    """Corners that lead a line out beside a street, and what they take of the segment behind the last."""
+    """Corners that lead a line out beside a street, and the length they use of the segment behind the last one."""
 
     corners: list[_Corner]
     taken_m: float
 
 
 def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m: float) -> _Swing | None:
-    """What takes the place of a corner; None if it is well where it is, or has no room.
+    """The corners that replace one corner; None if it can stay or there is no room.
 
     The line runs beside the street before and behind the corner, or on one of its sides if the other is too short.
     ``rooms_m``: lengths available of the segments before and behind.
@@ -151,7 +152,7 @@ def _swing(shape: _Shape, index: int, rooms_m: tuple[float, float], min_radius_m
 def _way_out(
     vertex: Point, heading_rad: float, right_m: float, arc_end_m: float, bend_m: float, room_m: float
 ) -> _Swing | None:
-    """From beside a street back onto it, seen from the corner; None if there is no room."""
+    """The line from beside a street back onto it, seen from the corner; None if there is no room."""
     if right_m == 0.0:
         return _Swing([], arc_end_m) if arc_end_m <= room_m else None
     length_m = min(room_m - arc_end_m - _SWING_BENDS * bend_m, _SWING_LENGTH_M)
@@ -164,13 +165,13 @@ def _way_out(
 
 
 def _beside(point: Point, heading_rad: float, along_m: float, right_m: float) -> Point:
-    """The place so far from a point along a heading and to the right of it."""
+    """The place at given distances from a point, along a heading and to the right of it."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     return point[0] + along_m * c + right_m * s, point[1] + along_m * s - right_m * c
 
 
 def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
-    """Share of the tangent needed for the radius aimed at that a corner has; infinite where nothing can be done."""
+    """The share that a corner has of the tangent needed for the wanted radius; infinite if nothing can be done."""
     if not 0 < index < len(shape.corners) - 1 or shape.corners[index].sources in frozen:
         return math.inf
     needed = shape.limits[index][0]
@@ -180,7 +181,7 @@ def _room(shape: _Shape, index: int, frozen: set[tuple[int, ...]]) -> float:
 
 
 def _merge(shape: _Shape, first: int, corner: _Corner, min_radius_m: float) -> range:
-    """Puts one corner in the place of ``first`` and the next, in place; returns the corners whose tangents changed.
+    """Replaces ``first`` and the next corner by one, in place; returns the corners whose tangents changed.
 
     Only what is near is computed anew: a way may have thousands of nodes.
     """
@@ -306,9 +307,9 @@ def _rounded(shape: _Shape) -> tuple[tuple[PlanElement, ...], float, list[float]
 
 
 def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0) -> tuple[float, float]:
-    """Tangent a corner needs for the radius aimed at, and the (longer) one it would like for a gentle curve.
+    """The tangent that a corner needs for the wanted radius, and the longer one for a gentle curve.
 
-    A corner that was moved outwards by ``swing_m`` may be missed by that much more.
+    The curve may miss a corner that was moved outwards by ``swing_m`` by that much more.
     """
     turn = min(abs(turn_rad), 3.1)  # a full reversal has no arc tangent to both segments
     if turn <= _STRAIGHT_RAD:
@@ -320,7 +321,8 @@ def _tangent_lengths(turn_rad: float, min_radius_m: float, swing_m: float = 0.0)
 
 
 def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[float]) -> list[float]:
-    """Lengths of tangents, two of which share each segment: first what each needs, then as much more as fits."""
+    """Lengths of tangents. Two share each segment: first each gets what it needs, then both get as much more as
+    fits."""
     shared = [liked for _, liked in tangents]
     for segment in range(len(lengths)):
         a, b = _shares(tangents, lengths, segment)
@@ -329,7 +331,7 @@ def _share_segments(tangents: Sequence[tuple[float, float]], lengths: Sequence[f
 
 
 def _shares(tangents: Sequence[tuple[float, float]], lengths: Sequence[float], segment: int) -> tuple[float, float]:
-    """What of a segment the corners at its two ends get."""
+    """The parts of a segment that the corners at its two ends get."""
     room = lengths[segment] * (_END_SHARE if segment in (0, len(lengths) - 1) else 1.0)
     (need_a, like_a), (need_b, like_b) = tangents[segment], tangents[segment + 1]
     if like_a + like_b <= room:

@@ -1,8 +1,9 @@
-"""Signals and signs: from tagged OSM nodes to the approach they hold for, on its right-hand side at the stop line.
+"""Signals and signs: tagged OSM nodes assigned to the approach they apply to, placed on its right side at the stop
+line.
 
-A node on an approach holds for the traffic towards its junction; a node on the junction itself for every approach
-(signals, all-way stops) or for the minor ones (stop, give way). Speed limit signs stand where a stretch with a tagged
-limit begins. Types are CARLA's for what CARLA acts on (1000001, 205, 206, 274).
+A node on an approach applies to the traffic towards its junction. A node on the junction itself applies to every
+approach (signals, all-way stops) or to the minor ones (stop, give way). Speed limit signs stand where a stretch with a
+tagged limit begins. Types are those on which CARLA acts (1000001, 205, 206, 274).
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def _approach_posts(
 def _directions(
     node: OsmNode, oneway: bool, against_way: bool, to_start: float | None, to_end: float | None
 ) -> tuple[bool, ...]:
-    """For which directions along the street a node holds: as tagged, else towards the junction it stands at."""
+    """The directions along the street to which a node applies: as tagged, else towards the junction it stands at."""
     if oneway:
         return (True,)
     tagged = node.tags.get("traffic_signals:direction") or node.tags.get("direction") or ""
@@ -168,7 +169,7 @@ def _post_at(street_roads: StreetRoads, s_m: float, forward: bool) -> _Post:
 def _arm_controls(
     tagged: Mapping[int, OsmNode], movements: Sequence[Movement], positions: Mapping[int, Point]
 ) -> list[tuple[JunctionArm, OsmNode]]:
-    """Which arm of a junction is under which of the nodes tagged on it: of several of a kind, the nearest."""
+    """Which tagged node applies to which arm of a junction: of several of one kind the nearest."""
     candidates: dict[tuple[str, ContactPoint, str], tuple[JunctionArm, list[int]]] = {}
     for node_id, node in tagged.items():
         for arm in _controlled_arms(node, movements):
@@ -182,7 +183,7 @@ def _arm_controls(
 
 
 def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[JunctionArm]:
-    """Arms of a junction that a node on the junction itself holds for."""
+    """Arms of a junction to which a node on the junction itself applies."""
     arms = {(m.origin.road_id, m.origin.contact): m.origin for m in movements}
     everyone = list(arms.values())
     if node.tags["highway"] == "traffic_signals" or node.tags.get("stop") == "all":
@@ -192,7 +193,7 @@ def _controlled_arms(node: OsmNode, movements: Sequence[Movement]) -> list[Junct
     minor = [arm for key, arm in arms.items() if ranks[key] > major]
     if minor:
         return minor
-    # All of one class: the stem of a T, from where nothing goes straight on, gives way.
+    # All arms of one class: the stem of a T, from which nothing goes straight on, gives way.
     straight = {(m.origin.road_id, m.origin.contact) for m in movements if m.turn == "straight"}
     stems = [arm for key, arm in arms.items() if key not in straight]
     return stems or everyone
@@ -212,7 +213,7 @@ def _limit_posts(roads: Sequence[Road]) -> Iterator[tuple[_Post, float]]:
 
 
 def _limit(road: Road, forward: bool) -> float | None:
-    """Speed limit of one direction of a road, None if untagged or if nothing drives that way."""
+    """Speed limit of one direction of a road (m/s); None if untagged or if no traffic goes that way."""
     lanes = [lane for lane in road.lane_sections[0].lanes if lane.type.drivable and (lane.id < 0) == forward]
     return next((lane.speed_mps for lane in lanes if lane.speed_mps is not None), None)
 

@@ -1,9 +1,9 @@
 """From ways to streets: the pieces of road between junctions, and where those are.
 
-OSM ways are cut and named for the mappers' convenience. A street here runs from one junction (a node where three or
-more arms meet) or dead end to the next, through every node where one way merely continues another, each stretch
-keeping the profile of the way it came from. Data as found in the wild: nodes may be missing, doubled, or at one
-place; ways may touch themselves, overlap or oppose each other's direction.
+OSM ways are cut as it suits mappers. A street here runs from one junction (a node where three or more arms meet) or
+dead end to the next. Nodes where one way just continues another do not end it, and each stretch keeps the profile of
+its way. Real data have errors: nodes may be missing, doubled, or at the same place; ways may touch themselves, overlap,
+or run against each other's direction.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trace_dag.roads.map.curves import Point
 _SAME_PLACE_M: Final = 0.05
 _FARTHEST_M: Final = 1e5  # from the crash; beyond it coordinates are wrong
 _CLIPPED_M: Final = 12.0  # least length of a road from its junction to the border of the box
-_STUB_M: Final = 3.0  # dead ends shorter than this are slips of the pen or of the cut
+_STUB_M: Final = 3.0  # dead ends shorter than this are errors of drawing or cutting
 _HOOK_RAD: Final = math.radians(5)
 _SAME_ROAD_RAD: Final = math.radians(100)  # a way that turns more sharply at its end is not continued by the next
 
@@ -57,7 +57,7 @@ class Street:
 
 @dataclass
 class StreetGraph:
-    """All streets, the junction nodes' positions, and which OSM node each merged node now is."""
+    """All streets, the positions of the junction nodes, and for each merged OSM node the node it became part of."""
 
     streets: list[Street]
     positions: dict[int, Point]
@@ -66,7 +66,7 @@ class StreetGraph:
 
 @dataclass
 class _Edge:
-    """A way's stretch between two nodes where something else happens."""
+    """A stretch of a way between two nodes at which ways begin, end or meet."""
 
     profile: WayProfile
     node_ids: list[int]
@@ -170,7 +170,7 @@ def _count_arms(pieces: list[_Edge]) -> dict[int, int]:
 
 
 def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], clipped: set[int]) -> None:
-    """A road cut off by the box just after a junction goes straight on a little: in reality it does not end there."""
+    """Prolong roads that the box cuts off just after a junction, straight on: in reality they do not end there."""
     for nodes in (piece.node_ids, piece.node_ids[::-1]):
         if nodes[-1] not in clipped or arms[nodes[-1]] != 1:
             continue
@@ -186,7 +186,7 @@ def _prolong(piece: _Edge, arms: dict[int, int], positions: dict[int, Point], cl
 
 
 def _without_hook(piece: _Edge, arms: dict[int, int], positions: dict[int, Point]) -> bool:
-    """Takes the last metres off a dead end where they bend away; False for a dead end that is nothing else."""
+    """Removes the last metres of a dead end if they bend away. False if nothing else would be left of it."""
     nodes = piece.node_ids
     for last in (-1, 0):
         taken = 0.0

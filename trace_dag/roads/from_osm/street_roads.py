@@ -14,8 +14,8 @@ from trace_dag.roads.map.model import Cubic, Road
 
 INFERRED_NAME: Final = "Driveway inferred from the crash report"
 _LEAST_STRETCH_M: Final = 10.0  # shorter stretches of a road have the lanes of their neighbour
-_LEAST_ROAD_M: Final = 3.0  # what is left of a way after the cuts, if shorter, belongs to its neighbour
-_LEAST_PAINTED_M: Final = 5.0  # the same where turns are painted on the lanes
+_LEAST_ROAD_M: Final = 3.0  # if less than this is left of a way after the cuts, it belongs to its neighbour
+_LEAST_PAINTED_M: Final = 5.0  # the same if turns are painted on the lanes
 _TURN_LANES_M: Final = 25.0  # least length of a stretch at a junction whose lanes differ from those before
 _LEAST_TAPER_RATIO: Final = 2.5  # least length of a taper per metre that lanes shift sideways
 _TAPER_RATIO: Final = 5.0  # the same where there is room
@@ -36,8 +36,8 @@ def build_street_roads(
 ) -> StreetRoads:
     """Roads of a street that is cut back by ``trims`` at its two ends.
 
-    One that ``returns`` to the junction it begins at is at least two roads: a junction names the road that traffic
-    comes from and not the end of it (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
+    A street that ``returns`` to the junction where it begins is at least two roads: a junction names the road that
+    traffic comes from, not the road's end (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
     """
     merged = _stretches(street, plan, trims)
     breaks = {i for i, (a, b) in enumerate(pairwise(merged), 1) if a.profile.road_key != b.profile.road_key}
@@ -67,7 +67,7 @@ def _halve_longest(stretches: list[Stretch]) -> int:
 
 
 def _stretches(street: Street, plan: PlanView, trims: tuple[float, float]) -> list[Stretch]:
-    """The street between its cuts, by profile; stretches too short to change lanes in give way or grow."""
+    """The street between its cuts, by profile; stretches too short for a change of lanes are dropped or lengthened."""
     begin, end = trims[0], plan.length_m - trims[1]
     stretches: list[Stretch] = []
     for span in street.spans:
@@ -88,7 +88,7 @@ def _length(stretch: Stretch) -> float:
 
 
 def _change_m(a: Stretch, b: Stretch) -> float:
-    """How far lanes shift sideways where one stretch goes over into another, about."""
+    """About how far lanes shift sideways from one stretch to the next (metres)."""
     one, other = a.profile.section, b.profile.section
     widths = [
         abs(sum(lane.width_m for lane in x) - sum(lane.width_m for lane in y))
@@ -107,10 +107,10 @@ def _is_painted(stretch: Stretch) -> bool:
 
 
 def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
-    """The stretches with the shortest that has no room for its own lanes given to the more similar neighbour.
+    """The stretches after the shortest one without room for its own lanes has been given to the more similar neighbour.
 
-    None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them, and so is
-    where a bridge, a tunnel or a name begins or ends.
+    None if all have room. Turn lanes at the end of a street are kept unless hardly anything is left of them. Places
+    where a bridge, a tunnel or a name begins or ends are kept too.
     """
     short = []
     for index, stretch in enumerate(stretches):
@@ -138,7 +138,8 @@ def _absorbed(stretches: list[Stretch]) -> list[Stretch] | None:
 
 
 def _grow(stretches: list[Stretch], index: int, neighbour: int) -> None:
-    """Turn lanes drawn for the last few metres only: they and their taper reach back into the road before."""
+    """Lengthen turn lanes that are drawn for the last few metres only: they and their taper reach back into the road
+    before."""
     stretch, other = stretches[index], stretches[neighbour]
     if other.profile.road_key != stretch.profile.road_key or _lane_total(other) > _lane_total(stretch):
         return

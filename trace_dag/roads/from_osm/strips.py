@@ -21,16 +21,16 @@ from trace_dag.roads.from_osm.street_roads import StreetRoads
 from trace_dag.roads.map.curves import PlanView
 from trace_dag.roads.map.model import LaneType
 
-STEP_M: Final = 4.0  # between places at which a sidewalk is compared with the roads
-_SAME_WALK_M: Final = 15.0  # places of one sidewalk are no further apart: it goes on past a driveway
-_FARTHEST_M: Final = 16.0  # of a sidewalk's way from the middle of its street
+STEP_M: Final = 4.0  # distance between places at which a sidewalk is compared with the roads
+_SAME_WALK_M: Final = 15.0  # a longer gap ends a sidewalk; a driveway does not
+_FARTHEST_M: Final = 16.0  # farthest that a sidewalk's way lies from the middle of its street
 _WIDEST_VERGE_M: Final = 6.0
 _PARALLEL: Final = math.cos(math.radians(20))
 
 
 class Strip(NamedTuple):
     """A sidewalk or cycle lane along a street, from ``begin_m`` to ``end_m`` of its plan. ``side`` is +1 on the left,
-    -1 on the right; ``verge_m`` the width of what lies between it and the carriageway."""
+    -1 on the right; ``verge_m`` the distance between it and the carriageway."""
 
     type: LaneType
     side: int
@@ -56,7 +56,7 @@ def strips_along(
 def _tagged(
     extract: OsmExtract, streets: Sequence[Street], plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> Strips:
-    """What the tags of roads say."""
+    """The strips that the tags of roads say."""
     tags_of = {way.id: way.tags for way in extract.ways}
     said: dict[int, Beside] = {}
     strips: Strips = {}
@@ -83,7 +83,7 @@ def _tagged(
 
 
 def _append(strips: list[Strip], new: Strip) -> None:
-    """Add a strip, or what it goes on with the strip before it."""
+    """Add a strip, joined to the strip before it if it continues that one."""
     for number, old in enumerate(strips):
         if new._replace(begin_m=old.begin_m) == old._replace(end_m=new.end_m) and abs(new.begin_m - old.end_m) < 1e-6:
             strips[number] = old._replace(end_m=new.end_m)
@@ -155,7 +155,7 @@ def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatA
     nodes = np.array([point for line in ways for point in line])
     last = np.cumsum([len(line) for line in ways]) - 1
     first = np.concatenate([[0], last[:-1] + 1])
-    along_m = arc_lengths(nodes)  # from way to way, too; only differences within one are used
+    along_m = arc_lengths(nodes)  # also from one way to the next; only differences within one way are used
     lengths_m = along_m[last] - along_m[first]
     counts = np.maximum(np.ceil((lengths_m - STEP_M / 2) / STEP_M), 0).astype(int)
     counts[lengths_m < STEP_M] = 0
@@ -169,14 +169,14 @@ def _walked(extract: OsmExtract, graph: StreetGraph) -> tuple[FloatArray, FloatA
 
 
 def _grouped(ordered: NDArray[np.int_]) -> tuple[list[int], list[slice]]:
-    """The values of an array in order, each once, and where each stands."""
+    """The distinct values of an array in order, and the indices of each."""
     values, starts = np.unique(ordered, return_index=True)
     ends = [*starts.tolist(), len(ordered)][1:]
     return values.tolist(), [slice(*each) for each in zip(starts.tolist(), ends, strict=True)]
 
 
 def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterator[list[tuple[float, float]]]:
-    """Places in order of their first number, parted where that leaps."""
+    """Runs of places in order of their first number; a jump in it begins a new run."""
     run: list[tuple[float, float]] = []
     for place in places:
         if run and place[0] - run[-1][0] > longest_gap_m:
@@ -188,7 +188,8 @@ def _runs(places: Sequence[tuple[float, float]], longest_gap_m: float) -> Iterat
 
 
 def _verge_m(street: Street, plan: PlanView, run: Sequence[tuple[float, float]], side: int) -> float | None:
-    """What is between carriageway and sidewalk, by the middle of a run's places; None for one that runs elsewhere."""
+    """The verge between carriageway and sidewalk (metres), by the median of a run's places; None if the run is not
+    along the street."""
     s_m, aside_m = (median(values) for values in zip(*run, strict=True))
     span = next((span for span in street.spans if plan.vertex_s_m[span.last] >= s_m), street.spans[-1])
     section = span.profile.section

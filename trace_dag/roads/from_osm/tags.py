@@ -1,8 +1,8 @@
 """What the tags of one OSM way say about the road: directions, lanes, widths, turns, speed, layer, names.
 
-Reads values as they occur (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``): what cannot be
-read counts as untagged, and what is usual for the road's class stands in for it (:mod:`trace_dag.osm.road_classes`).
-Nothing here knows geometry.
+Real tags have all kinds of values (``maxspeed=signals``, ``lanes=many``, ``layer=ground``, ``width=20 ft``). A value
+that cannot be read counts as untagged, and the usual value for the road's class is used instead
+(:mod:`trace_dag.osm.road_classes`). No geometry here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _CENTRE_TURN_WIDTH_M: Final = 3.65
 _MEDIAN_WIDTH_M: Final = 1.2
 _PARKING_WIDTHS_M: Final = {"parallel": 2.2, "diagonal": 4.6, "perpendicular": 5.2, "lane": 2.2, "yes": 2.2}
 _SHOULDER_WIDTH_M: Final = 2.4  # 8 ft
-_MAX_LANES: Final = 12  # beyond it, a number is a slip of the keyboard
+_MAX_LANES: Final = 12  # a larger number is a typing error
 LEFT_TURNS: Final = frozenset({"left", "slight_left", "sharp_left", "reverse"})
 RIGHT_TURNS: Final = frozenset({"right", "slight_right", "sharp_right"})
 _NAME_KEYS: Final = (
@@ -81,7 +81,7 @@ class WayProfile:
     oneway: bool
     section: CrossSection
     lanes_from_tags: bool
-    names: tuple[str, ...] = ()  # without the marks of escaped text, unlike the tags
+    names: tuple[str, ...] = ()  # with escaped characters decoded, unlike the tags
     name: str = ""
     speed_forward_mps: float | None = None
     speed_backward_mps: float | None = None
@@ -106,7 +106,7 @@ class WayProfile:
 
     @property
     def road_key(self) -> tuple[object, ...]:
-        """What must not change within one road object."""
+        """The values that must be the same within one road object."""
         structure = self.layer, self.bridge, self.tunnel, self.roundabout
         return (self.highway, self.names, self.oneway, *structure, self.inferred)
 
@@ -122,7 +122,7 @@ class WayProfile:
 
 
 def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: float | None = None) -> WayProfile:
-    """The profile of a drivable way. Hints fill gaps: lanes in all where untagged, and the speed limit likewise.
+    """The profile of a drivable way. Hints fill gaps: the total of lanes and the speed limit, if untagged.
 
     Ways tagged ``oneway=-1`` are returned in the direction of traffic with ``against_way`` set: reverse their nodes.
     """
@@ -162,7 +162,7 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
 
 
 def parse_speed_mps(value: str | None) -> float | None:
-    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is no plausible limit (signals, none, walk, 0).
+    """``35 mph`` or ``60`` (km/h) in m/s; None for anything that is not a plausible limit (signals, none, walk, 0).
 
     >>> round(parse_speed_mps('25 mph'), 3), parse_speed_mps('36'), parse_speed_mps('signals')
     (11.176, 10.0, None)
@@ -192,7 +192,7 @@ def parse_length_m(value: str | None) -> float | None:
 
 
 def parse_incline(value: str | None) -> float | None:
-    """``5%`` as rise per metre along the way; ``up`` and ``down`` say nothing measurable.
+    """``5%`` as rise per metre along the way; None for ``up`` and ``down``, which have no number.
 
     >>> parse_incline('5%'), parse_incline('up')
     (0.05, None)
@@ -247,7 +247,7 @@ def _layer(tags: Mapping[str, str], *, bridge: bool, tunnel: bool) -> int:
 def _plain(value: str) -> str:
     """A name that its source escaped for XML before it wrote XML: ``Terry&apos;s`` is ``Terry's``.
 
-    Extracts derived from other maps have such names; nine extracts of OpenStreetMap itself have none.
+    Extracts derived from other maps have such names; nine extracts of OpenStreetMap itself had none.
     """
     return html.unescape(value) if "&" in value and ";" in value else value
 
@@ -326,7 +326,7 @@ def _has_centre_turn_lane(tags: Mapping[str, str]) -> bool:
 def _split_directions(
     total: int | None, forward: int | None, backward: int | None, centre: bool
 ) -> tuple[int, int, bool]:
-    """Lanes forward, backward, and whether there is a centre lane, from whatever part of it is known."""
+    """Lanes forward, lanes backward, and whether there is a centre lane, from those tags that are there."""
     if forward is not None and backward is not None:
         known = forward + backward
         return forward, backward, centre if total is None else total > known

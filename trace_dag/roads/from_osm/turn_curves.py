@@ -25,7 +25,9 @@ CORNER_RADIUS_M: Final = 2.0
 """The tightest corner of a lane's centre. A car takes it on a circle of 3.7 m: beginning and ending half a lane further
 out adds 1.7 m to the radius of a turn by 90 degrees."""
 
-_MOST_BACK_RAD: Final = 2.5  # turned the other way in all; two places side by side need 2.1, a loop more than 3.1
+_MOST_BACK_RAD: Final = (
+    2.5  # turned the other way in all, at most; two places side by side need 2.1, a loop more than 3.1
+)
 _MOST_BACK_IN_A_FOLD_RAD: Final = 3.6
 _RADII_M: Final = (TIGHTEST_RADIUS_M, 3.2, 2.7, 2.3, CORNER_RADIUS_M)
 _SAME_RAD: Final = 1e-6
@@ -40,10 +42,10 @@ def tightest_radius_m(plan: PlanView) -> float:
 
 
 def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
-    """The shortest line from pose to pose whose arcs are as wide as there is room for; None if all of them are loops.
+    """The shortest curve from pose to pose with arcs as wide as there is room for; None if every such curve is a loop.
 
-    Of the radii from a car's turning circle down to that of a corner the widest that needs little swinging out, else a
-    corner's with more of it.
+    The radius is the widest one, from a car's turning circle down to that of a corner, that needs little swinging out;
+    if none does, a corner's radius with more swinging out.
     """
     for radius_m in _RADII_M:
         plan = _shortest(start, end, radius_m, _MOST_BACK_RAD)
@@ -82,7 +84,7 @@ def _turns_by(pieces: Sequence[_Piece], turn_rad: float, most_back_rad: float) -
 
 
 def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[list[_Piece]]:
-    """Dubins' six kinds of curve, those of them that exist."""
+    """Those of Dubins' six kinds of curve that exist."""
     for first in (1, -1):
         x0, y0 = _centre(start, first, radius_m)
         for last in (1, -1):
@@ -96,7 +98,8 @@ def _candidates(start: PlanPose, end: PlanPose, radius_m: float) -> Iterator[lis
             if first == last and 0 < distance < 4 * radius_m:
                 spread = math.acos(distance / (4 * radius_m))
                 for aside in (spread, -spread):
-                    # From the first centre to the middle one, from there to the last: the headings where arcs meet.
+                    # Directions from the first centre to the middle one and from there to the last give the headings
+                    # where arcs meet.
                     there, back = bearing + aside, bearing - aside
                     quarter = first * math.pi / 2
                     yield _arcs(start, end, (first, there + quarter, 0.0), last, (-first, back - quarter))

@@ -1,1 +1,1 @@
-"""The guarantees of a road map, measured on the stored file."""
+"""The checks that a road map has to pass, measured on the stored file."""

@@ -1,7 +1,7 @@
 """Measurements of a road map against the OSM extract it was made from: numbers, no judgement.
 
-The network is that read back from the file. What can be measured of the map alone is
-:mod:`trace_dag.roads.gates.measures`'s, thresholds and outcomes are :mod:`trace_dag.roads.gates.gates`'s.
+The network is the one read back from the file. Measurements of the map alone are in
+:mod:`trace_dag.roads.gates.measures`, thresholds and outcomes in :mod:`trace_dag.roads.gates.gates`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _SAMPLE_M: Final = 1.0
 _JUNCTION_MARGIN_M: Final = 2.0
 _LONGEST_INNER_WAY_M: Final = 60.0
-_LEAST_MISSING_M: Final = 1.0  # what a box leaves of a way at its border may be a few centimetres
+_LEAST_MISSING_M: Final = 1.0  # at its border a box may leave a few centimetres of a way
 _LEAST_ANCHOR_SEGMENT_M: Final = 6.0
 _ANCHOR_SPACING_M: Final = 60.0
 _LEAST_END_ROAD_M: Final = 30.0
@@ -104,7 +104,7 @@ class MapComparison:
     def _fold_of_node(self) -> dict[int, str]:
         """Junctions where no streets meet, by their nodes: a way folds back there more sharply than one road can.
 
-        Such a place hides nothing of the way, unlike a crossing, whose movements replace the centre lines.
+        The way is still there at such a place, unlike at a crossing, where movements replace the centre lines.
         """
         arms: Counter[int] = Counter()
         for way in self.ways:
@@ -175,7 +175,7 @@ class MapComparison:
         areas = self.junction_areas
         for way in self.ways:
             line = self.way_line(way)
-            if len(line) < 2 or INFERRED_TAG in way.tags:  # what is ours has nothing to be compared with
+            if len(line) < 2 or INFERRED_TAG in way.tags:  # a way that was drawn has no original
                 continue
             points = _resampled(line)
             outside = points[~shapely.contains_xy(areas, points[:, 0], points[:, 1])]
@@ -235,7 +235,7 @@ class MapComparison:
         return middle
 
     def crosswalk_distances(self) -> list[tuple[float, int]]:
-        """How far outside its outline (m) the node of OpenStreetMap is that a crosswalk was made at, and its id."""
+        """For each crosswalk, how far outside its outline (metres) its OpenStreetMap node is, and the node's id."""
         return [
             (place.distance_m(*self._node_xy[node_id]), node_id)
             for place in crosswalks(self.network)
@@ -264,9 +264,9 @@ class MapComparison:
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Well-spread places of OSM and where the map has them: (n, 2) latitude and longitude, (n, 2) x and y.
 
-        First the nodes at which a way ends alone, whose place on the map is the open end of its road: they show every
-        error of scale and position. Where those are few, places inside straight segments fill up the number; their
-        place on the map is the nearest point of the way's own road, which shows errors across the road only.
+        First the nodes at which a way ends alone. Their place on the map is the open end of the road, so they show
+        every error of scale and position. If these are few, places inside straight segments are added. Their place on
+        the map is the nearest point of the way's own road, so they show errors across the road only.
         """
         ends = self._end_anchors()
         chosen = [ends[i] for i in _spread([place for _, place in ends], count)]
@@ -279,9 +279,9 @@ class MapComparison:
         return np.array([degrees for degrees, _ in chosen]), np.array([place for _, place in chosen])
 
     def _end_anchors(self) -> list[_Anchor]:
-        """Nodes that end one way and belong to no other, and the open road end nearest to each.
+        """Nodes at which one way ends and no other passes, and the open road end nearest to each.
 
-        Stumps do not count, neither short ways nor short last segments: what a box cuts off is lengthened and smoothed.
+        Short ways and short last segments are left out: ways that a box cuts off are lengthened and smoothed.
         """
         uses = Counter(node_id for way in self.ways for node_id in dict.fromkeys(way.node_ids))
         found: list[_Anchor] = []
@@ -377,7 +377,7 @@ def lane_count(road: Road, s_m: float) -> int:
 
 
 def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
-    """Lanes in all as the tags say, if they say so without contradicting themselves.
+    """The total number of lanes by the tags; None if they do not say it or contradict themselves.
 
     A two-way street of one lane counts as two: OpenDRIVE has no lane that both directions share, so each gets its half.
     """

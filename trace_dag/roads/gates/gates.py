@@ -1,7 +1,7 @@
-"""The guarantees of a road map: each measured on the stored file, with its threshold, and whether it holds.
+"""The gates of a road map: each is measured on the stored file, with its threshold, and passes or does not.
 
-A gate is never silent: one that could not be evaluated says why. :func:`require` turns the first gate that does not
-hold into the rejection ``map_distorted`` (``crash_off_road`` for the crash's place).
+A gate that could not be evaluated says why. :func:`require` turns the first gate that fails into the rejection
+``map_distorted`` (``crash_off_road`` for the crash's place).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def check_map(
 ) -> tuple[MapGate, ...]:
     """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
 
-    Everything is measured on the file read back. One that breaks more rules than allowed is measured no further.
+    Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
     """
     limits = limits or MapLimits()
     rules = _count_gate("opendrive_rules", stored_map.violations, "violations", limits.rule_violations)
@@ -67,7 +67,7 @@ def check_map(
 
 
 def require(gates: Iterable[MapGate]) -> None:
-    """Raise :class:`Rejection` for the first gate that does not hold, with what it measured."""
+    """Raise :class:`Rejection` for the first gate that fails, with its measurement."""
     for gate in gates:
         if gate.passed is False:
             reason = Reason.CRASH_OFF_ROAD if gate.name == _CRASH_GATE else Reason.MAP_DISTORTED
@@ -87,7 +87,7 @@ def _at_most(name: str, value: float, threshold: float, unit: str, detail: str =
 
 
 def _at_least(name: str, value: float, threshold: float, unit: str, detail: str) -> MapGate:
-    # Lines are made to the limit itself: a rounding error is not a shortfall.
+    # Lines are made exactly to the limit, so rounding errors are allowed for.
     return MapGate(name, value, threshold, unit, value >= threshold * (1 - 1e-3), detail)
 
 
@@ -213,7 +213,7 @@ def _heights(stored: RoadNetwork, limits: MapLimits) -> Iterator[MapGate]:
     main, ramp = measures.steepest_grades(stored)
     for name, steepest, limit in (("grade", main, limits.grade), ("ramp_grade", ramp, limits.ramp_grade)):
         detail = f"road {steepest.road_id}" if steepest.road_id is not None else "level"
-        # The profile is fitted to the limit itself: a rounding error is not a steeper road.
+        # The profile is fitted exactly to the limit, so rounding errors are allowed for.
         yield MapGate(name, steepest.grade, limit, "rise over run", steepest.grade <= limit * (1 + 1e-3), detail)
     found = measures.crossings(stored)
     separated = [crossing for crossing in found if crossing.separated]

@@ -1,7 +1,7 @@
 """Measurements of a road map against itself: numbers, no judgement.
 
-The network is that read back from the file. Measurements against OpenStreetMap are
-:mod:`trace_dag.roads.gates.against_osm`'s, thresholds and outcomes are :mod:`trace_dag.roads.gates.gates`'s.
+The network is the one read back from the file. Measurements against OpenStreetMap are in
+:mod:`trace_dag.roads.gates.against_osm`, thresholds and outcomes in :mod:`trace_dag.roads.gates.gates`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _THERE_M: Final = 0.3  # a lane narrower than this is only beginning or ending
 
 
 class LinkGap(NamedTuple):
-    """What a driver meets where one lane goes over into the next."""
+    """Steps between one lane and the next, as a driver would meet them."""
 
     position_m: float
     height_m: float
@@ -59,8 +59,8 @@ def link_gaps(network: RoadNetwork) -> list[LinkGap]:
 
 
 class LanesBeside(NamedTuple):
-    """Sidewalks and cycle lanes: how long they are in all, the share of places of their middle where vehicles drive at
-    the same level, and the road with most of those."""
+    """Sidewalks and cycle lanes: their total length, the share of places along their middle where vehicles drive at the
+    same level, and the road with most such places."""
 
     length_m: float
     share_on_roadway: float
@@ -68,8 +68,8 @@ class LanesBeside(NamedTuple):
 
 
 def lanes_beside(network: RoadNetwork) -> LanesBeside:
-    """The sidewalks and cycle lanes of a map, looked at every five metres. In junctions cycle lanes are left out: those
-    who turn right drive across them."""
+    """The sidewalks and cycle lanes of a map, looked at every five metres. Cycle lanes in junctions are left out:
+    traffic that turns right drives across them."""
     length_m, places = 0.0, 0
     wrong: Counter[str] = Counter()
     for ref in network.lanes():
@@ -108,7 +108,7 @@ def one_sided_links(network: RoadNetwork) -> list[str]:
 
 
 def stranded_lanes(network: RoadNetwork) -> list[str]:
-    """Full-width lanes that end before a junction or another road which none of their movements enters.
+    """Full-width lanes that end at a junction or another road without any movement into it.
 
     Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
     """
@@ -139,7 +139,7 @@ class TightestTurn(NamedTuple):
 
 
 def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
-    """Tightest turn of all lanes through junctions, and the tightest of those that turn round (``u_turn``)."""
+    """Tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``)."""
     tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
     for road in network.roads:
         if road.junction_id is None:

@@ -1,7 +1,7 @@
 """Arcs by their chords: where a line of constant curvature leads.
 
 The chord of an arc that turns by ``a`` is ``sin(a/2) / (a/2)`` of its length and points ``a/2`` off its beginning; a
-straight line is the arc that turns by nothing.
+straight line is an arc with a turn of 0.
 """
 
 from __future__ import annotations

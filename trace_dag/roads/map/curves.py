@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 _FLAT_RAD: Final = 5e-4
 _SAME_DIRECTION_RAD: Final = 1e-6
-LARGEST_RADIUS_M: Final = 5000.0  # readers that work in single precision, CARLA for one, lose arcs far flatter
+LARGEST_RADIUS_M: Final = 5000.0  # readers that use single precision, such as CARLA, lose arcs that are much flatter
 _MIN_LENGTH_M: Final = 1e-6
 SHORTEST_ELEMENT_M: Final = 0.01
 _AROUND_SLIVER_M: Final = 0.5
@@ -45,7 +45,7 @@ def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
 
 
 def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
-    """Pose at ``s_m``; beyond the ends the first or last element goes on."""
+    """Pose at ``s_m``; beyond the ends the first or last element is continued."""
     found = plan.elements[0]
     for element in plan.elements:
         if element.s_m > s_m:
@@ -70,7 +70,7 @@ def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
 
 
 def reverse_plan(plan: PlanView) -> PlanView:
-    """The same line run from its end."""
+    """The same line, beginning at its end."""
     reversed_elements = []
     for element in reversed(plan.elements):
         x, y, heading = element_pose(element, element.length_m)
@@ -80,7 +80,7 @@ def reverse_plan(plan: PlanView) -> PlanView:
 
 
 def join_plans(plans: Sequence[PlanView]) -> PlanView:
-    """Plans one after the other; each must begin where and as the one before ends."""
+    """Plans one after the other; each must begin with the pose at which the one before ends."""
     elements: list[PlanElement] = []
     offset = 0.0
     for plan in plans:
@@ -102,9 +102,9 @@ def _same_direction(a: PlanElement, b: PlanElement) -> bool:
 
 
 def connect(start: PlanPose, end: PlanPose) -> PlanView | None:
-    """A smooth curve from one pose to another: line, arc, line where one bend does it, otherwise two arcs.
+    """A smooth curve from one pose to another: line, arc and line if one bend is enough, otherwise two arcs.
 
-    None where only a detour leads there (the end lies behind the start, with the same heading).
+    None if only a detour would connect them (the end lies behind the start, with the same heading).
     """
     turn = math.remainder(end.heading_rad - start.heading_rad, math.tau)
     dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
@@ -160,7 +160,8 @@ def _biarc(start: PlanPose, end: PlanPose) -> PlanView:
 def _arc_to(start: PlanPose, x_m: float, y_m: float) -> tuple[PlanPose, float, float]:
     """The arc that leaves ``start`` and passes through a point: its start, length and curvature.
 
-    One too flat for single precision is the straight line there, at most 0.03 degrees off the start's heading.
+    If the arc is too flat for single precision, the straight line is returned, at most 0.03 degrees off the start's
+    heading.
     """
     dx, dy = x_m - start.x_m, y_m - start.y_m
     chord = math.hypot(dx, dy)
@@ -178,7 +179,7 @@ def without_slivers(plan: PlanView) -> PlanView:
     It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
     or drops what is shorter than its tolerance would lose the heading that such an element adds.
     """
-    for _ in plan.elements:  # each turn leaves fewer
+    for _ in plan.elements:  # fewer are left after each round
         sliver = next((e for e in plan.elements if e.length_m < SHORTEST_ELEMENT_M), None)
         if sliver is None or plan.length_m < 2 * SHORTEST_ELEMENT_M:
             break

@@ -1,7 +1,7 @@
 """Lanes by place: what ``nearest_lanes`` looks at, lane surfaces and the drivable area.
 
-Whoever looks a place up on a large map needs a few of its lanes: boxes around the roads are made of all of them at
-once, lines along the lanes of those roads alone that a question comes near.
+A query for a place on a large map needs few of its lanes. Boxes are made around all roads at once; lines along lanes
+are made only for roads near the places that are asked about.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SEARCH_M = 1.5
 
 
 class LaneIndex:
-    """The drivable lanes of some roads by place. ``lanes_of`` gives those of one road."""
+    """The drivable lanes of some roads, found by place. ``lanes_of`` gives the lanes of one road."""
 
     def __init__(self, roads: Sequence[Road], lanes_of: LanesOf) -> None:
         self._roads = tuple(roads)
@@ -75,7 +75,7 @@ class _Lines(NamedTuple):
     lanes: list[tuple[LaneRef, LaneGeometry]]
     points: FloatArray  # (n, 2)
     first: NDArray[np.intp]  # of each lane's points
-    reach_m: FloatArray  # from its line to its surface, and room for what the line leaves out
+    reach_m: FloatArray  # farthest distance from the lane's line to its surface, with a margin for the coarse line
 
     @classmethod
     def of(cls, lanes: list[tuple[LaneRef, LaneGeometry]]) -> _Lines:
@@ -95,7 +95,7 @@ def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely
     """Union of the lanes' surfaces."""
     surfaces = np.array([polygon(geometry, step_m) for geometry in lanes], dtype=object)
     area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
-    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero on the way, and copes with it
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero here, with a correct result
         closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
     parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
     return shapely.MultiPolygon(parts)
@@ -108,7 +108,7 @@ def _widest_m(geometry: LaneGeometry) -> float:
 
 
 def _boxes(roads: Sequence[Road]) -> FloatArray:
-    """Boxes no lane of a road reaches out of, shape (4, n): low x, low y, high x, high y."""
+    """Boxes that contain all lanes of each road, shape (4, n): low x, low y, high x, high y."""
     if not roads:
         return np.zeros((4, 0))
     pieces = [
@@ -144,7 +144,7 @@ def _width_bound_m(section: LaneSection, length_m: float) -> float:
 
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
-    """No value of piecewise cubics over a length is larger: each term is taken at its largest."""
+    """An upper bound for piecewise cubics over a length: each term is taken at its largest."""
     bound = 0.0
     for number, cubic in enumerate(cubics):
         end_m = cubics[number + 1].s_m if number + 1 < len(cubics) else length_m

@@ -28,14 +28,14 @@ class LaneLinks:
         self._predecessors: dict[LaneRef, tuple[LaneRef, ...]] = {}
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes one drives into at the lane's end."""
+        """Lanes that follow at the lane's end."""
         if ref not in self._successors:
             found = self._find(ref) if self._is_drivable(ref) else ()
             self._successors[ref] = tuple(dict.fromkeys(found))
         return self._successors[ref]
 
     def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes one can have come from."""
+        """Lanes that lead to the lane's begin."""
         if ref not in self._predecessors:
             self._predecessors[ref] = tuple(
                 lane
@@ -47,7 +47,8 @@ class LaneLinks:
 
     @cached_property
     def _leading_to(self) -> dict[str, list[Road]]:
-        """Roads one can enter a road from, itself among them, by its id; in the order of the network."""
+        """For each road id, the roads from which that road can be entered, itself included; in the order of the
+        network."""
         found: dict[str, dict[str, None]] = {}
         for road in self._roads:
             found.setdefault(road.id, {})[road.id] = None

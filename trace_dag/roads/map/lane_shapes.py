@@ -1,6 +1,6 @@
-"""Every lane of a map as polylines, with the lanes before, after and beside it: the form that most tools take lanes in.
+"""Every lane of a map as polylines, with the lanes before, after and beside it: the form of lanes that most tools read.
 
-OpenDRIVE says lanes by offsets from a reference line; CommonRoad, MetaDrive, SUMO and graphs of lanes want points.
+OpenDRIVE describes lanes by offsets from a reference line; CommonRoad, MetaDrive, SUMO and graphs of lanes need points.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class LaneShape:
 
 
 def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False, step_m: float = STEP_M) -> tuple[LaneShape, ...]:
-    """The lanes of a map, in its order; with ``drivable_only`` those that traffic drives in."""
+    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic."""
     refs = network.drivable_lanes() if drivable_only else network.lanes()
     return tuple(_shape(network, ref, step_m) for ref in refs)
 

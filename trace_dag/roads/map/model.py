@@ -2,7 +2,7 @@
 
 Frame: the project's local frame. Lane ids follow OpenDRIVE: positive left of the reference line, negative right of it,
 0 the reference line itself; in right-hand traffic negative lanes travel along the reference line and positive ones
-against it. One-way roads have only negative lanes. What these types can be asked together is in
+against it. One-way roads have only negative lanes. Queries over these types are in
 :class:`trace_dag.roads.map.network.RoadNetwork`.
 """
 
@@ -52,8 +52,8 @@ class Cubic:
 class PlanElement:
     """A piece of reference line: line (``curvature_1pm`` 0), arc, or ``paramPoly3`` (``poly`` set).
 
-    ``poly`` holds aU, bU, cU, dU, aV, bV, cV, dV; ``poly_normalized`` is OpenDRIVE's ``pRange``. Only maps of
-    others have it: our own writer uses lines and arcs.
+    ``poly`` holds aU, bU, cU, dU, aV, bV, cV, dV; ``poly_normalized`` is OpenDRIVE's ``pRange``. Only maps from other
+    programs have it: the writer here uses lines and arcs.
     """
 
     s_m: float
@@ -142,7 +142,7 @@ class Crosswalk:
     """Where people cross a road: a closed outline of corners, metres ahead and left of the reference line at ``s_m``.
 
     It may lie beyond the end of the road, which a junction cuts back behind its crosswalks. ``marked``: lines are
-    painted; ``signals``: it has lights for those who walk.
+    painted; ``signals``: it has lights for people on foot.
     """
 
     id: str
@@ -182,7 +182,7 @@ class Road:
     tunnel: bool = False
     lanes_from_tags: bool = False  # lane counts were tagged in OSM, not class defaults or the report's
     turn: str | None = None  # of a connecting road: "straight", "left", "right", "u_turn"
-    inferred: str = ""  # why it is there, if it is not OpenStreetMap's but drawn because the crash report asks for it
+    inferred: str = ""  # why it exists, if it is not from OpenStreetMap but drawn because of the crash report
 
     @property
     def level(self) -> int:
@@ -203,7 +203,7 @@ class Connection:
 
 @dataclass(frozen=True)
 class Controller:
-    """Signals that always show the same; ``sequence`` is its turn among the controllers of one junction."""
+    """Signals that always show the same; ``sequence`` is its place in the order of the controllers of one junction."""
 
     id: str
     signal_ids: tuple[str, ...]
@@ -221,7 +221,7 @@ class Junction:
     osm_node_ids: tuple[int, ...] = ()
     kind: str = ""  # "four_way", "t", "y", "roundabout", ... as seen in the map
     centre_xy_m: tuple[float, float] | None = None
-    controller_ids: tuple[str, ...] = ()  # of its traffic lights, in their sequence
+    controller_ids: tuple[str, ...] = ()  # controllers of its traffic lights, in their sequence
 
 
 class LaneRef(NamedTuple):

@@ -1,7 +1,7 @@
-"""A road network: all roads and junctions around one crash, and the questions the later stages ask of them.
+"""A road network: all roads and junctions around one crash, with the queries of later stages.
 
-A network read from any OpenDRIVE file (ours, the published benchmark's, Osm2Odr's) answers the same queries. Frame and
-lane ids are those of :mod:`trace_dag.roads.map.model`.
+A network read from any OpenDRIVE file (this program's, the published benchmark's, Osm2Odr's) has the same queries.
+Frame and lane ids are those of :mod:`trace_dag.roads.map.model`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class RoadNetwork:
     frame: LocalFrame
     roads: tuple[Road, ...]
     junctions: tuple[Junction, ...] = ()
-    converter: str = ""  # name and version of what made it
+    converter: str = ""  # name and version of the program that made it
     attribution: str = ""
     controllers: tuple[Controller, ...] = ()
 
@@ -75,15 +75,15 @@ class RoadNetwork:
         return LaneIndex(self.roads, lambda road: [(ref, self._lanes[ref]) for ref in self.drivable_lanes_of(road)])
 
     def drivable_lanes(self) -> tuple[LaneRef, ...]:
-        """Every lane traffic drives in, all roads, junctions included."""
+        """Every drivable lane of all roads, junctions included."""
         return self._drivable
 
     def drivable_lanes_of(self, road: Road) -> tuple[LaneRef, ...]:
-        """The lanes of one road traffic drives in."""
+        """The drivable lanes of one road."""
         return self._drivable_of[road.id]
 
     def is_drivable(self, ref: LaneRef) -> bool:
-        """Whether there is such a lane and traffic drives in it."""
+        """Whether the lane exists and traffic drives in it."""
         lane = self._lane_by_ref.get(ref)
         return lane is not None and lane.type.drivable
 
@@ -115,11 +115,11 @@ class RoadNetwork:
         return -1 if ref.lane_id > 0 else 1
 
     def successors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes one drives into at the lane's end, in its direction of travel (several at a junction)."""
+        """Lanes that follow at the lane's end, in its direction of travel (several at a junction)."""
         return self._links.successors(ref)
 
     def predecessors(self, ref: LaneRef) -> tuple[LaneRef, ...]:
-        """Lanes one can have come from, in the direction of travel."""
+        """Lanes that lead to the lane's begin, in the direction of travel."""
         return self._links.predecessors(ref)
 
     def neighbours(self, ref: LaneRef) -> tuple[LaneRef | None, LaneRef | None]:
@@ -168,7 +168,7 @@ class RoadNetwork:
         return drivable_area(self._lanes[ref] for ref in self._drivable)
 
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> MultiPolygon:
-        """What traffic drives on within some distance of a place, of the roads that are at its level there."""
+        """The area that traffic drives on within some distance of a place, of roads at its level."""
         box_m = (x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
         lanes = []
         for road in self.roads_within(box_m):
@@ -200,7 +200,8 @@ class RoadNetwork:
         return matches
 
     def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
-        """Roads that may have a lane in a box (west, south, east, north; m), in their order; none is missed."""
+        """Roads that may have a lane in a box (west, south, east, north; m), in their order. May name too many, never
+        too few."""
         return self._index.roads_within(box_m)
 
     def surface_height_m(self, ref: LaneRef, s_m: float) -> float:
@@ -208,7 +209,7 @@ class RoadNetwork:
         return self._lanes[ref].road.height_at(s_m)
 
     def __getstate__(self) -> dict[str, object]:
-        """Fields only: what the queries have cached is rebuilt, not sent to other processes."""
+        """Fields only: what queries have cached is rebuilt by other processes, not sent to them."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 

@@ -1,4 +1,4 @@
-"""Paths through the lane network: following lanes from one to the next, and where one can drive to.
+"""Paths through the lane network: following lanes from one to the next.
 
 A path follows lanes in their direction of travel. Lane changes are not paths: a driver who changes lanes leaves one
 path for the next lane's.
@@ -26,9 +26,8 @@ MAX_PATHS = 64
 class LanePath:
     """A drive along lanes.
 
-    ``points`` has shape (n, 4): x, y, z (metres), heading (radians, continuous); ``stations_m`` shape (n,) the
-    distance driven at each point, starting at 0. ``complete`` is false where the map ends before the distance asked
-    for.
+    ``points`` has shape (n, 4): x, y, z (metres), heading (radians, continuous); ``stations_m`` shape (n,) the distance
+    driven at each point, starting at 0. ``complete`` is false if the map ends before the requested distance.
     """
 
     lanes: tuple[LaneRef, ...]
@@ -57,9 +56,9 @@ def follow(
 ) -> list[tuple[LaneRef, ...]]:
     """Ways from lane to lane, each from ``start`` on; against the direction of travel with ``ahead`` false.
 
-    ``choose`` is given the lanes of a way so far and those that follow the last one, and says which of these to go on
-    in: none ends the way, several make as many ways of it. Depth first, so the first choice's ways come first; ``most``
-    bounds how many there are, so that a maze cannot run away.
+    ``choose`` gets the lanes of a way so far and those that follow the last one, and returns those to continue in: none
+    ends the way, several split it. Depth first, so the ways of the first choice come first. At most ``most`` ways are
+    returned, so that a network with very many ways cannot take forever.
     """
     ways: list[tuple[LaneRef, ...]] = []
     pending: list[tuple[LaneRef, ...]] = [(start,)]
@@ -83,7 +82,7 @@ def trace_forward(
 ) -> tuple[LanePath, ...]:
     """Every way to drive ``distance_m`` on from ``s_m`` of a lane, straightest first; starts at that place.
 
-    No way takes a lane twice.
+    No way uses a lane twice.
     """
     geometry = network.geometry(ref)
     s = min(max(s_m, geometry.begin_m), geometry.end_m)

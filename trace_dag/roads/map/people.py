@@ -1,6 +1,6 @@
 """What a map has for people on foot and on bicycles: crosswalks, sidewalks and cycle lanes near a place.
 
-A road of which the map says nothing may have all of them: OpenStreetMap has some towns' and not others'.
+A road without them on the map may have them in reality: OpenStreetMap has them for some towns and not for others.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _THERE_M = 0.3  # a lane narrower than this is only beginning or ending
 
 @dataclass(frozen=True, eq=False)
 class CrosswalkPlace:
-    """A crosswalk where it lies: corners, shape (n, 2), and the middles of its ends at the right and the left edge of
-    its road as seen along the reference line, shape (2, 2), metres."""
+    """A crosswalk in the local frame: corners, shape (n, 2), and the middles of its ends at the right and the left edge
+    of its road as seen along the reference line, shape (2, 2), metres."""
 
     road_id: str
     crosswalk: Crosswalk

@@ -1,4 +1,4 @@
-"""OpenDRIVE to :class:`~trace_dag.roads.map.network.RoadNetwork`: our own maps and other converters'.
+"""OpenDRIVE to :class:`~trace_dag.roads.map.network.RoadNetwork`: maps of this program and of others.
 
 Reads versions 1.4 to 1.8 as far as the road model goes: plan view (line, arc, ``paramPoly3``; spirals as arcs,
 ``poly3`` as ``paramPoly3``), elevation, lane offset, lane sections with widths or borders, road marks, speeds, signals
@@ -41,7 +41,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.units import MPS_PER_KMH, MPS_PER_MPH
 
 _MPS_PER_UNIT: Final = {"m/s": 1.0, "mph": MPS_PER_MPH, "km/h": MPS_PER_KMH}
-# e_laneType values the model has no word of its own for.
+# e_laneType values that the model does not distinguish.
 _OTHER_LANE_TYPES: Final = {
     "onRamp": LaneType.ENTRY,
     "offRamp": LaneType.EXIT,
@@ -57,7 +57,7 @@ _OTHER_LANE_TYPES: Final = {
     "walking": LaneType.SIDEWALK,
 }
 _LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
-_LONGEST_ROAD_M: Final = 1e6  # longer is a slip, and sampling it would fill the memory
+_LONGEST_ROAD_M: Final = 1e6  # a longer one is an error, and sampling it would fill the memory
 _MOST_TURN_RAD: Final = 100.0  # of a piece of road: 16 full circles
 _ARC_TURN_RAD: Final = 0.005
 """Turn per arc that stands for a piece of a spiral: off the clothoid by less than a millimetre on any road."""

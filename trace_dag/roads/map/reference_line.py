@@ -54,10 +54,10 @@ class _ParamPoly3:
         speed = np.hypot(_slope(b_u, c_u, d_u, parameters), _slope(b_v, c_v, d_v, parameters))
         speed_middle = np.hypot(_slope(b_u, c_u, d_u, middle), _slope(b_v, c_v, d_v, middle))
         step = end / (_TABLE_POINTS - 1)
-        # Simpson's rule. A curve that stands still has some length all the same, so that there is a cubic over it.
+        # Simpson's rule. A curve that stands still is given some length, so that a cubic over it exists.
         pieces = np.maximum(step / 6 * (speed[:-1] + 4 * speed_middle + speed[1:]), 1e-12)
         lengths = np.concatenate([[0.0], np.cumsum(pieces)])
-        # The declared length rules: the whole curve is passed over exactly that length.
+        # The declared length counts: the whole curve takes exactly that length.
         self.scale = float(lengths[-1]) / element.length_m if element.length_m > 0 else 1.0
         # Near a cusp the curve almost stands still: bounded by three times either neighbouring mean rate, the
         # interpolation stays monotone (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
@@ -192,7 +192,7 @@ class ReferenceLine:
     def project(self, x_m: float, y_m: float, near_s_m: float | None = None) -> Projection:
         """Foot of the perpendicular from a point, exact on every element.
 
-        ``near_s_m`` picks the stretch to look at (within two sample steps) where the line passes the point more than
+        ``near_s_m`` says which stretch to look at (within two sample steps) if the line passes the point more than
         once; without it the nearest stretch is taken.
         """
         if near_s_m is None:
@@ -247,7 +247,7 @@ class ReferenceLine:
             c, s = math.cos(heading), math.sin(heading)
             along = (x_m - x) * c + (y_m - y) * s
             left = -(x_m - x) * s + (y_m - y) * c
-            # Past the centre of curvature the step would turn back; there plain descent goes the right way.
+            # Beyond the centre of curvature the step would have the wrong sign; there a plain descent step is used.
             step = along / max(1.0 - curvature * left, 0.3)
             moved = min(max(s_m + step, low), high)
             if abs(moved - s_m) < 1e-9:

@@ -1,4 +1,4 @@
-"""What lies beside the road: for any point its road, how far beyond the carriageway's edge it is, and in which zone.
+"""Beside the road: for any point its road, how far beyond the carriageway's edge it is, and its zone.
 
 OpenStreetMap seldom has shoulders and never has rights-of-way. Where the map has no shoulder lane its width is what
 roads of the class commonly have (AASHTO, A Policy on Geometric Design of Highways and Streets, 2018, chapters 4 to 8:
@@ -22,16 +22,16 @@ from trace_dag.roads.map.model import LaneMatch, LaneRef, LaneType
 if TYPE_CHECKING:
     from trace_dag.roads.map.network import RoadNetwork
 
-_LOOK_AROUND_M: Final = 60.0  # as far as the carriageways of one divided road may be from each other
+_LOOK_AROUND_M: Final = 60.0  # farthest that the carriageways of one divided road may be from each other
 _OPPOSED_RAD: Final = math.radians(150)
 _PARALLEL_RAD: Final = math.radians(40)
-_BETWEEN_RAD: Final = math.radians(120)  # of a point between two roads: the angle at which it sees them, at least
-_GORE_M: Final = 15.0  # farther from each other a road and its ramp have a roadside each
+_BETWEEN_RAD: Final = math.radians(120)  # least angle between the directions to two roads, for a point between them
+_GORE_M: Final = 15.0  # a road and its ramp farther from each other each have their own roadside
 _RANK_FREEWAY, _RANK_ARTERIAL, _RANK_COLLECTOR = 0, 3, 4
 _SHOULDERS_M: Final = {_RANK_FREEWAY: 3.0, _RANK_ARTERIAL: 2.4, _RANK_COLLECTOR: 1.5}
 _LOCAL_SHOULDER_M: Final = 0.6
 _LEFT_OF_FREEWAY_M: Final = 1.2
-_TRAFFICWAY_M: Final = {True: 15.0, False: 9.0}  # beyond the edge, of a freeway or another road
+_TRAFFICWAY_M: Final = {True: 15.0, False: 9.0}  # distance beyond the edge, for a freeway and for other roads
 
 
 class RoadZone(StrEnum):
@@ -42,7 +42,7 @@ class RoadZone(StrEnum):
     MEDIAN = "median"
     GORE = "gore"
     ROADSIDE = "roadside"
-    OUTSIDE = "outside"  # of the trafficway
+    OUTSIDE = "outside"  # outside the trafficway
 
 
 @dataclass(frozen=True)
@@ -115,13 +115,13 @@ def _is_between(network: RoadNetwork, near: list[LaneMatch], xy_m: tuple[float, 
 
 
 def _seen(network: RoadNetwork, match: LaneMatch, xy_m: tuple[float, float]) -> tuple[float, float]:
-    """The direction in which a point sees a lane's centre, and the lane's own."""
+    """The direction from a point to a lane's centre, and the lane's own direction."""
     pose = network.pose(match.lane, match.s_m)
     return math.atan2(pose.y_m - xy_m[1], pose.x_m - xy_m[0]), pose.heading_rad
 
 
 def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
-    """Width of the shoulder beside a lane: the map's, where it has one there, else that of the road's class."""
+    """Width of the shoulder beside a lane (metres): the map's if it has one there, else that of the road's class."""
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:
         return mapped
@@ -133,7 +133,7 @@ def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
 
 def _mapped_shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float | None:
     ref = match.lane
-    on_left = left == (ref.lane_id < 0)  # of the reference line: lanes with positive ids go against it
+    on_left = left == (ref.lane_id < 0)  # left of the reference line: lanes with positive ids go against it
     lanes = network.road_by_id[ref.road_id].lane_sections[ref.section].lanes
     for lane in lanes:
         if lane.type is LaneType.SHOULDER and (lane.id > 0) == on_left:

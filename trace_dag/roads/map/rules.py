@@ -111,7 +111,7 @@ def violations_of(root: etree._Element) -> list[str]:
     """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed."""
     found = list(_schema(root))
     if found:
-        return found  # what follows relies on attributes being there and readable
+        return found  # the rules below rely on attributes that exist and can be read
     for rule in _RULES:
         found += rule(root)
     return [*found, *broken_links(root)]
@@ -127,7 +127,7 @@ def _float(element: etree._Element, key: str) -> float:
 
 
 def _schema(root: etree._Element) -> Iterator[str]:
-    """Order of elements, required attributes, numbers that are numbers, words out of the enumerations."""
+    """Order of elements, required attributes, numbers, and words of the enumerations."""
     for element in root.iter(tag=etree.Element):
         rules = _RULES_OF_TAG.get(element.tag)
         if rules is None:

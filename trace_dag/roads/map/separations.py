@@ -1,4 +1,4 @@
-"""Where one road passes over another: reference lines that cross although their roads do not meet."""
+"""Where one road passes over another: reference lines that cross while their roads do not meet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trace_dag.roads.map.model import Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reference_line import ReferenceLine
 
-_PARALLEL_RAD: Final = math.radians(8.0)  # lines this close to parallel run along each other rather than cross
+_PARALLEL_RAD: Final = math.radians(8.0)  # lines this close to parallel count as side by side, not as crossing
 _STEP_M: Final = 2.0
 _GROUND: Final = (0, False, False)
 

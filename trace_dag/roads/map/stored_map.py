@@ -1,4 +1,4 @@
-"""A road map as its file says it: parsed once, for the rules it has to keep and for the network it describes."""
+"""A road map's file, parsed once: for the rules it has to keep and for the network it describes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class StoredMap:
-    """An OpenDRIVE file, ``xodr``, looked at when first asked; ``name`` is for messages.
+    """An OpenDRIVE file, ``xodr``, parsed when first needed; ``name`` is for messages.
 
-    What does not read as OpenDRIVE raises :class:`~trace_dag.errors.UserError` there.
+    A file that is not OpenDRIVE raises :class:`~trace_dag.errors.UserError` then.
     """
 
     def __init__(self, xodr: bytes, *, name: str = "map") -> None:

@@ -1,7 +1,7 @@
 """Road network to OpenDRIVE 1.7 (ASAM), readable by CARLA, SUMO and esmini.
 
-What OpenDRIVE has no place for (OSM class, names, way ids, layer, painted turns, the marks the law paints) rides in
-``<userData>``, which every reader skips, so that a map written here reads back as it was. A map of a town centre has a
+Values that OpenDRIVE has no place for (OSM class, names, way ids, layer, painted turns, legal marks) are stored in
+``<userData>``, which other readers skip. So a map written here reads back unchanged. A map of a town centre has a
 hundred thousand elements: the text is put together directly, which takes a third of the time a tree of elements does.
 """
 
@@ -41,8 +41,8 @@ Marks = Literal["reconstruction", "legal"]
 def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") -> bytes:
     """The network as OpenDRIVE 1.7, UTF-8, the same bytes for the same network.
 
-    ``marks="legal"`` writes the marks the law paints; the default keeps every lane open to wrong-way driving and
-    crossing the centre line.
+    ``marks="legal"`` writes the marks as the law has them; the default marks let traffic cross the centre line and
+    drive the wrong way.
     """
     out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
     _write_header(out, network)
@@ -56,12 +56,12 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
 
 
 def _text(value: str) -> str:
-    """As an attribute's value; what XML 1.0 cannot hold is left out, white space is a space."""
+    """Text as an attribute's value: without characters that XML 1.0 does not allow, white space as a space."""
     return _SPECIAL.sub(lambda match: _ENTITIES.get(match[0], " " if match[0] in "\t\n\r" else ""), value)
 
 
 def _number(value: float) -> str:
-    """Metres, seconds: shortest text within a tenth of a nanometre."""
+    """Metres and seconds: the shortest text that is exact to 1e-10."""
     text = f"{value:.10f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
