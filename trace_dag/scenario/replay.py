@@ -6,9 +6,7 @@ network, no library, no CDN. The animated pictures of the same thing are in :mod
 
 from __future__ import annotations
 
-import io
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -22,8 +20,8 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.drive import Drive
-from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import packed, templates
@@ -36,11 +34,9 @@ from trace_dag.verdict.types import Verdict
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
 
-_DIGITS = re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is below a millimetre of a street of some hundred metres
-_NEWLINES = re.compile(r"\s+")
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
-_MAP_INCHES = 10.0
+_MAP_WIDTH_PT = 1296.0
 _MAP_WIDER = 1.8  # than the overview is square: screens are wide
 _CLOSE_UP_M, _CLOSE_UP_ON_A_PERSON_M = 32.0, 16.0
 
@@ -183,18 +179,9 @@ def _outcome(verdict: Verdict | None) -> str:
 
 
 def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:
-    import matplotlib as mpl
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(_MAP_INCHES * _MAP_WIDER, _MAP_INCHES))
-    FigureCanvasSVG(figure)
-    drawing = MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True)
-    drawing.draw(Panel.on_figure(figure, window, (0.0, 0.0, 1.0, 1.0)))
-    stream = io.BytesIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trace-dag"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return _NEWLINES.sub(" ", _DIGITS.sub(r"\1", stream.getvalue().decode()))
+    panel = SvgPanel.of(window, _MAP_WIDTH_PT)
+    MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True).draw(panel)
+    return panel.written()
 
 
 def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:
