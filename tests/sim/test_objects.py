@@ -85,7 +85,9 @@ def test_a_guardrail_redirects_a_pickup_as_in_test_3_11() -> None:
 
 def test_a_concrete_barrier_redirects_too_and_does_not_bend() -> None:
     log = run(27.8, item(BARRIER, 10.0, 3.0), PICKUP_2000P, heading_rad=math.radians(25))
-    assert log.vehicles[0].y_m.max() < 3.0 - PICKUP_2000P.width_m / 4
+    pickup = log.vehicles[0]
+    beside = np.abs(pickup.x_m - 10.0) < KINDS[BARRIER].length_m / 2  # past its end it slides on as it likes
+    assert pickup.y_m[beside].max() < 3.0 - PICKUP_2000P.width_m / 4
 
 
 def test_a_breakaway_support_slows_a_small_car_by_less_than_the_standard_allows() -> None:

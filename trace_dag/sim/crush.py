@@ -127,9 +127,14 @@ class Crush:
         stiffness = stiffness_1 * stiffness_2 / (stiffness_1 + stiffness_2)
         deep_m = _extent_m(polygon, nx, ny)
         stiffness *= 1.0 + (deep_m / _BOTTOMS_M) ** 6
-        normal_n = self._force_n(stiffness, area - self._dent_m2)
-        if normal_n <= 0.0:
+        pressed_n, returned_n = self._forces_n(stiffness, area - self._dent_m2)
+        if pressed_n <= 0.0:
             return None
+        normal_n = pressed_n
+        if returned_n < pressed_n:
+            stops_in = closing / (pressed_n * self._yielding((px, py), (nx, ny))) / part_s
+            share = min(max(stops_in, 0.0), 1.0)
+            normal_n = share * pressed_n + (1.0 - share) * returned_n
         self._last_s, self._apart = now_s, False
         share_1 = stiffness_2 / (stiffness_1 + stiffness_2)
         before_1, before_2 = self.depths_m
@@ -149,20 +154,14 @@ class Crush:
         self, point: tuple[float, float], normal: tuple[float, float], normal_n: float, part_s: float
     ) -> Pressed:
         """A normal force at a point, and the friction that goes with it: as much as stops the sliding."""
-        one, two, (nx, ny) = self._one, self._two, normal
+        one, two, (nx, ny), (px, py) = self._one, self._two, normal, point
         tx, ty = -ny, nx
-        past_x, past_y = self._past(*point)
-        yielding = 0.0
-        arms = []
-        for vehicle in (one, two):
-            arm = arm_x, arm_y = point[0] - vehicle.x, point[1] - vehicle.y
-            lever = arm_x * ty - arm_y * tx
-            yielding += 1.0 / vehicle.model.body.mass_kg + lever * lever / vehicle.model.yaw_inertia_kgm2
-            arms.append(arm)
+        past_x, past_y = self._past(px, py)
         most = self._friction * normal_n
-        across_n = min(most, max(-most, -(past_x * tx + past_y * ty) / yielding / part_s))
+        stopping_n = -(past_x * tx + past_y * ty) / self._yielding(point, (tx, ty)) / part_s
+        across_n = min(most, max(-most, stopping_n))
         fx, fy = normal_n * nx + across_n * tx, normal_n * ny + across_n * ty
-        (x1, y1), (x2, y2) = arms
+        x1, y1, x2, y2 = px - one.x, py - one.y, px - two.x, py - two.y
         return Pressed(fx, fy, y1 * fx - x1 * fy, x2 * fy - y2 * fx)
 
     def _normal(self, polygon: list[tuple[float, float]], one: Outline, two: Outline) -> tuple[float, float]:
@@ -176,13 +175,24 @@ class Crush:
             self._settled_rad = math.atan2(ny, nx) - turned
         return nx, ny
 
-    def _force_n(self, stiffness: float, area_m2: float) -> float:
-        if area_m2 >= self._deepest_m2:
-            self._deepest_m2 = area_m2
-            return stiffness * area_m2
+    def _yielding(self, point: tuple[float, float], along: tuple[float, float]) -> float:
+        """How much velocity of the one past the other a newton second at a point changes, in one direction, per kg."""
+        (px, py), (ux, uy) = point, along
+        total = 0.0
+        for vehicle in (self._one, self._two):
+            lever = (px - vehicle.x) * uy - (py - vehicle.y) * ux
+            total += 1.0 / vehicle.model.body.mass_kg + lever * lever / vehicle.model.yaw_inertia_kgm2
+        return total
+
+    def _forces_n(self, stiffness: float, area_m2: float) -> tuple[float, float]:
+        """The normal force where an area is crushed now, and where from now on it comes back."""
         energy = self._restitution**2
         back = max(energy, _SPRINGS_BACK)
-        return energy / back * stiffness * (self._deepest_m2 - (self._deepest_m2 - area_m2) / back)
+        if area_m2 >= self._deepest_m2:
+            self._deepest_m2 = area_m2
+            return stiffness * area_m2, energy / back * stiffness * area_m2
+        returned_n = energy / back * stiffness * (self._deepest_m2 - (self._deepest_m2 - area_m2) / back)
+        return returned_n, returned_n
 
     def _past(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Velocity of the second vehicle past the first, at a point."""

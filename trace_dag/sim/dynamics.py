@@ -255,6 +255,9 @@ class Vehicle:
         want_y = ray + _VELOCITY_GAIN * (rvy - vy) + _POSITION_GAIN * ey + GRAVITY_MPS2 * ground.slope_y
         want_left = want_y * c - want_x * s
         speed = -ahead_v if ahead_v < 0 else ahead_v
+        if speed == 0.0 == left_v == yaw_rate == planned_speed and self._drag_n == 0.0:
+            self._along_n = 0.0
+            return 0.0, 0.0, 0.0  # stands on its brakes: no tyre slips, so that none pushes
 
         # Along: traction up to what the class accelerates with, braking up to friction; shared by load.
         drag = self._drag_n

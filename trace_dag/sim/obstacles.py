@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 from trace_dag.crash.record import VehicleClass
@@ -60,7 +61,7 @@ class Obstacle:
         pose = item.pose
         return cls(item, Outline(pose.x_m, pose.y_m, pose.heading_rad, item.length_m / 2, item.width_m / 2))
 
-    @property
+    @cached_property
     def reach_m(self) -> float:
         """Distance from the middle to a corner."""
         return math.hypot(self.outline.half_length_m, self.outline.half_width_m)

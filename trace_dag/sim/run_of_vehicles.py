@@ -27,7 +27,7 @@ from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 
 BACKEND_NAME, VERSION = "embedded", "3"
-_CONTACT_STEP_S = 0.001
+_CONTACT_STEP_S = 0.0025
 BOUND, BOUND_MPS = 1.5, 10.0
 """A closing speed may grow by so much until it is looked at again."""
 _MAX_SPEED_MPS = 150.0
@@ -289,12 +289,13 @@ class VehicleRun:
             if outlines is None or separation(*outlines)[0] >= 0:
                 self._crushed.pop(pair, None)
                 continue
-            if pair not in self._crushed:
-                settings = self._settings
-                self._crushed[pair] = Crush(one, two, settings.restitution, settings.contact_friction)
-            pressed = self._crushed[pair].press(outlines, now_s, part_s)
+            crush = self._crushed.get(pair)
+            if crush is None:
+                crush = Crush(one, two, self._settings.restitution, self._settings.contact_friction)
+            pressed = crush.press(outlines, now_s, part_s)
             if pressed is None:
                 continue
+            self._crushed[pair] = crush
             self._pressed[pair] = pressed.fx, pressed.fy
             for k, value in zip(
                 (3 * i, 3 * i + 1, 3 * i + 2, 3 * j, 3 * j + 1, 3 * j + 2),

@@ -21,7 +21,7 @@ from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.obstacles import Obstacle, Struck
 from trace_dag.sim.outlines import separation
 from trace_dag.sim.overturn import Roll
-from trace_dag.sim.run_of_vehicles import BOUND, VehicleRun
+from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, VehicleRun
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import OVERTURNED_RAD, Contact, Participant, Termination
 from trace_dag.states.objects import FixedObject, Resistance
@@ -62,6 +62,7 @@ class RoadsideRun(VehicleRun):
         self._on_soil = [False] * len(self._vehicles)
         self._furrows_m = [0.0] * len(self._vehicles)  # so far each has slid sideways on soil
         self._overturned_s: float | None = None
+        self._clear_until_step = 0  # no vehicle can touch an object before it
         for vehicle in self._vehicles:
             vehicle.roll = Roll(vehicle.model.body)
         self._soft_friction = friction / settings.friction * min(settings.roadside_friction, settings.friction)
@@ -139,22 +140,29 @@ class RoadsideRun(VehicleRun):
             self._state = None
 
     def _contact_possible(self, step: int) -> bool:
-        return super()._contact_possible(step) or any(
-            self._may_touch(vehicle, obstacle) for vehicle in self._vehicles for obstacle in self._obstacles
-        )
+        if super()._contact_possible(step):
+            self._clear_until_step = 0  # what vehicles do to each other changes their speeds at once
+            return True
+        return self._object_in_reach(step)
 
-    def _may_touch(self, vehicle: Vehicle, obstacle: Obstacle) -> bool:
+    def _object_in_reach(self, step: int) -> bool:
         """Whether a vehicle may come to touch an object within the next step."""
-        travel_m = (math.hypot(vehicle.vx, vehicle.vy) + abs(vehicle.yaw_rate) * vehicle.reach_m) * self._step_s * BOUND
-        if not self._near(vehicle, obstacle, travel_m):
+        if step < self._clear_until_step:
             return False
-        return separation(vehicle.outline(), obstacle.outline)[0] <= travel_m
-
-    @staticmethod
-    def _near(vehicle: Vehicle, obstacle: Obstacle, travel_m: float) -> bool:
-        """Whether the circles about both come near each other after so long a way; far bodies cost no more."""
-        apart_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
-        return apart_m <= vehicle.reach_m + obstacle.reach_m + travel_m + _NEAR_M
+        clear_s = math.inf
+        for vehicle in self._vehicles:
+            moves_mps = math.hypot(vehicle.vx, vehicle.vy) + abs(vehicle.yaw_rate) * vehicle.reach_m
+            travel_m = moves_mps * self._step_s * BOUND
+            for obstacle in self._obstacles:
+                between_m = _between_m(vehicle, obstacle) - travel_m
+                if between_m <= 0:
+                    between_m = separation(vehicle.outline(), obstacle.outline)[0] - travel_m
+                if between_m <= 0:
+                    return True
+                clear_s = min(clear_s, between_m / (BOUND * moves_mps + BOUND_MPS))
+        if clear_s < math.inf:
+            self._clear_until_step = step + int(clear_s / self._step_s)
+        return False
 
     def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """The forces on the vehicles with those of the objects they touch."""
@@ -163,7 +171,7 @@ class RoadsideRun(VehicleRun):
             for j, obstacle in enumerate(self._obstacles):
                 struck = self._touching.get((i, j))
                 if struck is None or now_s > struck.over_s:
-                    if not self._near(vehicle, obstacle, 0.0) or separation(vehicle.outline(), obstacle.outline)[0] > 0:
+                    if _between_m(vehicle, obstacle) > 0 or separation(vehicle.outline(), obstacle.outline)[0] > 0:
                         continue
                     struck = self._strike(i, j, now_s)
                 for k, value in enumerate(struck.force(now_s, part_s)):
@@ -197,6 +205,12 @@ class RoadsideRun(VehicleRun):
         vehicle.crashed = True
         self._state = None
         self._taken_over()
+
+
+def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
+    """How far the circles about a vehicle and an object are apart at least: far bodies cost no more than this."""
+    away_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
+    return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
 
 
 def _carriageway(
