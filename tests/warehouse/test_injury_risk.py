@@ -80,8 +80,8 @@ def test_belts_and_age_count_as_published() -> None:
 
 
 def test_occupants_are_seriously_injured_as_published() -> None:
-    """Malliaris, Digges and DeBlois 1997: log odds -5.820 + 0.202 per mph, a side 0.556 more, the rear 2.170 less; by hand
-    at 30 mph 0.240, 0.796 and -1.930. A direction that is not told: -5.450 + 0.178 x 30 = -0.110."""
+    """Malliaris, Digges and DeBlois 1997: log odds -5.820 + 0.202 per mph, a side 0.556 more, the rear 2.170 less; by
+    hand at 30 mph 0.240, 0.796 and -1.930. A direction that is not told: -5.450 + 0.178 x 30 = -0.110."""
     for clock_h, expected in ((12.0, 0.560), (9.0, 0.689), (6.0, 0.127), (None, 0.473)):
         assert risks(45, 10.0, 30.0, clock_h)[1][3] == pytest.approx(expected, abs=0.001)
     assert risks(45, 10.0, 30.0, 12.0)[1001][3] is None
