@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import uuid
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -155,12 +155,12 @@ def area_rows(crashes: Sequence[Crash]) -> Iterator[tuple[float, float | None]]:
             if vehicle.impact is None:
                 continue
             found = crash.again(without_area(crash.record, vehicle.number))
-            likely: Counter[float] = Counter()
+            likely: defaultdict[float, float] = defaultdict(float)
             for contact in found[1].contacts if found else ():
                 for party in contact.parties:
                     if party.number == vehicle.number:
                         likely[round(bearing_to_clock_h(party.bearing_rad)) % 12 or 12] += contact.weight
-            yield vehicle.impact.clock_h, likely.most_common(1)[0][0] if likely else None
+            yield vehicle.impact.clock_h, max(likely, key=likely.__getitem__, default=None)
 
 
 def angle_rows(crashes: Sequence[Crash]) -> Iterator[tuple[float, float | None]]:
