@@ -117,12 +117,12 @@ def test_removing_crashes_leaves_the_others_and_what_was_made_of_them(storage):
     keys = Registry(storage).keys("some")
     for key in keys:
         storage.write(f"verdict/{key}.json", b"{}")
-        storage.write(f"benchmark/replays/{key}.html", b"")
+        storage.write(f"benchmark/replays/{key}.js", b"")
     assert Registry(storage).remove("some", keys[:2]) == tuple(keys[:2])
     assert Registry(storage).keys("some") == keys[2:]
     assert delete_artefacts(storage, keys[:2]) == 4
     assert set(storage.list("verdict")) == {f"verdict/{key}.json" for key in keys[2:]}
-    assert not storage.exists(f"benchmark/replays/{keys[0]}.html")
+    assert not storage.exists(f"benchmark/replays/{keys[0]}.js")
     with pytest.raises(UserError, match="is not in cohort some"):
         Registry(storage).remove("some", keys[:1])
     assert Registry(storage).remove("some") == tuple(keys[2:])

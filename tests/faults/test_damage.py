@@ -216,7 +216,7 @@ EVERYTHING = (
     (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_ARTEFACT),
     (PACKAGE, DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/crashes/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
-    (f"benchmark/replays/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
+    (f"benchmark/replays/{KEY}.js", DisagreementKind.DAMAGED_PAGE),
     ("benchmark/index.html", DisagreementKind.DAMAGED_PAGE),
     ("ledgers/benchmark.json", DisagreementKind.DAMAGED_PAGE),
 )

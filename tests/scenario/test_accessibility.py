@@ -62,7 +62,7 @@ def pages() -> dict[str, Path]:
         "verified": folder / f"crashes/{VERIFIED}.html",
         "rejected map": folder / f"crashes/{REJECTED_MAP}.html",
         "no map": folder / f"crashes/{NO_MAP}.html",
-        "replay": folder / f"replays/{VERIFIED}.html",
+        "replay": folder / "replay.html",
         "two agents": folder / "pair.html",
         "leaderboard": folder / "leaderboard-filled.html",
     }
@@ -87,9 +87,10 @@ BEYOND_THE_TAB_KEY = """
 
 
 def visit(page: Page, name: str) -> None:
-    """Open a page; replays are compressed inside theirs."""
-    page.open(pages()[name].as_uri())
-    page.wait("document.querySelector('main') !== null")
+    """Open a page, and wait for a replay's content."""
+    page.open(pages()[name].as_uri() + (f"?{VERIFIED}" if name == "replay" else ""))
+    if name == "replay":
+        page.wait("document.getElementById('clock')?.textContent")
 
 
 def resize(page: Page, width_px: int) -> None:

@@ -77,7 +77,7 @@ def test_a_crash_in_one_sentence():
 
 
 def test_the_replay_comes_first_then_a_sentence_then_numbers_then_reasons_and_the_rest_is_folded():
-    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT, replay="../replays/1.html"))
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT, replay="../replay.html?1"))
     main = page.get_element_by_id("main")
     text = html.tostring(main, encoding="unicode")
     order = ["<iframe", 'class="lead"', 'class="glance"', "Speaks for it", "Speaks against it", "Not told", "<details"]

@@ -18,7 +18,8 @@ from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.errors import UserError
 from trace_dag.scenario.animation import write_animation
 from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.replay import replay_windows, write_html_player
+from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.judge import judge_hypothesis

@@ -28,32 +28,33 @@ def press(page: Page, key: str) -> None:
 
 
 def watch(page: Page, address: str) -> None:
-    """Open a replay; one of a site unpacks itself."""
+    """Open a replay and wait for its content."""
     page.open(address)
     page.wait("document.getElementById('clock')?.textContent")
 
 
 @pytest.fixture
-def replay() -> Path:
-    return sample_runs.finished() / f"benchmark/replays/{sample_runs.KEYS[0]}.html"
+def replay() -> str:
+    """The address of a replay of a site."""
+    return f"{(sample_runs.finished() / 'benchmark/replay.html').as_uri()}?{sample_runs.KEYS[0]}"
 
 
 def test_an_address_leads_to_a_moment_and_a_view(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
-        watch(page, f"{replay.as_uri()}#t=1.25&view=10.0,-20.0,40.0")
+        watch(page, f"{replay}#t=1.25&view=10.0,-20.0,40.0")
         assert page.run(CLOCK).startswith("1.25 s")
         left, top, width, height = page.run(VIEW_BOX)
         assert (left + width / 2, top + height / 2) == pytest.approx((10.0, 20.0)), "y of SVG grows downward"
         assert min(width, height) == pytest.approx(40.0)
         assert page.run(LINK) == "#t=1.25&view=10.0,-20.0,40.0"
-        watch(page, f"{replay.as_uri()}#t=0.50&view=impact")
+        watch(page, f"{replay}#t=0.50&view=impact")
         assert page.run(LINK) == "#t=0.50&view=impact"
         assert page.errors == []
 
 
 def test_the_keyboard_moves_the_view_and_the_time(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
-        watch(page, f"{replay.as_uri()}#t=1.00&view=0.0,0.0,50.0")
+        watch(page, f"{replay}#t=1.00&view=0.0,0.0,50.0")
         page.run("document.getElementById('scene').focus()")
         press(page, "ArrowRight")
         press(page, "ArrowUp")
@@ -66,8 +67,9 @@ def test_the_keyboard_moves_the_view_and_the_time(tmp_path, replay):
 
 def test_the_page_of_a_crash_leads_its_replay_to_a_moment(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
-        page.open(f"{(replay.parents[1] / 'crashes' / replay.name).as_uri()}#t=1.25&view=impact")
-        assert page.run("document.querySelector('iframe').src").endswith(f"{replay.name}#t=1.25&view=impact")
+        crash = sample_runs.finished() / f"benchmark/crashes/{sample_runs.KEYS[0]}.html"
+        page.open(f"{crash.as_uri()}#t=1.25&view=impact")
+        assert page.run("document.querySelector('iframe').src") == f"{replay}#t=1.25&view=impact"
 
 
 def test_two_agents_are_beside_each_other_with_one_time_line(tmp_path):
@@ -98,10 +100,11 @@ REFUSED = "document.getElementById('refused').textContent"
 def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, replay, alone):
     if alone:
         workspace = Workspace.open(sample_runs.finished())
-        replay = tmp_path / "replay.html"
-        replay.write_bytes(replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "html"))
+        page_alone = tmp_path / "replay.html"
+        page_alone.write_bytes(replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "html"))
+        replay = page_alone.as_uri()
     with Page(tmp_path / "profile") as page:
-        watch(page, f"{replay.as_uri()}#t=1.25&view=impact&pane=solid&from=behind-1")
+        watch(page, f"{replay}#t=1.25&view=impact&pane=solid&from=behind-1")
         page.wait(DRAWN)
         assert page.run(LINK) == "#t=1.25&view=impact&pane=solid&from=behind-1"
         assert page.run("solid.numbers") == page.run("D.vehicles.map((v) => v.number)")
@@ -116,18 +119,28 @@ def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, rep
         press(page, "d")
         assert page.run("solid.eye()") != before, "the keyboard turns the view"
         # What is asked for is the page and, on a site, the scripts beside it.
-        names = {Path(url.partition("#")[0]).name for url in page.requests if not url.startswith(("data:", "blob:"))}
-        assert names == ({replay.name} if alone else {replay.name, "unpack.js", "replay3d.js"})
+        asked = {url for url in page.requests if not url.startswith(("data:", "blob:"))}
+        names = {Path(url.partition("#")[0].partition("?")[0]).name for url in asked}
+        beside = {f"{sample_runs.KEYS[0]}.js", "replay.js", "replay3d.js"}
+        assert names == ({"replay.html"} if alone else {"replay.html"} | beside)
         assert all(url.startswith(("file:", "data:", "blob:")) for url in page.requests)
         assert page.errors == []
 
 
 def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
     with Page(tmp_path / "profile", webgl=False) as page:
-        watch(page, f"{replay.as_uri()}#t=1.25&pane=solid")
+        watch(page, f"{replay}#t=1.25&pane=solid")
         page.wait(f"{REFUSED} !== ''")
         assert "cannot draw in three dimensions" in page.run(REFUSED)
         assert page.run("document.getElementById('stage').dataset.pane") == "plan"
         assert page.run("[...document.querySelectorAll('#panes button')].map((b) => b.disabled)") == [False, True, True]
         assert page.run("document.querySelectorAll('#bodies g').length") > 0
         assert page.errors == []
+
+
+def test_a_replay_that_is_not_there_says_so(tmp_path, replay):
+    with Page(tmp_path / "profile") as page:
+        for asked in ("2023-999999", "../secrets", ""):
+            page.open(f"{replay.partition('?')[0]}?{asked}")
+            page.wait("document.querySelector('h1').textContent.includes('There is no replay')")
+            assert not page.run("document.querySelector('main').checkVisibility()")

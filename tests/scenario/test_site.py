@@ -106,7 +106,9 @@ def test_every_crash_has_a_page_and_every_link_of_a_page_leads_somewhere():
     assert {path.stem for path in (folder / "crashes").glob("*.html")} == set(sample_runs.KEYS)
     for page in [folder / "index.html", *(folder / "crashes").glob("*.html")]:
         for link in re.findall(r'(?:href|src)="([^"#][^"]*)"', page.read_text()):
-            assert link.startswith("data:") or (page.parent / link).resolve().is_file(), (page, link)
+            file, _, key = link.partition("?")
+            assert link.startswith("data:") or (page.parent / file).resolve().is_file(), (page, link)
+            assert not key or (folder / f"replays/{key}.js").is_file(), (page, link)
 
 
 def test_a_rejected_crash_can_be_watched_as_far_as_it_got():
@@ -119,8 +121,9 @@ def test_a_rejected_crash_can_be_watched_as_far_as_it_got():
     assert unverified & simulated
     assert unverified - mapped
     for key in unverified:
-        links = re.findall(r'href="(?:\.\./)+(\w+)/([^"]+)"', (folder / "crashes" / f"{key}.html").read_text())
-        assert (("replays", f"{key}.html") in links) == (key in simulated)
+        page = (folder / "crashes" / f"{key}.html").read_text()
+        links = re.findall(r'href="(?:\.\./)+(\w+)/([^"]+)"', page)
+        assert (f'href="../replay.html?{key}"' in page) == (key in simulated)
         assert (("road_map", f"{key}.xodr") in links) == (key in mapped)
         assert "packages" not in {place for place, _ in links}
 
@@ -207,8 +210,8 @@ def test_in_a_browser_the_page_of_a_crash_plays_its_replay(tmp_path):
         page.open((sample_runs.finished() / f"benchmark/crashes/{verified}.html").as_uri())
         page.run("document.querySelector('iframe').scrollIntoView()")
         page.wait("document.querySelector('img').complete && document.querySelector('img').naturalWidth > 0")
-        page.open((sample_runs.finished() / f"benchmark/replays/{verified}.html").as_uri())
-        page.wait("document.getElementById('clock')?.textContent")  # the page unpacks itself
+        page.open(f"{(sample_runs.finished() / 'benchmark/replay.html').as_uri()}?{verified}")
+        page.wait("document.getElementById('clock')?.textContent")
         clock = "document.body.innerText.match(/([0-9.]+) s/)[1]"
         before = page.run(clock)
         page.run("[...document.querySelectorAll('button')].find((b) => /Play/.test(b.textContent)).click()")
@@ -227,9 +230,10 @@ def test_in_a_browser_the_page_of_a_crash_plays_its_replay(tmp_path):
 
 @needs_chromium
 def test_in_a_browser_a_replay_waits_for_room(tmp_path):
-    page_file = next((sample_runs.finished() / "benchmark/replays").glob("*.html"))
+    key = next((sample_runs.finished() / "benchmark/replays").glob("*.js")).stem
+    address = f"{(sample_runs.finished() / 'benchmark/replay.html').as_uri()}?{key}"
     with Page(tmp_path / "profile") as page:
-        (tmp_path / "frame.html").write_text(f"<iframe hidden src='{page_file.as_uri()}'></iframe>")
+        (tmp_path / "frame.html").write_text(f"<iframe hidden src='{address}'></iframe>")
         page.open((tmp_path / "frame.html").as_uri())
         page.run("document.querySelector('iframe').hidden = false")
         assert page.errors == []

@@ -1,10 +1,10 @@
 """The benchmark: a scenario package for every verified crash, and a static site about all crashes.
 
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
-``thumbnails/`` moving pictures of verified crashes, ``replays/`` of every crash that got so far. Nothing is stored
-twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and code have not changed
-is not made again. Belongs here: what goes where. Does not belong here: what packages and pages look like
-(:mod:`trace_dag.scenario`).
+``thumbnails/`` moving pictures of verified crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
+far. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and
+code have not changed is not made again. Belongs here: what goes where. Does not belong here: what packages and pages
+look like (:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
 from trace_dag.flow.artefacts import (
     ESTIMATE,
-    LOGS,
     MAP_REPORT,
     RECORD,
     REJECTED_REPORT,
@@ -243,28 +242,27 @@ def _make(task: _Task) -> _Made:
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
     from trace_dag.scenario.package import zip_files
-    from trace_dag.scenario.page_templates import packed_page
-    from trace_dag.scenario.replay_library import LIBRARY, with_shared_library
+    from trace_dag.scenario.replay import PAGE, replay_script
     from trace_dag.scenario.thumbnail import moving_thumbnail
-    from trace_dag.studies.replays import replay
+    from trace_dag.studies.replays import content_of
 
     storage, key = files.storage, files.key
     verified = crash.row["final_state"] == FinalState.VERIFIED
     downloads: list[Download] = []
     written: list[StoredFile] = []
-    if verified:
-        archive = storage.write(package_name(key), zip_files(package_of(files), folder=key))
+    log = files.shown_log()
+    replay = content_of(files, log) if log else None
+    if replay:
+        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.js", replay_script(replay)))
+    if verified and log:
+        archive = storage.write(package_name(key), zip_files(package_of(files, replay), folder=key))
         written.append(archive)
         downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
-        log = files.load(LOGS)[files.load(VERDICT).hypothesis]
         moving = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files))
         written.append(storage.write(thumbnail_name(key), moving.encode()))
     else:
         stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
         downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
-    if files.has(LOGS):
-        page_of_site = packed_page(with_shared_library(replay(files, "html"), f"../{LIBRARY}"), "../unpack.js")
-        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.html", page_of_site))
     picture = files.picture("png")
     page = CrashPage(
         crash.row,
@@ -277,7 +275,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         picture=f"../../{picture.name}" if picture else None,
-        replay=f"../{_REPLAYS}/{key}.html" if files.has(LOGS) else None,
+        replay=f"../{PAGE}?{key}" if replay else None,
         downloads=downloads,
     )
     return [*written, storage.write(page_name(key), write_crash_page(page))]

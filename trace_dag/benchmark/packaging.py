@@ -8,6 +8,7 @@ like (:mod:`trace_dag.scenario`), and which crashes are packed (:mod:`trace_dag.
 from __future__ import annotations
 
 from importlib import resources
+from typing import TYPE_CHECKING
 
 from trace_dag.flow.artefacts import (
     ESTIMATE,
@@ -26,9 +27,12 @@ from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.records import Records
 from trace_dag.stage import Stage
 
+if TYPE_CHECKING:
+    from trace_dag.scenario.replay_content import ReplayContent
 
-def package_of(files: CrashFiles) -> dict[str, bytes]:
-    """The scenario package of a verified crash, by file name."""
+
+def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
+    """The scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
     from trace_dag.evaluation.drives import drives_of
     from trace_dag.scenario.package import PackageInput, package_files
     from trace_dag.studies.cases import case_of
@@ -57,6 +61,7 @@ def package_of(files: CrashFiles) -> dict[str, bytes]:
             drives=drives_of(case_of(files, files.settings.sim)),
             surroundings=surroundings_of(files),
             picture=files.storage.read_whole(picture) if picture else None,
+            replay=replay,
             sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         )
     )

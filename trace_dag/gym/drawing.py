@@ -16,7 +16,8 @@ from trace_dag.gym.episode import Moment
 from trace_dag.gym.pool import Track
 from trace_dag.scenario.animation import View
 from trace_dag.scenario.colours import vehicle_colour
-from trace_dag.scenario.replay import replay_windows, write_html_player
+from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.sim.types import SimulationLog
 
 _SIZE_PX = 480

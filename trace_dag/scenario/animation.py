@@ -25,7 +25,7 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
-from trace_dag.scenario.replay import replay_windows
+from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import SimulationLog, moment_of
 from trace_dag.units import mps_to_mph

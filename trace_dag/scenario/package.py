@@ -13,7 +13,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from trace_dag.crash.parties import party_label
@@ -32,7 +32,8 @@ from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, wi
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.pictures import as_png, draw_crash
-from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.replay import replay_page
+from trace_dag.scenario.replay_content import ReplayContent, replay_content
 from trace_dag.scenario.strikes import strikes
 from trace_dag.scenario.trajectories import log_to_json
 from trace_dag.sim.sampled import SampledRuns, samples_to_json
@@ -56,8 +57,8 @@ class PackageInput:
 
     ``report_xml``, ``osm_xml`` and ``map_xodr`` enter as they are. ``network`` is the map as read, ``surroundings`` lie
     behind its roads. ``sampled`` is what the draws of the estimate came to. ``drives`` are what everybody was going to
-    do. ``picture`` is the crash from above as PNG, drawn where it is not at hand. ``variation`` says what was changed,
-    as JSON, where this is not the crash itself.
+    do. ``picture`` is the crash from above as PNG, ``replay`` what its replay shows; they are made where they are not
+    at hand. ``variation`` says what was changed, as JSON, where this is not the crash itself.
     """
 
     record: CrashRecord
@@ -74,6 +75,7 @@ class PackageInput:
     variation: Mapping[str, object] | None = None
     surroundings: Sequence[OsmFeature] = ()
     picture: bytes | None = None
+    replay: ReplayContent | None = None
     sampled: SampledRuns | None = None
 
     @property
@@ -192,9 +194,10 @@ def _left_free(log: SimulationLog) -> list[int]:
 
 
 def _results(crash: PackageInput) -> list[_File]:
-    replay = write_html_player(
+    content = crash.replay or replay_content(
         crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings, in_3d=False
     )
+    replay = replay_page(replace(content, solid=None))
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
         _File(

@@ -70,19 +70,6 @@ def packed(data: bytes) -> str:
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode()
 
 
-def packed_page(page: bytes, script: str) -> bytes:
-    """A page kept compressed inside a small one, a quarter of its size; ``script`` is where ``unpack.js`` lies.
-
-    It opens like the page itself, from a file too: there a browser lets a page read no other file, so that its content
-    has to be within it. The same page gives the same bytes.
-    """
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Opening</title>'
-        "<noscript>This page is kept compressed and opens with JavaScript.</noscript>"
-        f'<script src="{script}"></script><script>unpack("{packed(page)}")</script></html>\n'
-    ).encode()
-
-
 def read(name: str) -> str:
     """A file of the folder of templates as it is."""
     from importlib import resources

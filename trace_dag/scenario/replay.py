@@ -1,71 +1,78 @@
 """A simulated crash to watch: an HTML page with everything in it, to be opened anywhere, from a stick or a mail.
 
 The map is drawn once, as SVG, by the same hand as the pictures; the page moves the bodies of the log over it. No
-network, no library, no CDN. The animated pictures of the same thing are in :mod:`trace_dag.scenario.animation`.
+network, no library, no CDN. A site has one such page for all of its crashes, and a file with what is shown of each. The
+animated pictures of the same thing are in :mod:`trace_dag.scenario.animation`.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from trace_dag.crash.conditions import conditions_in_words, is_dark
-from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
-from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.map_scene import Window
-from trace_dag.scenario.map_svg import SvgPanel
-from trace_dag.scenario.maps import MapDrawing
-from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import packed, templates
-from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
-from trace_dag.scenario.replay_library import library_within
-from trace_dag.scenario.solid.scene import crash_glb
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
+from trace_dag.scenario.replay_content import (
+    ReplayContent,
+    ReplayWindows,
+    place_in_words,
+    replay_content,
+    shown_windows,
+    square,
+)
+from trace_dag.scenario.replay_library import packed_library
+from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from trace_dag.osm.types import OsmFeature
 
-_MARGIN_M = 25.0
-_LEAST_SPAN_M = 90.0
-_MAP_WIDTH_PT = 1296.0
-_MAP_WIDER = 1.8  # than the overview is square: screens are wide
-_CLOSE_UP_M, _CLOSE_UP_ON_A_PERSON_M = 32.0, 16.0
+PAGE: Final = "replay.html"
+"""The page of a site that shows every replay of it: ``replay.html?KEY``."""
 
 
-@dataclass(frozen=True)
-class ReplayWindows:
-    """What to look at: everything that happens, and the impact close up."""
-
-    overview: Window
-    impact: Window
-
-
-def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
-    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all)."""
-    points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
-    low, high = points.min(axis=0), points.max(axis=0)
-    half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
-    centre = (low + high) / 2
-    contact = log.first_contact
-    moment = moment_of(log)
-    impact = np.array([moment.x_m, moment.y_m]) if moment else centre
-    person = contact is not None and log.is_figure(contact.number_2)
-    close_up_m = _CLOSE_UP_ON_A_PERSON_M if person else _CLOSE_UP_M
-    return ReplayWindows(_square(centre, half_m), _square(impact, close_up_m / 2))
+def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
+    """A page that stands alone. Without a third dimension it has the plan alone; one that is ``paired`` has no time
+    line: that is the page's around (:func:`write_html_pair`). The same content gives the same bytes."""
+    in_3d = content.solid is not None
+    return (
+        templates()
+        .get_template("replay.html.jinja")
+        .render(
+            title=content.said["title"],
+            paired=paired,
+            in_3d=in_3d,
+            data=_script_safe(content.said),
+            map_svg=packed(content.map_svg.encode()),
+            solid=packed(_woven(content.solid)) if content.solid is not None else "",
+            library=packed_library() if in_3d else "",
+        )
+        .encode()
+    )
 
 
-def _square(centre: FloatArray, half_m: float) -> Window:
-    x, y = float(centre[0]), float(centre[1])
-    return x - half_m, y - half_m, x + half_m, y + half_m
+def replay_script(content: ReplayContent) -> bytes:
+    """What the page of a site reads of one crash: a script that calls it with the packed parts of the content."""
+    parts = {"data": json.dumps(content.said, separators=(",", ":"), allow_nan=False), "map": content.map_svg}
+    kept = {name: packed(text.encode()) for name, text in parts.items()}
+    if content.solid is not None:
+        kept["solid"] = packed(_woven(content.solid))
+    return f"replay({json.dumps(kept, separators=(',', ':'))})\n".encode()
+
+
+def site_files() -> dict[str, bytes]:
+    """What a site needs for its replays, but for the library of the third dimension: the page and its script."""
+    shown = {"title": "Replay", "paired": False, "in_3d": True}
+    pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
+    return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}
 
 
 def write_html_player(
@@ -76,63 +83,19 @@ def write_html_player(
     drive: Drive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
-    beside: ReplayWindows | None = None,
-    in_3d: bool = True,
 ) -> bytes:
     """The page: roads, vehicles, people, paths, contact and speeds over time, with a slider; one file, no other needed.
 
-    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. A page ``beside``
-    others shows the same windows as they do and has no time line: that is the page's around (:func:`write_html_pair`).
-    Those, and pages not ``in_3d``, have the plan alone. The same input gives the same bytes.
+    ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives the same
+    bytes.
     """
-    in_3d = in_3d and beside is None
-    windows = beside or _windows(log, drive)
-    west, south, east, north = windows.overview
-    wider = (east - west) * (_MAP_WIDER - 1) / 2
-    map_window = (west - wider, south, east + wider, north)
-    svg = _map_svg(network, map_window, surroundings, dark=is_dark(record))
-    page = (
-        templates()
-        .get_template("replay.html.jinja")
-        .render(
-            title=f"Crash {record.key}",
-            place=_place(record),
-            classes=" · ".join(
-                value.replace("_", " ")
-                for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
-            ),
-            conditions=conditions_in_words(record),
-            dark=is_dark(record),
-            paired=beside is not None,
-            outcome=drive.title if drive else _outcome(verdict),
-            map_svg=packed(svg.encode()),
-            in_3d=in_3d,
-            solid=packed(crash_glb(record.key, network, log, drive, surroundings=surroundings)) if in_3d else "",
-            library=library_within() if in_3d else "",
-            data=_script_safe(
-                {
-                    **_data(record, network, log, windows),
-                    **_ghost(drive, log),
-                    "map": [round(value, 2) for value in map_window],
-                    "key": record.key,
-                    "night": is_dark(record),
-                }
-            ),
-        )
-    )
-    return page.encode("utf-8")
-
-
-def _windows(log: SimulationLog, drive: Drive | None) -> ReplayWindows:
-    """What to look at; where an agent drives, at what it was to avoid."""
-    windows = replay_windows(log)
-    return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
+    return replay_page(replay_content(record, network, log, verdict, drive, surroundings=surroundings))
 
 
 def _around(windows: Sequence[Window]) -> Window:
     """The smallest square around some windows."""
     low, high = np.array(windows)[:, :2].min(axis=0), np.array(windows)[:, 2:].max(axis=0)
-    return _square((low + high) / 2, float((high - low).max()) / 2)
+    return square((low + high) / 2, float((high - low).max()) / 2)
 
 
 def write_html_pair(
@@ -143,10 +106,18 @@ def write_html_pair(
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
     """The drives of several agents in the same crash, beside each other on one page with one time line and one view."""
-    each = [_windows(log, drive) for drive, log in driven]
+    each = [shown_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
     sides = [
-        (drive.title, write_html_player(record, network, log, drive=drive, surroundings=surroundings, beside=windows))
+        (
+            drive.title,
+            replay_page(
+                replay_content(
+                    record, network, log, drive=drive, surroundings=surroundings, beside=windows, in_3d=False
+                ),
+                paired=True,
+            ),
+        )
         for drive, log in driven
     ]
     recorded = driven[0][0].recorded
@@ -156,7 +127,7 @@ def write_html_pair(
         .get_template("replay_pair.html.jinja")
         .render(
             title=f"Crash {record.key}: {' and '.join(drive.agent for drive, _ in driven)}",
-            place=_place(record),
+            place=place_in_words(record),
             sides=[(title, page.decode()) for title, page in sides],
             hit="null" if contact is None else round(contact.time_s, 4),
             end=round(max(float(log.vehicles[0].time_s[-1]) for _, log in driven), 3),
@@ -165,145 +136,13 @@ def write_html_pair(
     )
 
 
-def _place(record: CrashRecord) -> str:
-    roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
-    return ", ".join(filter(None, (roads, record.county_name.title(), record.state_name)))
+def _woven(glb: bytes) -> bytes:
+    """A GLB whose numbers compress better: the first byte of each four, then the second of each, and so on."""
+    start = 28 + int.from_bytes(glb[12:16], "little")  # of the content of its second chunk
+    return glb[:start] + np.frombuffer(glb, np.uint8, offset=start).reshape(-1, 4).T.tobytes()
 
 
-def _outcome(verdict: Verdict | None) -> str:
-    if verdict is None:
-        return "not judged"
-    if verdict.accepted:
-        return "verified"
-    return f"not verified: {(verdict.reason or '').replace('_', ' ')} ({verdict.detail})"
-
-
-def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:
-    panel = SvgPanel.of(window, _MAP_WIDTH_PT)
-    MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True).draw(panel)
-    return panel.written()
-
-
-def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:
-    contact = log.first_contact
-    reported = {vehicle.number: vehicle for vehicle in record.vehicles}
-    vehicles = []
-    for index, vehicle in enumerate(log.vehicles):
-        body, said = log.bodies[vehicle.number], reported.get(vehicle.number)
-        vehicles.append(
-            {
-                "number": vehicle.number,
-                "name": party_label(vehicle.number),
-                "kind": str(body.kind),
-                "label": ("" if body.is_figure else body.vehicle_class).replace("_", " "),
-                "make": said.make_model if said else "",
-                "colour": vehicle_colour(index),
-                "length": round(body.length_m, 2),
-                "width": round(body.width_m, 2),
-                "height": round(body.height_m, 2),
-                "reported": None if said is None or said.travel_speed_mps is None else round(said.travel_speed_mps, 2),
-                "delta_v": _delta_v(log, vehicle.number),
-                **_motion(vehicle),
-                **(_figure(vehicle, body) if body.is_figure else {}),
-            }
-        )
-    return {
-        "time": [round(float(t), 3) for t in log.vehicles[0].time_s],
-        "vehicles": vehicles,
-        "contact": None
-        if contact is None
-        else {
-            "time": round(contact.time_s, 4),
-            "x": round(contact.x_m, 3),
-            "y": round(contact.y_m, 3),
-            "closing": round(contact.closing_speed_mps, 2),
-        },
-        "later": [
-            {"time": round(each.time_s, 4), "x": round(each.x_m, 3), "y": round(each.y_m, 3)}
-            for each in _later_strikes(log)
-        ],
-        "overturns": [_overturn(each, k) for each in log.vehicles if (k := overturned_at(each)) is not None],
-        "objects": [
-            {"name": in_words(item), "corners": np.round(outline(item), 2).tolist(), "ours": is_ours(item)}
-            for item in log.objects
-        ],
-        "object_colour": OBJECT_COLOUR,
-        "contact_colour": CONTACT_COLOUR,
-        "attribution": network.attribution,
-        "moment": None if (moment := moment_of(log)) is None else round(moment.time_s, 4),
-        "termination": log.termination.replace("_", " "),
-        "overview": [round(value, 2) for value in windows.overview],
-        "impact": [round(value, 2) for value in windows.impact],
-    }
-
-
-def _ghost(drive: Drive | None, log: SimulationLog) -> dict[str, Any]:
-    """The recorded vehicle, in the place of which an agent drove."""
-    if drive is None:
-        return {"ghost": None}
-    poses = drive.ghost(log.vehicles[0].time_s)
-    index = next(k for k, each in enumerate(log.vehicles) if each.number == drive.number)
-    return {
-        "ghost": {
-            "agent": drive.agent,
-            "number": drive.number,
-            "colour": vehicle_colour(index),
-            "length": round(drive.body.length_m, 2),
-            "width": round(drive.body.width_m, 2),
-            **{name: np.round(poses[:, k], 3).tolist() for k, name in enumerate("xyh")},
-        }
-    }
-
-
-def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:
-    """When and where a vehicle has overturned."""
-    time_s, x, y = (float(values[k]) for values in (vehicle.time_s, vehicle.x_m, vehicle.y_m))
-    return {"time": round(time_s, 4), "x": round(x, 3), "y": round(y, 3), "name": party_label(vehicle.number)}
-
-
-def _motion(vehicle: VehicleLog) -> dict[str, list[float]]:
-    heading = np.unwrap(vehicle.heading_rad)
-    speed = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)
-    columns = {"x": (vehicle.x_m, 3), "y": (vehicle.y_m, 3), "h": (heading, 4), "v": (speed, 2)}
-    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0.01 and not vehicle.landmarks_m.shape[1]:
-        columns |= {"roll": (vehicle.roll_rad, 3)}
-    columns |= {"brake": (vehicle.brake, 2), "throttle": (vehicle.throttle, 2), "steer": (vehicle.steer_rad, 3)}
-    return {name: np.round(values, digits).tolist() for name, (values, digits) in columns.items()}
-
-
-def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
-    """Height of a person's body above the road (m), and the figure from above at each time: ends of lines x, y, x, y
-    with their widths and whether they are of the body or of what it rides, and the head."""
-    shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
-    widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(width_m for _, width_m in shapes[0].lines)]
-    ends = np.array([[*shape.ridden, *(line for line, _ in shape.lines)] for shape in shapes])
-    return {
-        "up": np.round(person.above_road_m, 2).tolist(),
-        "widths": widths,
-        "ridden": len(shapes[0].ridden),
-        "lines": np.round(ends.reshape(len(shapes), -1), 2).tolist(),
-        "head": np.round([shape.head for shape in shapes], 2).tolist(),
-        "head_radius": HEAD_M,
-    }
-
-
-def _later_strikes(log: SimulationLog) -> list[Contact]:
-    """The first contact of each two parties but for the very first, in their order."""
-    first: dict[tuple[int, int], Contact] = {}
-    for each in sorted(log.contacts, key=lambda contact: contact.time_s):
-        first.setdefault((each.number_1, each.number_2), each)
-    return list(first.values())[1:]
-
-
-def _delta_v(log: SimulationLog, number: int) -> float | None:
-    contact = log.first_contact
-    if contact is None or number not in (contact.number_1, contact.number_2):
-        return None
-    x, y = contact.delta_v_1_mps if number == contact.number_1 else contact.delta_v_2_mps
-    return round(float(np.hypot(x, y)), 2)
-
-
-def _script_safe(data: dict[str, Any]) -> str:
+def _script_safe(data: Mapping[str, Any]) -> str:
     """JSON that can stand inside a script element whatever text the report holds."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

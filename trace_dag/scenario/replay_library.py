@@ -6,7 +6,6 @@ It is built from ``web/replay3d`` with three.js, whose licence stands at its beg
 from __future__ import annotations
 
 from functools import cache
-from html import escape
 from typing import Final
 
 from trace_dag.scenario.page_templates import packed, read
@@ -16,11 +15,6 @@ LIBRARY: Final = "replay3d.js"
 
 
 @cache
-def library_within() -> str:
-    """The script of the 3D view, as an element of a page that stands alone."""
-    return f'<script id="library" type="text/plain">{packed(read(LIBRARY).encode())}</script>'
-
-
-def with_shared_library(page: bytes, address: str) -> bytes:
-    """A replay whose 3D view's script lies beside it, at an address relative to the page, for sites of many replays."""
-    return page.replace(library_within().encode(), f'<script src="{escape(address)}"></script>'.encode())
+def packed_library() -> str:
+    """The script, for a page that stands alone."""
+    return packed(read(LIBRARY).encode())

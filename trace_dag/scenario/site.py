@@ -14,6 +14,7 @@ from typing import Any
 
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.page_templates import read, templates
+from trace_dag.scenario.replay import site_files
 from trace_dag.scenario.replay_library import LIBRARY
 from trace_dag.version import __version__
 
@@ -75,10 +76,9 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 
 def static_files() -> dict[str, bytes]:
-    """Style and scripts of the site by name."""
+    """What is the same on every site, by name: style, scripts, and the page of all replays."""
     files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", "site_states.js", LIBRARY)}
-    files["unpack.js"] = read("unpacked.js") + read("unpack.js")
-    return {name: text.encode() for name, text in files.items()}
+    return {name: text.encode() for name, text in files.items()} | site_files()
 
 
 _FINAL_STATES = ("verified", "rejected", "failed", "pending")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agent_main import AgentLimits
@@ -22,6 +22,9 @@ from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
 from trace_dag.units import mps_to_mph
 
+if TYPE_CHECKING:
+    from trace_dag.scenario.replay_content import ReplayContent
+
 ReplayFormat = Literal["html", "glb", "webp", "gif", "mp4"]
 
 
@@ -31,20 +34,28 @@ def replay(crash: CrashArtefacts, replay_format: ReplayFormat) -> bytes:
     Raises :class:`UserError` for a crash that was not simulated, or an MP4 without its extra.
     """
     from trace_dag.scenario.animation import write_animation
-    from trace_dag.scenario.replay import write_html_player
+    from trace_dag.scenario.replay import replay_page
     from trace_dag.scenario.solid.scene import crash_glb
 
     log = crash.shown_log()
     if log is None:
         raise UserError(f"crash {crash.key} was not simulated; trace-dag status tells where it stands")
+    if replay_format == "html":
+        return replay_page(content_of(crash, log))
     record, network = crash.load(RECORD), crash.load(ROAD_MAP)
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
     surroundings = surroundings_of(crash)
-    if replay_format == "html":
-        return write_html_player(record, network, log, verdict, surroundings=surroundings)
     if replay_format == "glb":
         return crash_glb(record.key, network, log, surroundings=surroundings)
     return write_animation(record, network, log, verdict, surroundings=surroundings, image_format=replay_format)
+
+
+def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
+    """What the replay of a stored crash shows of one of its logs."""
+    from trace_dag.scenario.replay_content import replay_content
+
+    verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
+    return replay_content(crash.load(RECORD), crash.load(ROAD_MAP), log, verdict, surroundings=surroundings_of(crash))
 
 
 def replay_with(

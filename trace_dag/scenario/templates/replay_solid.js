@@ -21,13 +21,20 @@ function drawing() {
   }
 }
 const able = drawing();
+// The glTF. Its numbers are kept byte by byte: the first byte of each four, then the second of each, and so on.
+async function model() {
+  const kept = await held("solid"), start = 28 + new DataView(kept).getUint32(12, true);
+  const whole = new Uint8Array(kept), body = whole.slice(start), words = body.length / 4;
+  for (let k = 0; k < 4; k++) for (let i = 0; i < words; i++) whole[start + 4 * i + k] = body[k * words + i];
+  return kept;
+}
 let started = null;
 function start() {
   return started ??= (async () => {
-    if (typeof replay3d === "undefined") run(new TextDecoder().decode(await held("library")));
+    if (typeof replay3d === "undefined") await library();
     const dim = matchMedia("(prefers-color-scheme: dark)").matches;
     const colours = Object.fromEntries(D.vehicles.map(v => [v.number, v.colour]));
-    solid = await replay3d.create($("solid"), await held("solid-data"), { night: D.night, dim, slow: able === "slow", colours });
+    solid = await replay3d.create($("solid"), await model(), { night: D.night, dim, slow: able === "slow", colours });
     look_from();
     solid.show(line.now);
     requestAnimationFrame(() => { document.body.dataset.solid = "drawn"; performance.mark("drawn in 3D"); });
@@ -62,7 +69,7 @@ $("camera").addEventListener("change", () => { chosen = true; look_from(); frame
 for (const b of document.querySelectorAll("#panes button")) b.addEventListener("click", () => { chosen = true; show_pane(b.dataset.pane); });
 $("save").addEventListener("click", async () => {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([await held("solid-data")], { type: "model/gltf-binary" }));
+  link.href = URL.createObjectURL(new Blob([await model()], { type: "model/gltf-binary" }));
   link.download = `${D.key}.glb`;
   link.click();
 });
