@@ -133,14 +133,14 @@ _REASONS: dict[Reason, _ReasonFacts] = {
     Reason.NOT_MODELLED: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.NOT_IN_PAPER,
-        "The crash is of a kind that cannot be judged yet, such as one with an animal; the detail names the event.",
+        "The crash is of a kind that cannot be judged yet, such as one with a train; the detail names the event.",
         "Nothing: modelled are crashes in which vehicles touched each other, struck people or, having left the road, "
         "fixed objects, or overturned.",
     ),
     Reason.INCOMPLETE_SEQUENCE: _ReasonFacts(
         Stage.CRASH_RECORD,
         _PAPER.INCOMPLETE_INFORMATION,
-        "The events of the report do not say which vehicles met, which vehicle struck which person, or which one left "
+        "The events of the report do not say which vehicles met, which vehicle struck whom, or which one left "
         "the road.",
         "Nothing: who met whom is not known.",
     ),

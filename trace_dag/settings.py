@@ -116,6 +116,12 @@ class StateSettings(_Section):
         description="Draws of what the report leaves open (speeds, timing, masses, friction), simulated for intervals; "
         "8 add some 15 % to a run. 0 makes none.",
     )
+    animal: Literal["deer", "elk", "cattle"] = Field(
+        "deer", description="What a struck animal is taken to be; no report tells. Three of four fatal ones are deer."
+    )
+    animal_pace: Literal["walking", "trotting", "galloping"] = Field(
+        "trotting", description="How a struck animal is taken to have moved; no report tells."
+    )
     llm_model: str = Field(
         "gemini/gemini-3-flash-preview",
         description="Provider and model, as litellm names them.",

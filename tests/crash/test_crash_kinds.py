@@ -13,7 +13,9 @@ from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.kind import CrashKind, kind_of_codes
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
+from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.strikes import strikes_of
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.settings import CrashSettings
 
@@ -141,12 +143,43 @@ def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
 
 
 def test_a_kind_that_cannot_be_judged_names_its_event() -> None:
-    record = read(report(ONE | {"HARM_EV": 11}, [{}], [STRUCK | {"SOE": 11}]))
+    record = read(report(ONE | {"HARM_EV": 10}, [{}], [STRUCK | {"SOE": 10}]))
     found = rejection(record, CrashSettings())
     assert found is not None
     assert found.reason is Reason.NOT_MODELLED
-    assert "vehicle 1 struck a live animal (at 12 o'clock (front)) (SOE 11)" in found.detail
-    assert "the kind of crash is animal" in found.detail
+    assert "vehicle 1 struck a railway vehicle (at 12 o'clock (front)) (SOE 10)" in found.detail
+    assert "the kind of crash is other" in found.detail
+
+
+def test_a_live_animal_is_judged_and_a_ridden_one_is_not() -> None:
+    record = read(report(ONE | {"HARM_EV": 11}, [{}], [STRUCK | {"SOE": 11}]))
+    assert record.kind == "animal"
+    assert rejection(record, CrashSettings()) is None
+    (strike,) = strikes_of(record)
+    assert strike.pair == (1, 2001)
+    assert strike.person.kind is PartyKind.ANIMAL
+    ridden = read(report(ONE | {"HARM_EV": 49}, [{}], [STRUCK | {"SOE": 49}]))
+    found = rejection(ridden, CrashSettings())
+    assert found is not None
+    assert found.reason is Reason.NOT_MODELLED
+    assert found.detail.startswith(
+        "the animal was ridden or drew a conveyance: event 1 vehicle 1 struck a ridden animal"
+    )
+
+
+def test_a_report_without_events_still_tells_that_its_only_vehicle_struck_an_animal() -> None:
+    record = read(report(ONE | {"HARM_EV": 11}, [{"IMPACT1": 12}], []))
+    (strike,) = strikes_of(record)
+    assert strike.pair == (1, 2001)
+    assert strike.area is not None
+    assert strike.area.clock_h == 12
+
+
+def test_who_struck_an_animal_and_then_a_person_is_left_out() -> None:
+    record = read(report(ONE | {"HARM_EV": 11}, [{}], [STRUCK | {"SOE": 11}, STRUCK | {"EVENTNUM": 2, "SOE": 8}]))
+    found = rejection(record, CrashSettings())
+    assert found is not None
+    assert found.detail.startswith("an animal and persons were struck")
 
 
 @pytest.mark.parametrize(("code", "kind"), [(8, "pedestrian"), (15, "pedestrian"), (9, "cyclist")])

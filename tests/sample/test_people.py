@@ -27,7 +27,7 @@ def test_every_way_a_person_can_go_occurs(people: PeopleTruth) -> None:
     walked = [person for crash in people.crashes for person in crash.people]
     assert len(walked) >= 12
     assert {person.course for person in walked} == {"from_left", "from_right", "along", "towards"}
-    assert {crash.kind for crash in people.crashes} == {"pedestrian", "cyclist"}
+    assert {crash.kind for crash in people.crashes} == {"pedestrian", "cyclist", "animal"}
 
 
 def test_side_and_place_are_right_where_the_report_tells(people: PeopleTruth, found: list[Case]) -> None:

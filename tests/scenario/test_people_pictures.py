@@ -22,7 +22,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MapReport
 from trace_dag.scenario.animation import write_animation
 from trace_dag.scenario.colours import VEHICLE_COLOURS
-from trace_dag.scenario.person_shapes import logged_shape, upright_shape
+from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
 from trace_dag.scenario.pictures import draw_crash
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.sketch import MOST_CHARACTERS, data_url, draw_sketch

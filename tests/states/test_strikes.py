@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.crash.crash_types import Turn
-from trace_dag.crash.parties import PartyKind, person_party
+from trace_dag.crash.parties import PartyKind, person_party, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
 from trace_dag.crash.strikes import strikes_of, untold_strike
 from trace_dag.errors import Rejection
@@ -206,3 +207,43 @@ def test_a_language_model_is_not_asked_and_the_estimate_says_so() -> None:
     made = estimate(struck(walker()), STREET, PLACE, StateSettings(estimator="llm"))
     assert (made.run.estimator, made.run.fallback_from, made.run.attempts) == ("analytic", "llm", 0)
     assert "two vehicles only" in made.run.fallback_reason
+
+
+# --- animals -------------------------------------------------------------------------------------------------------
+def with_animal(*, clock_h: int = 12, speed_mps: float = 20.0) -> CrashRecord:
+    """A car that goes straight strikes a live animal on the roadway; nothing more is told."""
+    car = vehicle(1, clock_h, 13, speed_mps=speed_mps)
+    made = record(car, car, events=(EventRecord(1, 11, 1, car.impact, thing_party(1), None),))
+    return replace(made, vehicles=(car,), first_harmful_event_code=11, vehicles_in_transport=1, road_relation_code=1)
+
+
+def test_an_animal_comes_from_either_side_with_equal_share() -> None:
+    found = estimated(with_animal())
+    scores: dict[Manoeuvre, float] = {}
+    for hypothesis in found.hypotheses:
+        (mover,) = (state for state in hypothesis.participants if state.kind is PartyKind.ANIMAL)
+        assert mover.vehicle_number == 2001
+        scores.setdefault(mover.manoeuvre, hypothesis.score)
+    assert set(scores) == {Manoeuvre.CROSS_FROM_LEFT, Manoeuvre.CROSS_FROM_RIGHT}
+    assert len(set(scores.values())) == 1
+    assert found.ambiguity >= 0.5
+
+
+@pytest.mark.parametrize(("animal", "mass_kg"), [("deer", 68.0), ("elk", 250.0), ("cattle", 610.0)])
+def test_what_animal_it_was_is_a_setting(animal: str, mass_kg: float) -> None:
+    settings = StateSettings.model_validate({"animal": animal, "animal_pace": "walking"})
+    found = estimate(with_animal(), STREET, PLACE, settings).best
+    (mover,) = (state for state in found.participants if state.kind is PartyKind.ANIMAL)
+    assert mover.mass_kg == mass_kg
+    hip_m = 0.8 * mover.height_m
+    assert mover.impact_speed_mps**2 / (9.81 * hip_m) < 0.5  # a walk, by its Froude number
+
+
+@pytest.mark.parametrize(("clock_h", "left_m"), [(12, 0.0), (1, -0.5), (11, 0.5)])
+def test_an_animal_is_struck_in_the_reported_area(clock_h: int, left_m: float) -> None:
+    best = estimated(with_animal(clock_h=clock_h)).best
+    car = next(state for state in best.participants if state.vehicle_number == 1)
+    ahead, left = car.impact_pose.to_body(np.array(best.impact_point_xy_m))
+    assert ahead == pytest.approx(car.length_m / 2, abs=0.05)
+    assert math.copysign(1.0, left) == math.copysign(1.0, left_m) or left_m == 0.0
+    assert abs(left) >= abs(left_m) - 0.1

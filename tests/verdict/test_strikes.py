@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from tests.states.test_strikes import PLACE, estimated, rider, struck, walker
+from tests.states.test_strikes import PLACE, estimated, rider, struck, walker, with_animal
 from tests.verdict.crashes import STREET, area, vehicle
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.struck import ORDER_OF_STRIKES
@@ -248,3 +248,60 @@ def test_without_an_order_every_strike_has_to_happen() -> None:
     for events in (crash.events, (replace(first, party_1=2), replace(last, party_1=1))):
         verdict = judge_hypothesis(replace(crash, events=events), STREET, hypothesis, log, VerdictSettings())
         assert verdict.reason is Reason.WRONG_SEQUENCE
+
+
+# --- animals -------------------------------------------------------------------------------------------------------
+@cache
+def animal_crash() -> tuple[CrashRecord, Hypothesis, SimulationLog]:
+    crash = with_animal()
+    hypothesis = estimated(crash).best
+    return crash, hypothesis, simulated(hypothesis)
+
+
+def test_an_animal_struck_as_reported_is_accepted_and_no_more_than_consistent() -> None:
+    crash, hypothesis, log = animal_crash()
+    made = replace(estimated(crash), hypotheses=(hypothesis,))
+    verdict = judge(crash, STREET, PLACE, made, [log], VerdictSettings())
+    assert verdict.accepted, verdict.detail
+    assert verdict.grade is Grade.CONSISTENT
+    assert verdict.support is None
+    names = {criterion.name for criterion in verdict.criteria}
+    assert not {"course_error", "compass_error"} & names  # no report tells which way an animal went
+
+
+@pytest.mark.parametrize(
+    ("clock_h", "reason"), [(12, None), (11, None), (5, Reason.WRONG_IMPACT), (8, Reason.WRONG_IMPACT)]
+)
+def test_an_animal_has_to_be_struck_in_the_reported_area(clock_h: int, reason: Reason | None) -> None:
+    _, hypothesis, log = animal_crash()
+    told = with_animal(clock_h=clock_h)
+    assert judge_hypothesis(told, STREET, hypothesis, log, VerdictSettings()).reason is reason
+
+
+def test_an_animal_beside_the_road_is_not_one_on_it() -> None:
+    crash, hypothesis, log = animal_crash()
+    told = replace(crash, road_relation_code=4)  # on the roadside
+    assert judge_hypothesis(told, STREET, hypothesis, log, VerdictSettings()).reason is Reason.WRONG_ZONE
+
+
+def test_an_overturn_afterwards_is_shown_and_judges_nothing() -> None:
+    crash, hypothesis, log = animal_crash()
+    told = replace(
+        crash, events=(*crash.events, EventRecord(2, 1, 1, None, None, None), EventRecord(3, 42, 1, None, 2003, None))
+    )
+    verdict = judge_hypothesis(told, STREET, hypothesis, log, VerdictSettings())
+    assert verdict.accepted
+    over, tree = (each for each in verdict.criteria if each.name == "later_event")
+    assert (over.value, over.passed, over.reason) == (0.0, False, None)
+    assert (tree.value, tree.passed) == (None, None)
+    assert tree.detail == "event 3, SOE 42: not simulated"
+
+
+def test_a_place_off_the_named_road_is_said_with_the_rejection() -> None:
+    crash, hypothesis, log = animal_crash()
+    x, y = log.contacts[0].x_m, log.contacts[0].y_m
+    far = replace(log, contacts=(replace(log.contacts[0], x_m=x + 20.0), *log.contacts[1:]))
+    placed = replace(PLACE, placement=replace(PLACE.placement, x_m=x + 20.0, y_m=y, moved_m=20.0))
+    verdict = judge_hypothesis(crash, STREET, hypothesis, far, VerdictSettings(), report=placed)
+    assert verdict.reason is Reason.WRONG_LOCATION
+    assert "the reported point is 20.0 m from the road that the report describes" in verdict.detail

@@ -19,7 +19,7 @@ from trace_dag.cli.sample import COHORT, sample_folder
         "trace-dag --root demo demo --people",
     )
 )
-@click.option("--people", is_flag=True, help="And the town's crashes with pedestrians and cyclists.")
+@click.option("--people", is_flag=True, help="And the town's crashes with pedestrians, cyclists and animals.")
 @executor_options
 @click.pass_context
 def demo(context: click.Context, people: bool, executor: str | None, workers: int | None) -> None:

@@ -19,6 +19,7 @@ from trace_dag.crash.departures import is_of_departure, overturns_on_road, untol
 from trace_dag.crash.derive import UNSAID_MOVEMENTS, is_near
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.modelled import another_kind, untold_meeting
+from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.crash.strikes import is_of_strikes, strikes_of, untold_strike
 from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
@@ -201,7 +202,7 @@ def _trajectory(record: CrashRecord) -> str | None:
 
 
 def _course_of_persons(record: CrashRecord) -> str | None:
-    """Every person was struck by a vehicle whose course is known, the first one at a place that is known."""
+    """Every person or animal was struck by a vehicle whose course is known, the first one at a place that is known."""
     strikes = strikes_of(record)
     for strike in strikes:
         if not trajectory_known(record, strike.vehicle, None):
@@ -209,6 +210,8 @@ def _course_of_persons(record: CrashRecord) -> str | None:
     zone_told = REL_ROAD.known(record.road_relation_code) is not None
     if not strikes or strikes[0].person.place_code is not None or zone_told:
         return None
+    if strikes[0].person.kind is PartyKind.ANIMAL:
+        return "nothing tells where the animal was: REL_ROAD is not known"
     who = f"person {strikes[0].person.number}"
     return f"nothing tells where {who} was: neither LOCATION nor PEDPOS nor BIKEPOS nor REL_ROAD is known"
 
@@ -259,7 +262,7 @@ KINDS: Final[tuple[Rule, ...]] = (
     Rule(
         "sequence", Reason.INCOMPLETE_SEQUENCE, "which vehicles met first is known, where vehicles met", untold_meeting
     ),
-    Rule("strikes", Reason.INCOMPLETE_SEQUENCE, "which vehicle struck which person is known", untold_strike),
+    Rule("strikes", Reason.INCOMPLETE_SEQUENCE, "which vehicle struck whom is known", untold_strike),
     Rule("departure", Reason.INCOMPLETE_SEQUENCE, "which vehicle left the road is known", untold_departure),
     Rule("modelled", Reason.NOT_MODELLED, "a kind of crash that can be judged", another_kind),
 )

@@ -30,8 +30,10 @@ class CrashKind(StrEnum):
 COLLISIONS: Final = frozenset({CrashKind.TWO_VEHICLES, CrashKind.MULTI_VEHICLE})
 """Kinds whose vehicles touched."""
 OF_PERSONS: Final = frozenset({CrashKind.PEDESTRIAN, CrashKind.CYCLIST})
+OF_STRIKES: Final = OF_PERSONS | {CrashKind.ANIMAL}
+"""Kinds in which a vehicle first strikes who is outside of vehicles."""
 JUDGED_KINDS: Final = frozenset(
-    {CrashKind.PARKED, *COLLISIONS, *OF_PERSONS, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
+    {CrashKind.PARKED, *COLLISIONS, *OF_STRIKES, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
 )
 """Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map."""
 

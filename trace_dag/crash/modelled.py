@@ -12,9 +12,10 @@ from typing import Final
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
 from trace_dag.crash.contacts import is_of_contacts, untold_contact
 from trace_dag.crash.departures import OF_DEPARTURES
-from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_PERSONS, CrashKind
+from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_STRIKES, CrashKind
 from trace_dag.crash.parties import EventKind
 from trace_dag.crash.record import CrashRecord, EventRecord
+from trace_dag.crash.strikes import strikes_ridden_animal
 from trace_dag.crash.summary import event_in_words
 
 _MOST_TOLD: Final = 4
@@ -34,7 +35,8 @@ def another_kind(record: CrashRecord) -> str | None:
     elif (
         kind in JUDGED_KINDS
         and not (kind in COLLISIONS and not met)
-        and not (kind in OF_PERSONS and _several_met(record))
+        and not (kind in OF_STRIKES and _several_met(record))
+        and not (kind is CrashKind.ANIMAL and (strikes_ridden_animal(record) or _struck_persons(record)))
         and not (kind in OF_DEPARTURES and record.moving_vehicles > 1)
     ):
         return None
@@ -43,6 +45,9 @@ def another_kind(record: CrashRecord) -> str | None:
         said = f"vehicles {', '.join(numbers[:-1])} and {numbers[-1]} never touch in the report"
     elif is_of_contacts(record) and _struck_persons(record):
         said = "vehicles that met also struck persons"
+    elif kind is CrashKind.ANIMAL and not _several_met(record):
+        ridden = strikes_ridden_animal(record)
+        said = "the animal was ridden or drew a conveyance" if ridden else "an animal and persons were struck"
     elif met and record.moving_vehicles > 2:
         said = f"{record.moving_vehicles} vehicles in transport"
     else:

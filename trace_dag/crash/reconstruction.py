@@ -18,7 +18,7 @@ class Reconstruction(StrEnum):
     """What is reconstructed of a crash."""
 
     COLLISION = "collision"  # the first contact of two vehicles
-    STRIKES = "strikes"  # every strike of a person, in order
+    STRIKES = "strikes"  # every strike of a person or an animal, in order
     CONTACTS = "contacts"  # every contact of three and more vehicles, or with a parked one, in order
     DEPARTURE = "departure"  # one vehicle leaves the road, and what it strikes there
     OVERTURN = "overturn"  # one vehicle overturns before it strikes anything

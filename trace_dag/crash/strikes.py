@@ -1,9 +1,10 @@
-"""Which vehicle struck which person, in order: what a crash with people outside vehicles is reconstructed from.
+"""Which vehicle struck which person or animal, in order: what crashes with those outside vehicles are made from.
 
-A strike is an event of the record with a person. Tables before 2016 often say less. A report without events and persons
-still tells by its first harmful event that its only vehicle struck somebody; a report with events but without persons
-tells that somebody of that kind was struck. Such a person has number 1, and nothing else is known about them. Nothing
-is guessed about several vehicles or persons: :func:`untold_strike` says in words what is left open.
+A strike is an event of the record with a person; where the first harmful event was with a live animal, one with an
+animal, and all such events are taken to be with the same one. Tables before 2016 often say less. A report without
+events and persons still tells by its first harmful event that its only vehicle struck somebody; a report with events
+but without persons tells that somebody of that kind was struck. Such a person has number 1, and nothing else is known
+about them. Nothing is guessed about several vehicles or persons: :func:`untold_strike` says in words what is left open.
 """
 
 from __future__ import annotations
@@ -11,19 +12,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
-from trace_dag.crash.kind import OF_PERSONS
-from trace_dag.crash.parties import EventKind
+from trace_dag.crash.kind import OF_STRIKES, CrashKind
+from trace_dag.crash.parties import EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.struck import ORDER_OF_STRIKES
 
 _PERSON_TYPE: Final = {codes.PEDESTRIAN: 5, codes.CYCLIST: 6, codes.PERSON_ON_CONVEYANCE: 8}
 """``PER_TYP`` of who was struck in an event with that code."""
+_STRUCK: Final = frozenset({codes.LIVE_ANIMAL, *_PERSON_TYPE})
 
 
 @dataclass(frozen=True)
 class Strike:
-    """A vehicle struck a person. ``event_number`` is that of the record's event, 1 where the report lists none.
+    """A vehicle struck a person or an animal. ``event_number`` is that of the record's event, 1 where there is none.
 
     ``going_on`` are the numbers of the events that follow at once between the same two: the vehicle ran over whom it
     had struck. ``area`` is where the vehicle was struck, None if that is not known.
@@ -37,14 +40,24 @@ class Strike:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Party numbers of the vehicle and the person."""
+        """Party numbers of the vehicle and of whom it struck."""
         return self.vehicle.number, self.person.party
 
 
 def is_of_strikes(record: CrashRecord) -> bool:
-    """Whether the crash is reconstructed by its strikes: of a kind with people, and no two vehicles in transport
-    collided in it alone (such a crash is one of two vehicles, whatever came first)."""
-    return record.kind in OF_PERSONS and not (record.colliding_vehicles and record.moving_vehicles == 2)
+    """Whether the crash is reconstructed by its strikes: of a kind with people or a live animal, and no two vehicles in
+    transport collided in it alone (such a crash is one of two vehicles, whatever came first)."""
+    alone = record.colliding_vehicles and record.moving_vehicles == 2
+    return record.kind in OF_STRIKES and not alone and not strikes_ridden_animal(record)
+
+
+def strikes_ridden_animal(record: CrashRecord) -> bool:
+    """Whether the crash is one with a ridden animal, or with a conveyance that an animal drew."""
+    if record.kind is not CrashKind.ANIMAL:
+        return False
+    first = record.first_harmful_event_code
+    struck = [event.code for event in record.events if event.kind is EventKind.ANIMAL_STRUCK]
+    return next(code for code in (first, *struck) if code in codes.ANIMALS) == codes.RIDDEN_ANIMAL
 
 
 def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
@@ -83,30 +96,37 @@ def untold_strike(record: CrashRecord) -> str | None:
     if not events:
         moving = sum(vehicle.in_transport for vehicle in record.vehicles)
         return (
-            f"nothing tells which of {moving} vehicles in transport struck the person: the report lists no such event"
+            f"nothing tells which of {moving} vehicles in transport struck {_whom(record)}: the report lists no such "
+            "event"
         )
     listed = {vehicle.number for vehicle in record.vehicles}
     for event in events:
         if event.party_1 not in listed:
-            return f"event {event.number} does not say which vehicle struck the person"
+            return f"event {event.number} does not say which vehicle struck {_whom(record)}"
         if _struck(record, event) is None:
             return f"event {event.number} does not say which of {len(record.non_motorists)} persons was struck"
     return None
 
 
 def strike_events(record: CrashRecord) -> tuple[EventRecord, ...]:
-    """The events in which a person was struck; what the first harmful event implies where the report lists none."""
-    events = tuple(event for event in record.events if event.kind is EventKind.PERSON_STRUCK)
+    """The events in which a person was struck, or the animal; what the first harmful event implies where the report
+    lists none."""
+    animal = record.kind is CrashKind.ANIMAL
+    wanted = {codes.LIVE_ANIMAL} if animal else codes.PERSON_EVENTS
+    events = tuple(event for event in record.events if event.code in wanted)
     moving = [vehicle for vehicle in record.vehicles if vehicle.in_transport]
     code = record.first_harmful_event_code
-    if events or code not in _PERSON_TYPE or len(moving) != 1 or record.moving_vehicles != 1:
+    if events or code not in _STRUCK or len(moving) != 1 or record.moving_vehicles != 1:
         return events
     (vehicle,) = moving
     return (EventRecord(1, code, vehicle.number, vehicle.impact, None, None, ("code", "party_1", "area_1")),)
 
 
 def _struck(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
-    """The person an event was with: the one named, or one not listed; None if that cannot be told."""
+    """Whom an event was with: the one named, or one not listed; None if that cannot be told."""
+    if event.code == codes.LIVE_ANIMAL:
+        first = strike_events(record)[0]
+        return StruckAnimal(first.number if first.party_2 is None else first.party_2 - thing_party(0))
     named = next((person for person in record.non_motorists if person.party == event.party_2), None)
     if named is not None or record.non_motorists:
         return named if named is not None else _only(record, event)
@@ -118,3 +138,7 @@ def _only(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
     """The only person of the kind that was struck, of a report without events."""
     of_kind = [person for person in record.non_motorists if person.person_type_code == _PERSON_TYPE[event.code]]
     return of_kind[0] if len(of_kind) == 1 and not record.events else None
+
+
+def _whom(record: CrashRecord) -> str:
+    return "the animal" if record.kind is CrashKind.ANIMAL else "the person"

@@ -1,4 +1,4 @@
-"""The estimator of crashes in which vehicles strike people: one strike, or several in order.
+"""The estimator of crashes in which vehicles strike people or animals: one strike, or several in order.
 
 Who is struck again lies where the first strike threw it. That is simulated, with whoever takes part so far, and the
 next vehicle is led over the place once the person has come to rest there. The simulator's own settings are the usual
@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from trace_dag.crash.animals import Pace, Species, StruckAnimal
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import Strike, order_is_told, strikes_of, untold_strike
 from trace_dag.errors import Reason, Rejection
@@ -53,11 +54,11 @@ class _Crash:
 def estimate_strikes(
     record: CrashRecord, network: RoadNetwork, report: MapReport, settings: StateSettings
 ) -> StateEstimate:
-    """The ranked hypotheses of a crash with people, best first.
+    """The ranked hypotheses of a crash with people or an animal, best first.
 
-    Raises :class:`Rejection` (``no_feasible_state``) where no way of the vehicle leads it to the person as reported.
+    Raises :class:`Rejection` (``no_feasible_state``) where no way of the vehicle leads it to them as reported.
     """
-    strikes = strikes_of(record)
+    strikes = tuple(_assumed(strike, settings) for strike in strikes_of(record))
     if not strikes:
         raise Rejection(Reason.NO_FEASIBLE_STATE, untold_strike(record) or "no strike of a person in the record")
     chained = any(each.vehicle is not strikes[0].vehicle for each in strikes)
@@ -86,12 +87,20 @@ def estimate_strikes(
     return StateEstimate(record.key, tuple(found), EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
 
 
+def _assumed(strike: Strike, settings: StateSettings) -> Strike:
+    """The strike with what the settings say of an animal."""
+    if not isinstance(strike.person, StruckAnimal):
+        return strike
+    animal = replace(strike.person, species=Species(settings.animal), pace=Pace(settings.animal_pace))
+    return replace(strike, person=animal)
+
+
 def _why_not(scene: Scene, examined: int) -> str:
     if not scene.streams:
         return "no lane of the map passes the crash"
     return (
         f"{len(scene.streams)} ways past the crash and {examined} plans examined, in none of which the vehicle strikes "
-        "the person as reported"
+        "whom it struck as reported"
     )
 
 

@@ -44,7 +44,12 @@ _TYPES: Final[Mapping[VehicleClass, str]] = {
     VehicleClass.LIGHT_TRUCK: "truck",
     VehicleClass.TRACTOR_TRAILER: "truck",
 }
-_PEOPLE: Final = {BodyKind.PEDESTRIAN: "pedestrian", BodyKind.CYCLIST: "bicycle", BodyKind.CONVEYANCE: "pedestrian"}
+_FIGURES: Final = {
+    BodyKind.PEDESTRIAN: "pedestrian",
+    BodyKind.CYCLIST: "bicycle",
+    BodyKind.CONVEYANCE: "pedestrian",
+    BodyKind.ANIMAL: "unknown",  # the format has no animals
+}
 _UNKNOWN_PLACE: Final = "-999"  # what the format has for a place without a GeoNames entry
 
 
@@ -150,7 +155,7 @@ def _add_obstacle(root: etree._Element, number: int, drive: Drive) -> None:
 
 
 def _type_of(body: Body) -> str:
-    return _PEOPLE[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
+    return _FIGURES[body.kind] if body.is_figure else _TYPES.get(body.vehicle_class, "car")
 
 
 def _add_problem(root: etree._Element, number: int, own: Drive) -> None:

@@ -80,6 +80,7 @@ _PEOPLE: Final = {
     BodyKind.PEDESTRIAN: ("HumanPedestrian",),
     BodyKind.CYCLIST: ("HumanCyclist", "VehicleCycle"),
     BodyKind.CONVEYANCE: ("RoadUserHuman",),
+    BodyKind.ANIMAL: ("RoadUserAnimal",),
 }
 _MOTIONS: Final = {
     Manoeuvre.TURN_LEFT: "MotionTurnLeft",
@@ -160,4 +161,4 @@ def _of_parties(parties: Sequence[ParticipantState]) -> Iterator[str]:
         if each.manoeuvre in _MOTIONS:
             yield _MOTIONS[each.manoeuvre]
         elif each.initial_speed_mps > 0.0:
-            yield "MotionWalk" if kind is BodyKind.PEDESTRIAN else "MotionDrive"
+            yield "MotionWalk" if kind in (BodyKind.PEDESTRIAN, BodyKind.ANIMAL) else "MotionDrive"

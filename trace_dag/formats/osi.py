@@ -118,8 +118,9 @@ def _add_moving(message: GroundTruth, body: Body, number: int, state: FloatArray
     _set(base.orientation, roll=roll, pitch=pitch, yaw=float(np.remainder(yaw + np.pi, 2 * np.pi) - np.pi))
     _set(base.orientation_rate, yaw=rate)
     _set(base.dimension, length=body.length_m, width=body.width_m, height=body.height_m)
-    if body.kind is BodyKind.PEDESTRIAN:
-        moving.type = MovingObject.TYPE_PEDESTRIAN
+    on_foot = {BodyKind.PEDESTRIAN: MovingObject.TYPE_PEDESTRIAN, BodyKind.ANIMAL: MovingObject.TYPE_ANIMAL}
+    if body.kind in on_foot:
+        moving.type = on_foot[body.kind]
         return
     moving.type = MovingObject.TYPE_VEHICLE
     name = _CLASSES.get(body.vehicle_class, "TYPE_OTHER")

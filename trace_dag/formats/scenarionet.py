@@ -41,6 +41,7 @@ _TYPES: Final = {
     BodyKind.PEDESTRIAN: "PEDESTRIAN",
     BodyKind.CYCLIST: "CYCLIST",
     BodyKind.CONVEYANCE: "PEDESTRIAN",
+    BodyKind.ANIMAL: "PEDESTRIAN",  # the format has no animals
 }
 _MOVES_M: Final = 1.0  # what MetaDrive counts as moving
 

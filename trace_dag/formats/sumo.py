@@ -29,6 +29,7 @@ from trace_dag.geometry import FloatArray
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
 
 STEP_S: Final = 0.1
+_ON_FOOT: Final = (BodyKind.PEDESTRIAN, BodyKind.ANIMAL)
 _CLASSES: Final = {
     VehicleClass.MOTORCYCLE: "motorcycle",
     VehicleClass.BUS: "bus",
@@ -77,7 +78,7 @@ def floating_car_data(log: SimulationLog) -> bytes:
     root = etree.Element("fcd-export")
     steps = {each.number: _rows(each, log.bodies[each.number]) for each in log.vehicles}
     times = np.arange(0.0, log.duration_s + STEP_S / 2, STEP_S)
-    people = [each.number for each in log.vehicles if log.bodies[each.number].kind is BodyKind.PEDESTRIAN]
+    people = [each.number for each in log.vehicles if log.bodies[each.number].kind in _ON_FOOT]
     order = sorted(steps, key=lambda number: number in people)  # the schema has vehicles first
     for step, time_s in enumerate(times):
         moment = etree.SubElement(root, "timestep", time=f"{time_s:.2f}")
@@ -93,8 +94,8 @@ def floating_car_data(log: SimulationLog) -> bytes:
 
 
 def _type(body: Body) -> str:
-    if body.kind is BodyKind.PEDESTRIAN:
-        return "pedestrian"
+    if body.kind in _ON_FOOT:
+        return str(body.kind)
     return "bicycle" if body.is_figure else _CLASSES.get(body.vehicle_class, "passenger")
 
 
@@ -104,7 +105,7 @@ def _rows(moved: VehicleLog, body: Body) -> FloatArray:
     times = np.arange(0.0, last_s + STEP_S / 2, STEP_S)
     heading = np.interp(times, moved.time_s, np.unwrap(moved.heading_rad))
     x, y, z = (np.interp(times, moved.time_s, values) for values in (moved.x_m, moved.y_m, moved.z_m))
-    ahead_m = 0.0 if body.kind is BodyKind.PEDESTRIAN else body.length_m / 2
+    ahead_m = 0.0 if body.kind in _ON_FOOT else body.length_m / 2
     speed = np.hypot(*(np.interp(times, moved.time_s, each) for each in (moved.velocity_x_mps, moved.velocity_y_mps)))
     angle_deg = np.remainder(np.degrees(math.pi / 2 - heading), 360.0)
     return np.column_stack([x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), z, angle_deg, speed])

@@ -20,11 +20,11 @@ from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import outline
-from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.scenario.video import encode_mp4
 from trace_dag.sim.types import SimulationLog, moment_of
@@ -214,7 +214,7 @@ def _draw_vehicle(draw: ImageDraw, view: View, log: SimulationLog, index: int, t
     draw.line(windscreen, fill="white", width=max(_SMOOTHING, round(0.35 * view.px_per_m)))
 
 
-def _draw_person(draw: ImageDraw, view: View, shape: PersonShape, colour: str) -> None:
+def _draw_person(draw: ImageDraw, view: View, shape: FigureShape, colour: str) -> None:
     """To scale, with a rim that parts it from what lies below, in a ring that is seen in the wider view."""
     scale = view.px_per_m
     ((x, y),) = view.px(shape.torso.mean(axis=0))
@@ -232,7 +232,7 @@ def _draw_person(draw: ImageDraw, view: View, shape: PersonShape, colour: str) -
                     (end_x - px / 2, end_y - px / 2, end_x + px / 2, end_y + px / 2), fill="white" if rim else ink
                 )
     ((x, y),) = view.px(shape.head)
-    r = max(HEAD_M * scale, _SMOOTHING)
+    r = max(shape.head_m * scale, _SMOOTHING)
     draw.ellipse((x - r, y - r, x + r, y + r), fill="#3B2A20", outline="white")
 
 

@@ -1,4 +1,7 @@
-"""People as OpenSCENARIO entities: pedestrians, and bicycles with who rides them.
+"""People and animals as OpenSCENARIO entities: pedestrians, and bicycles with who rides them.
+
+An animal is a pedestrian of the category ``animal``, as the standard has it. CARLA's library has no animals: its
+flavour has a walker in the place of one.
 
 A pedestrian's reference point is the middle of its box on the road, that of a bicycle, a vehicle, the middle of its
 rear axle. Players know no joints: from the strike on an entity is where the middle of the thrown body is, on the road
@@ -30,7 +33,7 @@ def person_reference_ahead_m(body: Body) -> float:
 
 
 def person(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -> xosc.Vehicle | xosc.Pedestrian:
-    """A person as an entity; the box is of the person with what the person rides.
+    """A person or an animal as an entity; the box is of the person with what the person rides.
 
     ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
     """
@@ -47,7 +50,9 @@ def person(number: int, body: Body, *, reference_ahead_m: float, carla: bool) ->
     if body.kind is not BodyKind.CYCLIST:
         model = choose_walker(body) if carla else str(body.kind)
         name = model if carla else f"{body.kind}_{number}"
-        return xosc.Pedestrian(name, round(body.mass_kg, 1), xosc.PedestrianCategory.pedestrian, box, model)
+        categories = xosc.PedestrianCategory
+        category = categories.animal if body.kind is BodyKind.ANIMAL else categories.pedestrian
+        return xosc.Pedestrian(name, round(body.mass_kg, 1), category, box, model)
     wheelbase_m = rounded_m(2 * _HUB * body.length_m)
     return xosc.Vehicle(
         choose_bicycle() if carla else f"bicycle_{number}",

@@ -12,9 +12,9 @@ from trace_dag.crash.parties import is_vehicle
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.object_shapes import is_ours, outline
-from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, PersonShape, logged_shape
 from trace_dag.sim.types import Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.types import Hypothesis
 
@@ -40,7 +40,7 @@ class _Body:
 class _Figure:
     """A person from above."""
 
-    shape: PersonShape
+    shape: FigureShape
     colour: str
     alpha: float
 
@@ -165,7 +165,7 @@ def _draw_figure(panel: Panel, figure: _Figure) -> None:
             strokes = LineCollection([line], colors=ink, linewidths=width + rim, capstyle="round", zorder=34 - rim)
             strokes.set_alpha(figure.alpha)
             panel.add(strokes)
-    head_pt = 2 * max(HEAD_M * scale, _LEAST_LIMB_PT)
+    head_pt = 2 * max(shape.head_m * scale, _LEAST_LIMB_PT)
     head = Line2D(*shape.head[:, None], marker="o", ms=head_pt, mfc=_HEAD_COLOUR, mec="white", mew=0.6, zorder=35)
     head.set_alpha(figure.alpha)
     panel.add(head)

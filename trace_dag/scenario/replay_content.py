@@ -18,11 +18,11 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
 from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
-from trace_dag.scenario.person_shapes import HEAD_M, WHEEL_M, logged_shape
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.verdict.types import Verdict
@@ -234,7 +234,7 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
     """Height of a person's body above the road (m), and the figure from above at each time: ends of lines x, y, x, y
     with their widths and whether they are of the body or of what it rides, and the head."""
     shapes = [logged_shape(person, k, body) for k in range(len(person.time_s))]
-    widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(width_m for _, width_m in shapes[0].lines)]
+    widths = [*([WHEEL_M] * len(shapes[0].ridden)), *(round(width_m, 3) for _, width_m in shapes[0].lines)]
     ends = np.array([[*shape.ridden, *(line for line, _ in shape.lines)] for shape in shapes])
     return {
         "up": np.round(person.above_road_m, 2).tolist(),
@@ -242,7 +242,7 @@ def _figure(person: VehicleLog, body: Body) -> dict[str, Any]:
         "ridden": len(shapes[0].ridden),
         "lines": np.round(ends.reshape(len(shapes), -1), 2).tolist(),
         "head": np.round([shape.head for shape in shapes], 2).tolist(),
-        "head_radius": HEAD_M,
+        "head_radius": round(shapes[0].head_m, 3),
     }
 
 

@@ -74,11 +74,12 @@ class CarlaSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`UserError` where fixed objects take part, :class:`Failure` for a plan nobody can drive or
-        somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
+        Raises :class:`UserError` where fixed objects or animals take part, :class:`Failure` for a plan nobody can drive
+        or somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
         """
         check_participants(participants)
         _check_no_objects(objects)
+        _check_no_animals(participants)
         began = time.perf_counter()
         with server_errors("reading its settings"):
             original = self._world.get_settings()
@@ -283,6 +284,15 @@ def _check_no_objects(objects: tuple[FixedObject, ...]) -> None:
         raise UserError(
             f"the CARLA back-end cannot simulate a crash into a fixed object ({objects[0].name}): its props neither "
             "break nor yield; use sim.backend = 'embedded'"
+        )
+
+
+def _check_no_animals(participants: tuple[Participant, ...]) -> None:
+    """CARLA has no animals, and its walkers are not struck physically."""
+    if any(participant.body.kind is BodyKind.ANIMAL for participant in participants):
+        raise UserError(
+            "the CARLA back-end cannot simulate a crash with an animal: its library has none; use "
+            "sim.backend = 'embedded'"
         )
 
 

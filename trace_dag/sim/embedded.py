@@ -13,16 +13,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from trace_dag.errors import Failure
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.run_of_vehicles import BACKEND_NAME, VehicleRun
-from trace_dag.sim.run_with_objects import RoadsideRun
+from trace_dag.sim.run_with_objects import RoadsidePeopleRun, RoadsideRun
 from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import NetworkSurface, Surface
-from trace_dag.sim.types import Participant, Simulation, SimulationLog
+from trace_dag.sim.types import BodyKind, Participant, Simulation, SimulationLog
 from trace_dag.states.objects import FixedObject
 
 
@@ -77,8 +76,9 @@ class EmbeddedSimulation:
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
         people = any(p.body.is_figure for p in participants)
         what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
-        if not objects and all(math.isinf(p.skids_from_s) for p in participants):
+        animals = any(p.body.kind is BodyKind.ANIMAL for p in participants)
+        if not objects and not animals and all(math.isinf(p.skids_from_s) for p in participants):
             return (PeopleRun if people else VehicleRun)(*what).log()
-        if people:
-            raise Failure("people and fixed objects in one run; the embedded back-end takes one or the other")
-        return RoadsideRun(*what, objects=objects, network=self._network).log()
+        # Who strikes an animal often leaves the road or falls afterwards.
+        run = RoadsidePeopleRun if people else RoadsideRun
+        return run(*what, objects=objects, network=self._network).log()

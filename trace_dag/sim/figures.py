@@ -7,7 +7,8 @@ ranges of relaxed people, roughly, and the little resistance of passive tissue: 
 way to all sides, as they do once ligaments or bones of a struck leg have failed (from some 15 km/h on: Kajzer et al.,
 SAE 973326). That is the usual multi-body pedestrian (van Wijk et al., SAE 830186; Ishikawa et al., SAE 933129).
 
-Axes of the figure: ahead, left, up. The root is the pelvis at the height of the hip joints.
+Axes of the figure: ahead, left, up. The root is the pelvis at the height of the hip joints. Animals have figures of
+their own (:mod:`trace_dag.sim.quadrupeds`), which are asked for here, too.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from trace_dag.sim import quadrupeds
 from trace_dag.sim.anthropometry import ridden_kg
+from trace_dag.sim.quadrupeds import Stance
 from trace_dag.sim.types import Body, BodyKind
 from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
 
@@ -34,8 +37,7 @@ LANDMARKS = ("pelvis", "neck", "head", "hand_l", "hand_r", "knee_l", "foot_l", "
 """Points of a person that a log keeps, in this order."""
 RIDDEN_LANDMARKS = ("front", "rear", "top")
 """And of what the person rides: hub of the front wheel, of the rear wheel, middle of the handlebar."""
-DEGREES = (7 + 4 * 8, 6 + 3 * 8)
-"""Numbers in a figure's pose and in its rates: a free root and eight ball joints."""
+_DEGREES = (7 + 4 * 8, 6 + 3 * 8)
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,23 @@ def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
     return Posture(shoulders=(-arm, arm), hips=(angle, -angle))
 
 
-def root_height(body: Body, posture: Posture) -> float:
+def degrees(body: Body) -> tuple[int, int]:
+    """Numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine."""
+    return quadrupeds.DEGREES if body.kind is BodyKind.ANIMAL else _DEGREES
+
+
+def landmark_names(body: Body) -> tuple[str, ...]:
+    """The points of a body that a log keeps, in order."""
+    if body.kind is BodyKind.ANIMAL:
+        return quadrupeds.LANDMARKS
+    rides = body.kind is not BodyKind.PEDESTRIAN and ridden_kg(body) > 0
+    return (*LANDMARKS, *(RIDDEN_LANDMARKS if rides else ()))
+
+
+def root_height(body: Body, posture: Posture | Stance) -> float:
     """Height of the root above the road (m) of a figure in a posture on what it rides."""
+    if isinstance(posture, Stance):
+        return posture.root_height_m(quadrupeds.build(body))
     above = posture.hip_height(body.height_m)
     if body.kind is BodyKind.CYCLIST:
         return above + _PEDAL_M
@@ -101,7 +118,9 @@ def root_height(body: Body, posture: Posture) -> float:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str], list[str]]:
-    """A figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian)."""
+    """A figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an animal)."""
+    if body.kind is BodyKind.ANIMAL:
+        return *quadrupeds.figure_mjcf(name, body), []
     rides = ridden_kg(body)
     person = _person_mjcf(name, body.height_m, body.mass_kg - rides)
     segments = [f"{name}_{segment}" for segment in SEGMENTS]

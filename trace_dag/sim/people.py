@@ -1,6 +1,6 @@
-"""A person in a run: moves along the plan until touched, then is what MuJoCo makes of the figure.
+"""A person or an animal in a run: moves along the plan until touched, then is what MuJoCo makes of the figure.
 
-Belongs here: what a person is to the run, whoever moves it. The figure's segments are
+Belongs here: what a person or animal is to the run, whoever moves it. The figure's segments are
 :mod:`trace_dag.sim.figures`', their physics :mod:`trace_dag.sim.scene`'s.
 """
 
@@ -15,20 +15,26 @@ from trace_dag.sim.driving import BodyState
 from trace_dag.sim.figures import RIDING, Posture, root_height, walking
 from trace_dag.sim.outlines import Outline
 from trace_dag.sim.plan import SampledTrajectory
+from trace_dag.sim.quadrupeds import Stance, trotting
 from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import Body, BodyKind, Participant
 
-_THROWN_REACH = 0.62  # of the stature: how far hands and feet reach from the centre of mass
+_THROWN_REACH = 0.62  # of the stature, of an animal its length: how far limbs reach from the centre of mass
 _REST_MPS, _REST_RATE = 0.08, 0.6  # of the pelvis, and of every joint (rad/s)
 _REST_S = 0.1
 
 
 @dataclass(frozen=True)
 class PersonModel:
-    """A person's body, and where its centre of mass is: in its middle."""
+    """A person's or animal's body, and where its centre of mass is: in its middle."""
 
     body: Body
     cg_ahead_m: float = 0.0
+
+    @property
+    def thrown_reach_m(self) -> float:
+        """How far its limbs reach once it is thrown."""
+        return _THROWN_REACH * (self.body.length_m if self.body.kind is BodyKind.ANIMAL else self.body.height_m)
 
 
 class PersonTouch(NamedTuple):
@@ -69,7 +75,7 @@ class Person:
         """No part of it is further from its centre, seen from above."""
         body = self.model.body
         if self.crashed:
-            return _THROWN_REACH * body.height_m * math.sqrt(2)
+            return self.model.thrown_reach_m * math.sqrt(2)
         return math.hypot(body.length_m / 2, body.width_m / 2)
 
     def walk(self, time_s: float) -> None:
@@ -82,7 +88,7 @@ class Person:
             vx = vy = into_s = 0.0  # the plan is over: it stands
         self.x, self.y, self.vx, self.vy, self.heading = x + vx * into_s, y + vy * into_s, vx, vy, heading
 
-    def walking_posture(self, time_s: float) -> Posture:
+    def walking_posture(self, time_s: float) -> Posture | Stance:
         """How the figure holds itself at a time before it is touched."""
         body = self.model.body
         if body.kind is BodyKind.CYCLIST:
@@ -90,9 +96,10 @@ class Person:
         if body.kind is BodyKind.CONVEYANCE:
             return Posture()
         k = min(int(time_s / self._step_s + 1e-9), len(self._rows) - 1)
-        return walking(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
+        gait = trotting if body.kind is BodyKind.ANIMAL else walking
+        return gait(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
 
-    def standing_height(self, posture: Posture) -> float:
+    def standing_height(self, posture: Posture | Stance) -> float:
         """Height of the figure's root above the road (m) in a posture."""
         return root_height(self.model.body, posture)
 
@@ -115,7 +122,7 @@ class Person:
         """What it covers of the road, seen from above; of a thrown person a square that holds hands and feet."""
         body = self.model.body
         if self.crashed:
-            half = _THROWN_REACH * body.height_m
+            half = self.model.thrown_reach_m
             return Outline(self.x, self.y, self.heading, half, half)
         return Outline(self.x, self.y, self.heading, body.length_m / 2, body.width_m / 2)
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.geometry import FloatArray
-from trace_dag.sim.types import Participant, VehicleLog, party_name
+from trace_dag.sim.types import Body, BodyKind, Participant, VehicleLog, party_name
 from trace_dag.states.types import Trajectory
 
 _STANDSTILL_MPS = 0.05
-_STATURES_M, _MASSES_KG = (0.5, 2.4), (3.0, 300.0)  # a figure can be made of
+_STATURES_M, _MASSES_KG = (0.5, 2.4), (3.0, 300.0)  # a figure of a person can be made of
+_WITHERS_M, _ANIMALS_KG = (0.3, 2.4), (3.0, 1200.0)  # and of an animal
 _AT_A_TIME = 32  # points whose distance from a path is measured together
 
 
@@ -66,12 +67,8 @@ def _check_plan(participant: Participant) -> None:
     measures = (body.length_m, body.width_m, body.height_m, body.mass_kg)
     if not all(value > 0 and np.isfinite(value) for value in measures):
         raise Failure(f"{who}: length, width, height and mass must be positive and finite, found {body}")
-    if body.is_figure and not (_STATURES_M[0] <= body.height_m <= _STATURES_M[1]):
-        raise Failure(
-            f"{who}: its height is the person's stature, {_STATURES_M[0]} to {_STATURES_M[1]} m, found {body}"
-        )
-    if body.is_figure and not (_MASSES_KG[0] <= body.mass_kg <= _MASSES_KG[1]):
-        raise Failure(f"{who}: its mass is the person's, {_MASSES_KG[0]} to {_MASSES_KG[1]} kg, found {body}")
+    if body.is_figure:
+        _check_figure(who, body)
     if len(t.time_s) == 0:
         raise Failure(f"{who}: its trajectory is empty; it needs two points, or one to stand on")
     if len(t.time_s) == 1 and abs(participant.initial_speed_mps) > _STANDSTILL_MPS:
@@ -83,6 +80,18 @@ def _check_plan(participant: Participant) -> None:
         raise Failure(f"{who}: its trajectory's times do not increase")
     if t.time_s[0] > 0:
         raise Failure(f"{who}: its trajectory begins at {t.time_s[0]} s; it must cover time 0")
+
+
+def _check_figure(who: str, body: Body) -> None:
+    """Raise :class:`Failure` for a person or an animal of which no figure can be made."""
+    animal = body.kind is BodyKind.ANIMAL
+    low_m, high_m = _WITHERS_M if animal else _STATURES_M
+    low_kg, high_kg = _ANIMALS_KG if animal else _MASSES_KG
+    height, whose = ("height at the withers", "animal's") if animal else ("stature", "person's")
+    if not low_m <= body.height_m <= high_m:
+        raise Failure(f"{who}: its height is the {whose} {height}, {low_m} to {high_m} m, found {body}")
+    if not low_kg <= body.mass_kg <= high_kg:
+        raise Failure(f"{who}: its mass is the {whose}, {low_kg} to {high_kg} kg, found {body}")
 
 
 @lru_cache(maxsize=16)  # agents drive in the same crash one after the other

@@ -22,6 +22,7 @@ from trace_dag.sim.obstacles import Obstacle, Struck
 from trace_dag.sim.outlines import separation
 from trace_dag.sim.overturn import Roll
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, VehicleRun
+from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import OVERTURNED_RAD, Contact, Participant, Termination
 from trace_dag.states.objects import FixedObject, Resistance
@@ -86,7 +87,7 @@ class RoadsideRun(VehicleRun):
         return ended
 
     def _no_contact_reason(self) -> str:
-        if len(self._vehicles) == 1:
+        if len(self._vehicles) == 1 and not self._people:
             number = self._vehicles[0].number
             return f"no contact: vehicle {number} strikes none of {len(self._items)} objects, and does not overturn"
         return super()._no_contact_reason()
@@ -124,6 +125,7 @@ class RoadsideRun(VehicleRun):
             self._overturned_s = now_s
 
     def _place_people(self, time_s: float) -> None:
+        super()._place_people(time_s)
         self._carry(time_s)
 
     def _carry(self, time_s: float) -> None:
@@ -205,6 +207,10 @@ class RoadsideRun(VehicleRun):
         vehicle.crashed = True
         self._state = None
         self._taken_over()
+
+
+class RoadsidePeopleRun(RoadsideRun, PeopleRun):
+    """People or animals, and what is beside the road."""
 
 
 def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:

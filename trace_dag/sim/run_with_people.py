@@ -1,4 +1,4 @@
-"""A run with people in it: they move along their plans until a vehicle touches them, and are thrown.
+"""A run with people or animals in it: they move along their plans until a vehicle touches them, and are thrown.
 
 Steps are taken in parts of about a millisecond while a vehicle may touch a person, and whole where people only fly and
 slide. A striking driver goes on (:mod:`trace_dag.sim.after_strike`) unless the strike changes the vehicle's velocity by
@@ -31,7 +31,7 @@ _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 
 
 class PeopleRun(VehicleRun):
-    """A run of motor vehicles and people."""
+    """A run of motor vehicles and people, or animals."""
 
     _bodies: Scene
 

@@ -23,11 +23,10 @@ import numpy as np
 from trace_dag.errors import Failure
 from trace_dag.sim.anthropometry import ridden_kg
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.figures import DEGREES, LANDMARKS, RIDDEN_LANDMARKS, figure_mjcf
+from trace_dag.sim.figures import degrees, figure_mjcf, landmark_names
 from trace_dag.sim.fronts import ShellBox, shell
 from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.rigid import RigidBodies, vehicle_bodies
-from trace_dag.sim.types import BodyKind
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.units import GRAVITY_MPS2
 
@@ -356,12 +355,13 @@ class _Figure:
         self._data = data
         joint = int(model.body_jntadr[body_id])
         start, rate = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        self._pose, self._rates = data.qpos[start : start + DEGREES[0]], data.qvel[rate : rate + DEGREES[1]]
-        self._rides = person.model.body.kind is not BodyKind.PEDESTRIAN and ridden_kg(person.model.body) > 0
-        names: list[str] = [*LANDMARKS, *(RIDDEN_LANDMARKS if self._rides else ())]
+        of_pose, of_rates = degrees(person.model.body)
+        self._pose, self._rates = data.qpos[start : start + of_pose], data.qvel[rate : rate + of_rates]
+        self._rides = ridden_kg(person.model.body) > 0
+        names = landmark_names(person.model.body)
         first = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"p{index}_at_{names[0]}"))
         self._points = data.site_xpos[first : first + len(names)]
-        end, last = start + DEGREES[0], rate + DEGREES[1]
+        end, last = start + of_pose, rate + of_rates
         self._ridden = (data.qpos[end : end + 7], data.qvel[last : last + 6]) if self._rides else None
         self._angles: tuple[float, float, float] | None = None
         # Where the centre of mass is ahead of the pelvis while nobody has touched it: it is what the plan moves.

@@ -53,6 +53,7 @@ class BodyKind(StrEnum):
     PEDESTRIAN = "pedestrian"
     CYCLIST = "cyclist"
     CONVEYANCE = "conveyance"
+    ANIMAL = "animal"
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class Body:
     """Dimensions (m) and mass (kg) of a participant's body.
 
     Of a person, ``height_m`` is the stature, the mass includes what the person rides, and ``vehicle_class`` says
-    nothing (``OTHER``): see :func:`trace_dag.sim.anthropometry.person_body`.
+    nothing (``OTHER``): see :func:`trace_dag.sim.anthropometry.person_body`. Of an animal ``length_m`` is that from
+    nose to rump and ``height_m`` that of the withers.
     """
 
     kind: BodyKind
@@ -72,7 +74,7 @@ class Body:
 
     @property
     def is_figure(self) -> bool:
-        """Whether it is simulated as a jointed figure: a person, on foot or riding."""
+        """Whether it is simulated as a jointed figure: a person, on foot or riding, or an animal."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
 
@@ -102,7 +104,7 @@ class Participant:
     vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes.
     """
 
-    number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person
+    number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
     body: Body
     initial_pose: Pose
     initial_speed_mps: float
@@ -231,7 +233,9 @@ def moment_of(log: SimulationLog) -> Moment | None:
 
 
 def overturned_at(vehicle: VehicleLog) -> int | None:
-    """The step of a log at which a vehicle has overturned; None if it does not."""
+    """The step of a log at which a vehicle has overturned; None if it does not, or is a figure that is thrown."""
+    if vehicle.landmarks_m.shape[1]:
+        return None
     over = np.flatnonzero(np.abs(vehicle.roll_rad) >= OVERTURNED_RAD)
     return int(over[0]) if len(over) else None
 

@@ -94,6 +94,9 @@ _CYCLIST_SHARES: Final[Mapping[Course, float]] = {
     Course.ALONG: 0.44,
     Course.TOWARDS: 0.06,
 }
+_ANIMAL_SHARES: Final[Mapping[Course, float]] = {Course.FROM_LEFT: 0.5, Course.FROM_RIGHT: 0.5}
+"""No report tells from which side an animal came."""
+_SHARES: Final = {PartyKind.CYCLIST: _CYCLIST_SHARES, PartyKind.ANIMAL: _ANIMAL_SHARES}
 _OTHER_SIDE: Final = -1.5
 """Log-likelihood of a person that came from the other side than that of the vehicle it was struck at."""
 _AHEAD_RAD: Final = math.radians(46)  # the front and its corners, by :func:`trace_dag.geometry.body_bearing_rad`
@@ -125,7 +128,7 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
 def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
     """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at."""
     told = told_courses(person, turn)
-    shares = _CYCLIST_SHARES if person.kind is PartyKind.CYCLIST else _PEDESTRIAN_SHARES
+    shares = _SHARES.get(person.kind, _PEDESTRIAN_SHARES)
     left = told or shares.keys()
     known = {course: share for course, share in shares.items() if course in left} or dict.fromkeys(left, 1.0)
     if turn is not None and not told:  # a turning vehicle seldom strikes somebody who walks along its road

@@ -9,6 +9,7 @@ Sources, and how far each was checked:
   which the MUTCD times signals so that nearly everybody is across.
 * Away from a crosswalk people walk 20 % faster than such studies say (Attalla and Kodsi, SAE 2013-01-0772, n = 304).
 * Riding: 17.8 km/h, conventional bicycles in urban traffic (Twisk, Stelling et al., SWOV, naturalistic study).
+* Animals: :mod:`trace_dag.states.animals`.
 * Running: NOT read from a table. Vaughan and Bain (SAE 1999-01-0440, 2000-01-0845) measured children and youths, whose
   numbers were not at hand; 3.5 m/s is a jog to an easy run, 2.5 m/s what is taken for people over 64.
 """
@@ -18,9 +19,11 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Final
 
+from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import NonMotorist
 from trace_dag.crash.zones import in_crosswalk
+from trace_dag.states.animals import animal_speed_mps
 from trace_dag.units import METRES_PER_FOOT, kmh_to_mps
 
 OLD_YEARS: Final = 65
@@ -38,16 +41,20 @@ _DASH_GROUP: Final = 740  # PEDCGP
 
 
 class Gait(StrEnum):
-    """How a person moves."""
+    """How a person or an animal moves."""
 
     STANDING = "standing"
     WALKING = "walking"
     RUNNING = "running"
     RIDING = "riding"
+    TROTTING = "trotting"  # from here on: animals
+    GALLOPING = "galloping"
 
 
 def gait_of(person: NonMotorist) -> Gait:
     """How the person moved: running if the report says so, riding if the person rode something, else walking."""
+    if isinstance(person, StruckAnimal):
+        return Gait(person.pace)
     if person.kind in (PartyKind.CYCLIST, PartyKind.CONVEYANCE):
         return Gait.RIDING
     return Gait.RUNNING if dashes(person) or _JOGGING in person.actions else Gait.WALKING
@@ -61,6 +68,8 @@ def dashes(person: NonMotorist) -> bool:
 
 def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
     """The usual speed of a person of that age (years) with that gait, m/s."""
+    if isinstance(person, StruckAnimal):
+        return animal_speed_mps(person.species, person.pace)
     old = person.age_years is not None and person.age_years >= OLD_YEARS
     if gait is Gait.STANDING:
         return 0.0

@@ -30,14 +30,17 @@ class Pair:
     other_profile: SpeedProfile | None = None  # if it differs from the one the record alone gives
 
 
-def ways(party: Party, stream: Stream, speed: TravelSpeed) -> list[Option]:
-    """What a vehicle that keeps to its path can do: go along, turn, back up."""
+def ways(party: Party, stream: Stream, speed: TravelSpeed, *, slides: bool = False) -> list[Option]:
+    """What a vehicle that keeps to its path can do: go along, turn, back up.
+
+    ``slides``: where it turned may follow from where the crash was, at a price; else it turned where the lanes do.
+    """
     if party.backing:
         return [back_up(stream, speed.speed_mps)]
     if follows_turn(stream, party.turn):
         return [keep_lane(stream, party.vehicle, speed.speed_mps, turn=party.turn)]
     if party.turn is not None:
-        return make_turn(stream, party.vehicle, speed.speed_mps, party.turn, slides=False)
+        return make_turn(stream, party.vehicle, speed.speed_mps, party.turn, slides=slides)
     return [along(party, stream, speed)]
 
 

@@ -59,7 +59,7 @@ def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
         slowed, terms = _slowed(mover, behind, other, ahead)
         for offset in offsets:
             follower = keep_lane(stream, mover.vehicle, behind.speed_mps, offset_m=offset)
-            for leader in ways(other, stream, ahead):
+            for leader in ways(other, stream, ahead, slides=True):
                 yield Pair(follower, leader, behind, ahead, True, terms, slowed)
 
 

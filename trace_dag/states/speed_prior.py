@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.crash_types import EncounterRole, Relation
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
 from trace_dag.states.encounters import Party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
@@ -106,7 +107,9 @@ def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, 
         "speeding": bool(vehicle.speeding),
         "speeding not coded": vehicle.speeding is None,
         "driver had drunk": bool(vehicle.driver_drinking),
-        "left the road alone": party.crash_type.single_driver and not record.non_motorists,
+        "left the road alone": party.crash_type.single_driver
+        and not record.non_motorists
+        and record.kind is not CrashKind.ANIMAL,
         "a person was struck": bool(record.non_motorists),
         "curve": vehicle.movement is PreCrashMovement.NEGOTIATING_CURVE,
         "slowing": vehicle.movement is PreCrashMovement.DECELERATING,

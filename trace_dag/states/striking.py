@@ -1,4 +1,4 @@
-"""One vehicle strikes one person: every way the vehicle can have come, with every course of the person.
+"""One vehicle strikes one person or animal: every way the vehicle can have come, with every course of the person.
 
 Where the person was touched on the vehicle (the reported area), the way the vehicle came and the reported place give
 the vehicle's pose at the strike. The person is then at that spot of the vehicle, and both motions are followed backward
@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes.events import RAN_OFF_LEFT
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord, NonMotorist
@@ -22,6 +23,7 @@ from trace_dag.crash.strikes import Strike
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
 from trace_dag.states import evidence
+from trace_dag.states.animals import SIZES
 from trace_dag.states.anthropometry import PersonSize, person_size
 from trace_dag.states.courses import COMPASS_DEG, CROSSING, RELATIVE_DEG, Course, CourseReading, readings
 from trace_dag.states.encounters import Party, party
@@ -52,7 +54,7 @@ behind its curb, beside both."""
 _OUTWARD: Final = (Zone.BESIDE, Zone.WALKED, Zone.OUTSIDE)
 _DRIFT_G: Final = 0.08  # of a driver who drifts off the road
 _DASH_BEYOND_M: Final = 0.8  # a person who runs out starts this far beyond the edge
-_KINDS: Final = {PartyKind.CYCLIST: PartyKind.CYCLIST, PartyKind.CONVEYANCE: PartyKind.CONVEYANCE}
+_AS_THEY_ARE: Final = frozenset({PartyKind.CYCLIST, PartyKind.CONVEYANCE, PartyKind.ANIMAL})
 _MANOEUVRES: Final = {
     Course.FROM_LEFT: Manoeuvre.CROSS_FROM_LEFT,
     Course.FROM_RIGHT: Manoeuvre.CROSS_FROM_RIGHT,
@@ -125,9 +127,10 @@ class StrikePlan:
     @property
     def name(self) -> str:
         """Says what distinguishes this plan from the others of its crash."""
-        number = self.strike.person.number
+        person = self.strike.person
+        who = person.species if isinstance(person, StruckAnimal) else f"person {person.number}"
         return (
-            f"vehicle {self.strike.vehicle.number}: {self.drive.option.name}; person {number}: "
+            f"vehicle {self.strike.vehicle.number}: {self.drive.option.name}; {who}: "
             f"{self.walk.manoeuvre}, {self.walk.gait}"
         )
 
@@ -146,7 +149,7 @@ class StrikePlan:
 
 def person_kind_of(person: NonMotorist) -> PartyKind:
     """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
-    return _KINDS.get(person.kind, PartyKind.PEDESTRIAN)
+    return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
 
 def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
@@ -291,8 +294,7 @@ def _walk(
     person: NonMotorist,
 ) -> Walk:
     kind = person_kind_of(person)
-    female = {1: False, 2: True}.get(person.sex_code or 0)
-    size = person_size(kind, person.age_years, female=female)
+    size = _size(person, kind)
     heading = _heading(drive, reading.course, person)
     angle = heading - drive.pose.heading_rad
     half = np.array([size.length_m, size.width_m]) / 2
@@ -306,6 +308,12 @@ def _walk(
         back = Pose(pose.x_m, pose.y_m, pose.heading_rad + math.pi / 2)
         set_off = edge_m(scene, back, 1.0) + _DASH_BEYOND_M
     return Walk(person, kind, size, reading, gait, path, station, path.pose(station), speed_mps, set_off)
+
+
+def _size(person: NonMotorist, kind: PartyKind) -> PersonSize:
+    if isinstance(person, StruckAnimal):
+        return SIZES[person.species]
+    return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
 
 
 def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:

@@ -21,7 +21,7 @@ from trace_dag.states.objects import FixedObject
 
 
 class Manoeuvre(StrEnum):
-    """How a vehicle came from its initial lane to the crash, and how a person moved."""
+    """How a vehicle came from its initial lane to the crash, and how a person or an animal moved."""
 
     STRAIGHT = "straight"
     CURVE = "curve"
@@ -87,8 +87,9 @@ class Trajectory:
 class ParticipantState:
     """One party of a hypothesis: its body, impact and initial state, and the motion between them.
 
-    ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person. For a person ``height_m`` is the
-    stature, ``mass_kg`` includes a cycle or the like, and ``vehicle_class`` has no meaning.
+    ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person, 2000 + the event for an
+    animal. For a person ``height_m`` is the stature, for an animal the height at the withers; ``mass_kg`` includes a
+    cycle or the like, and ``vehicle_class`` has no meaning.
     """
 
     vehicle_number: int
@@ -114,7 +115,7 @@ class ParticipantState:
 
     @property
     def is_figure(self) -> bool:
-        """Whether it is simulated as a jointed figure: a person outside motor vehicles."""
+        """Whether it is simulated as a jointed figure: a person outside motor vehicles, or an animal."""
         return self.kind is not PartyKind.MOTOR_VEHICLE
 
 

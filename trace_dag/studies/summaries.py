@@ -50,6 +50,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         differ = [row for row in rows if row.kind == "other_report" and row.reports_differ]
         late = [row for row in rows if row.kind == "shifted"]
         people = kind in OF_PERSONS
+        late_one = "the animal" if kind == CrashKind.ANIMAL else "the person" if people else "one vehicle"
         further = {
             "mirrored": people,
             "dropped": kind in OF_CONTACTS,
@@ -60,7 +61,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
             ("another that says something else", differ),
-            (f"its own, {'the person' if people else 'one vehicle'} late", late),
+            (f"its own, {late_one} late", late),
             *(
                 (_FURTHER[name], [row for row in rows if row.kind == name])
                 for name, applies in further.items()

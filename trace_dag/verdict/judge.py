@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trace_dag.crash.contacts import contacts_of
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Failure
+from trace_dag.errors import Failure, Reason
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
@@ -53,7 +54,8 @@ def judge(
 
     The verdict is graded by what else of the report the map, the course and the report itself bear out
     (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. One
-    of several contacts of vehicles is graded no higher than consistent: what facts are worth was not measured on those.
+    of several contacts of vehicles or with an animal is graded no higher than consistent: what facts are worth was not
+    measured on those.
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -68,7 +70,7 @@ def judge(
     match reconstruction_of(record):
         case Reconstruction.COLLISION:
             facts = facts_of(record, network, report, observe(network, hypothesis, log))
-        case Reconstruction.STRIKES:
+        case Reconstruction.STRIKES if record.kind is not CrashKind.ANIMAL:
             facts = facts_of_strikes(record, network, report, observe_strikes(network, hypothesis, log))
         case _:
             return verdict  # no weights are fitted to it
@@ -157,10 +159,16 @@ def judge_observed(
     """
     found = observed.criteria(record)
     result = judgement(found, _REQUIRED[reconstruction_of(record)])
+    detail = result.detail
     if observed.contact_xy_m is not None and report is not None:
         placed, (x_m, y_m) = report.placement, observed.contact_xy_m
         distance_m = math.hypot(x_m - placed.x_m, y_m - placed.y_m)
         found += (Criterion("placed_distance", distance_m, None, "m", None),)
+        if result.reason is Reason.WRONG_LOCATION and distance_m < placed.moved_m:
+            detail += (
+                f"; the reported point is {placed.moved_m:.1f} m from the road that the report describes, and the "
+                f"contact {distance_m:.1f} m from the place on that road"
+            )
     return Verdict(
         key=record.key,
         rule_set=settings.rule_set,
@@ -169,7 +177,7 @@ def judge_observed(
         hypotheses_judged=of,
         criteria=found,
         reason=result.reason,
-        detail=result.detail,
+        detail=detail,
         grade=Grade.CONSISTENT if result.accepted else Grade.REJECTED,
     )
 

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.crash_types import turn_of
+from trace_dag.crash.parties import PartyKind, person_party
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import strikes_of
 from trace_dag.crash.zones import reported_zones
@@ -53,7 +54,11 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
         other,
         vehicles=tuple({vehicle.number: vehicle for vehicle in vehicles}.values()),
         vehicles_in_transport=None,
-        non_motorists=tuple(replace(person, number=renamed[party] - 1000) for party, person in persons.items()),
+        non_motorists=tuple(
+            replace(person, number=renamed[party] - person_party(0))
+            for party, person in persons.items()
+            if person.kind is not PartyKind.ANIMAL  # those follow from the events
+        ),
         events=events,
     )
 

@@ -1,4 +1,4 @@
-"""The verdict of a crash in which vehicles strike people: each strike of the report against what occurred, in order.
+"""The verdict of a crash in which vehicles strike people or animals: each reported strike against what occurred.
 
 The log's contacts are matched to the reported strikes; each criterion carries the number of the event it is about.
 Where, on the vehicle, in which zone of the road, which way both went, who was first: what the report does not say is
@@ -16,14 +16,15 @@ import numpy as np
 import shapely
 
 from trace_dag.crash.crash_types import Turn, turn_of
-from trace_dag.crash.parties import party_in_words
+from trace_dag.crash.kind import CrashKind
+from trace_dag.crash.parties import EventKind, PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord, NonMotorist
 from trace_dag.crash.strikes import Strike, order_is_told, strikes_of
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.errors import Reason
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import kmh_to_mps, wrap_angle
@@ -49,7 +50,7 @@ _BEYOND_M: Final = 12.0
 
 @dataclass(frozen=True)
 class ObservedStrike:
-    """One contact of a vehicle with a person, before it is set beside any report.
+    """One contact of a vehicle with a person or an animal, before it is set beside any report.
 
     ``outside_m``: how far the person was outside the carriageway, negative within it. ``exposed_s``: for how long it
     had been on the carriageway. ``thrown_m``: from where it was struck to where it came to rest or was struck again.
@@ -86,7 +87,7 @@ class ObservedStrikes:
 def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedStrikes:
     """What happened between the parties of a simulated hypothesis."""
     contacts = tuple(sorted(log.contacts, key=lambda contact: contact.time_s))
-    strikes = [contact for contact in contacts if log.bodies[contact.number_2].is_figure]
+    strikes = [contact for contact in contacts if log.is_figure(contact.number_2)]
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {each.number: each for each in log.vehicles}
     found = []
@@ -161,7 +162,7 @@ def strike_criteria(
             happened_first = seen.contact.time_s == min(each.contact.time_s for each in matched if each is not None)
             rejecting += _of_strike(strike, seen, measures, record, limits, settings, first=happened_first)
             reported += _shown(strike, seen, measures, limits)
-    return (*rejecting, *reported, *_other_events(record, strikes), *_afterwards(observed, strikes, matched))
+    return (*rejecting, *reported, *_other_events(record, strikes, log), *_afterwards(observed, strikes, matched))
 
 
 def matched_strikes(
@@ -304,7 +305,7 @@ def _of_strike(
             event,
         ),
     ]
-    if first:
+    if first and person.kind is not PartyKind.ANIMAL:  # of those no report tells which way they went
         course = course_error_deg(seen, person, turn)
         compass = {
             number: compass_error_deg(seen.vehicle.approach_rad, person.motorist_direction_code),
@@ -403,15 +404,22 @@ def _shown(strike: Strike, seen: ObservedStrike, measures: VehicleMeasures, limi
     ]
 
 
-def _other_events(record: CrashRecord, strikes: Sequence[Strike]) -> list[Criterion]:
-    """Events of the report that are not planned strikes: a vehicle that ran over whom it had struck, or met a thing."""
+def _other_events(record: CrashRecord, strikes: Sequence[Strike], log: SimulationLog) -> list[Criterion]:
+    """Events of the report that are not planned strikes: a vehicle that ran over whom it had struck, overturned, or met
+    a thing. Who strikes an animal can overturn in the simulation."""
+    animal = record.kind is CrashKind.ANIMAL
+    vehicles = {each.number: each for each in log.vehicles}
     planned = {strike.event_number for strike in strikes}
     going_on = {number for strike in strikes for number in strike.going_on}
     found = []
     for event in record.events:
         if event.number in planned or event.number < min(planned):
             continue
+        detail = f"event {event.number}, SOE {event.code}"
+        if animal and event.kind is EventKind.OVERTURN and event.party_1 in vehicles:
+            over = overturned_at(vehicles[event.party_1]) is not None
+            found.append(Criterion("later_event", float(over), 1.0, "", over, None, detail, None, event.number))
+            continue
         what = "part of the strike before it" if event.number in going_on else "not simulated"
-        detail = f"event {event.number}, SOE {event.code}: {what}"
-        found.append(Criterion("later_event", None, 1.0, "", None, None, detail, None, event.number))
+        found.append(Criterion("later_event", None, 1.0, "", None, None, f"{detail}: {what}", None, event.number))
     return found

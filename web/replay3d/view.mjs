@@ -72,7 +72,7 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
 
   for (const body of bodies.values()) {
     body.middle = body.kind === "person" ? body.node.children[0] : body.node;
-    body.tag = tag((body.kind === "person" ? "P" : "V") + (body.number % 1000), colours[body.number] || "#333");
+    body.tag = tag(body.label, colours[body.number] || "#333");
     scene.add(body.tag);
   }
   if (night) [...bodies.values()].filter((body) => body.kind === "body").slice(0, LIT_VEHICLES).forEach(({ node }) => {

@@ -6,7 +6,8 @@ _SOE = {
     1: "Rollover/Overturn", 8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
     12: "Motor Vehicle In-Transport", 14: "Parked Motor Vehicle", 45: "Working Motor Vehicle",
     24: "Guardrail Face", 25: "Concrete Traffic Barrier", 30: "Utility Pole/Light Support", 33: "Curb", 34: "Ditch",
-    35: "Embankment", 42: "Tree (Standing Only)", 53: "Mail Box",
+    35: "Embankment", 42: "Tree (Standing Only)",
+    49: "Ridden Animal or Animal-Drawn Conveyance", 53: "Mail Box",
     63: "Ran Off Roadway - Right", 64: "Ran Off Roadway - Left", 68: "Cross Centerline", 69: "Re-entering Roadway",
 }  # fmt: skip
 _TURN = "Changing Trafficway, Vehicle Turning"
@@ -83,7 +84,7 @@ LABELS: dict[str, dict[int, str]] = {
         16: "Merging", 99: "Unknown",
     },
     "P_CRASH2": {
-        80: "Pedestrian in Road", 83: "Pedalcyclist or Other Non-Motorist in Road",
+        80: "Pedestrian in Road", 83: "Pedalcyclist or Other Non-Motorist in Road", 87: "Animal in Road",
         10: "Over the lane line on left side of travel lane", 11: "Over the lane line on right side of travel lane",
         6: "Traveling too fast for conditions", 8: "Other cause of control loss",
         12: "Off the edge of the road on the left side", 13: "Off the edge of the road on the right side",

@@ -1,4 +1,4 @@
-"""Crashes with people: walking, running and riding, each with one vehicle or two, and how they are reported.
+"""Crashes with people and animals: walking, running, riding, each with one vehicle or two, and how they are reported.
 
 A person is a body on a path like a vehicle's, so that the same first touch is looked for. What is told of the person
 is told as the typing manual of FARS has it; the area of impact follows from where on the vehicle the touch is.
@@ -23,14 +23,16 @@ MPH = 0.44704
 _NONE = (0, "")
 ADULT = Body("pedestrian", 0.57, 0.49, 1.69, 82, 5, _NONE, _NONE)
 CHILD = Body("pedestrian", 0.41, 0.35, 1.22, 23, 5, _NONE, _NONE)
+DEER = Body("animal", 1.60, 0.42, 0.92, 68, 0, _NONE, _NONE)
 BICYCLE = Body("cyclist", 1.75, 0.60, 1.69, 97, 6, _NONE, _NONE)
 WALK_MPS, WALK_OLD_MPS, CROSSWALK_MPS, RUN_MPS, RIDE_MPS = 1.57, 1.39, 1.31, 3.5, 4.94
-"""As people move on average: what nobody measures at a crash, and an estimate cannot know better."""
+DEER_MPS = 2.8
+"""As people and deer move on average: what nobody measures at a crash, and an estimate cannot know better."""
 
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """A person: the true motion, and the codes (FARS elements in capitals)."""
+    """A person, or an animal, of which nothing is coded: the true motion, and the codes (FARS elements in capitals)."""
 
     body: Body
     path: Curve
@@ -48,6 +50,16 @@ class Person:
     direction: int = 8  # PEDDIR, of a cyclist BIKEDIR
     motorist: int = 8  # MOTDIR
     leg: int = 8  # PEDLEG
+
+    @property
+    def kind(self) -> str:
+        """The kind of crash with one."""
+        return self.body.kind
+
+    @property
+    def party(self) -> int:
+        """The number as a party."""
+        return 2001 if self.kind == "animal" else 1001
 
     @property
     def rides(self) -> bool:
@@ -78,6 +90,7 @@ class PersonCrash:
     reason: str | None = None  # why it has to be rejected
     weather: int = 1
     striking: int = 1  # VNUMBER1 of the first event
+    overturns: bool = False  # the vehicle, afterwards
 
 
 def across(near: Plan, toward: Plan) -> Curve:
@@ -89,7 +102,7 @@ def across(near: Plan, toward: Plan) -> Curve:
 
 def crashes(r: dict[str, Road]) -> list[PersonCrash]:
     """All of them. In the plan u is roughly east, v north; the highway runs along u."""
-    return [*_crossing(r), *_along(r), *_turning(r), *_cyclists(r), *_rejected(r)]
+    return [*_crossing(r), *_along(r), *_turning(r), *_cyclists(r), *_animals(r), *_rejected(r)]
 
 
 def _straight(body: Body, lane: Approach, mph: float, at: Plan, **codes: Any) -> Unit:
@@ -230,6 +243,28 @@ def _cyclists(r: dict[str, Road]) -> list[PersonCrash]:
     ]  # fmt: skip
 
 
+def _animals(r: dict[str, Road]) -> list[PersonCrash]:
+    """A report tells nothing of an animal: neither its side nor what it was."""
+    east = Approach(r["main_west"], 1, 1, (-860, 0))
+    west = Approach(r["main_west"], -1, 1, (-860, 0))
+    spot, other = (-860.0, -1.8), (-900.0, 1.8)
+    silent = {"location": 0, "position": 0, "type": 0, "group": 0}
+    return [
+        PersonCrash(
+            95, "A deer crosses the highway from the right at dusk",
+            _straight(bodies.SEDAN, east, 50, spot, event=87),
+            Person(DEER, across(spot, (0.0, 1.0)), spot, DEER_MPS, "from_right", **silent),
+            ("NE-411", ""), light=5, when=(11, 12, 17, 40), told=False,
+        ),
+        PersonCrash(
+            96, "A motorcycle strikes a deer that comes from the left, and falls",
+            _straight(bodies.MOTORCYCLE, west, 52, other, event=87),
+            Person(DEER, across(other, (0.0, 1.0)), other, DEER_MPS, "from_left", **silent),
+            ("NE-411", ""), light=2, when=(10, 22, 21, 15), told=False, overturns=True,
+        ),
+    ]  # fmt: skip
+
+
 def _rejected(r: dict[str, Road]) -> list[PersonCrash]:
     """Made from a crash that happened, with what the report says of it changed."""
     base = next(crash for crash in _crossing(r) if crash.number == 83)
@@ -260,7 +295,7 @@ def coded(crash: PersonCrash, collision: Collision) -> Report:
     road = crash.unit.approach.road
     route, system = signing(road)
     person = crash.person
-    harmful = 9 if person.rides else 8
+    harmful = {"animal": 11, "cyclist": 9}.get(person.kind, 8)
     surface = 1
     return Report(
         number=crash.number, when=crash.when, latitude_deg=latitude, longitude_deg=longitude, ways=crash.ways,
@@ -274,8 +309,8 @@ def coded(crash: PersonCrash, collision: Collision) -> Report:
         events=tuple(
             EventCodes(harmful, crash.striking if i == 1 else i, hour if i == 1 else 12, 9999, 77)
             for i in range(1, len(units) + 1)
-        ),
-        people=(_coded_person(person, crash),),
+        ) + ((EventCodes(1, 1, 0, 5555, 55),) if crash.overturns else ()),
+        people=() if person.kind == "animal" else (_coded_person(person, crash),),
     )  # fmt: skip
 
 
@@ -300,8 +335,7 @@ def _coded_person(person: Person, crash: PersonCrash) -> PersonCodes:
 
 def truth_of(crash: PersonCrash, report: Report, collision: Collision) -> dict[str, Any]:
     """The row of one crash: as those of two vehicles, with the person beside the vehicle that struck first."""
-    kind = "cyclist" if crash.person.rides else "pedestrian"
-    row: dict[str, Any] = {"key": report.key, "title": crash.title, "kind": kind}
+    row: dict[str, Any] = {"key": report.key, "title": crash.title, "kind": crash.person.kind}
     if crash.reason is not None:
         return row | {"expected": {"final_state": "rejected", "reason": crash.reason}, "vehicles": []}
     frame = LocalFrame(report)
@@ -316,7 +350,8 @@ def truth_of(crash: PersonCrash, report: Report, collision: Collision) -> dict[s
         "impact_point": {"x_m": rounded_to(impact[0], 3), "y_m": rounded_to(impact[1], 3)},
         "vehicles": [vehicle_row(1, crash.unit, crash.unit.driving(), collision, 0, frame)],
         "people": [{
-            "number": 1001, "course": crash.person.course, "told": crash.told, "speed_mps": crash.person.mps,
+            "number": crash.person.party, "course": crash.person.course, "told": crash.told,
+            "speed_mps": crash.person.mps,
             "initial_pose": frame.pose(start), "impact_pose": frame.pose(end),
         }],
     }  # fmt: skip

@@ -12,7 +12,7 @@ from make.crashapi import crashapi_xml, not_released
 from make.plane import plane_point
 from make.report import CASE_BASE, Report, reported_place
 
-_ANIMAL = 11  # SOE: a live animal
+_RIDDEN_ANIMAL = 49  # SOE: a ridden animal or an animal-drawn conveyance
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,14 @@ def _incomplete(reports: dict[int, Report]) -> list[Rejected]:
     alone = reports[30]
     departed = replace(alone.vehicles[0], crash_type=1, location=4)
     left, struck = alone.events[:2]
-    alone = replace(alone, vehicles=(departed,), events=(left, replace(struck, code=_ANIMAL)), harmful=_ANIMAL)
+    alone = replace(
+        alone, vehicles=(departed,), events=(left, replace(struck, code=_RIDDEN_ANIMAL)), harmful=_RIDDEN_ANIMAL
+    )
     return [
         _of(unlocated, 63, "Position not reported", "incomplete_location"),
         _of(no_topology, 64, "Neither intersection type nor junction known", "incomplete_topology"),
         _of(unwitnessed, 65, "Nothing known of how the vehicles moved", "incomplete_trajectory"),
-        _of(alone, 66, "A single vehicle against a deer", "not_modelled"),
+        _of(alone, 66, "A single vehicle against a horse and its rider", "not_modelled"),
     ]
 
 

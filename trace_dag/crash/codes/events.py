@@ -25,8 +25,10 @@ STRUCK_STANDING: Final = frozenset({PARKED_MOTOR_VEHICLE, WORKING_MOTOR_VEHICLE}
 """Contacts of a vehicle in transport with one that is not; such a vehicle has no other events (all 1,410 of 2016)."""
 PERSON_EVENTS: Final = frozenset({PEDESTRIAN, CYCLIST, PERSON_ON_CONVEYANCE})
 """Events in which a vehicle strikes a person."""
-ANIMALS: Final = frozenset({11, 49})
-"""A live animal; one that is ridden, or the conveyance it draws."""
+LIVE_ANIMAL: Final = 11
+RIDDEN_ANIMAL: Final = 49
+"""One that is ridden, or the conveyance it draws."""
+ANIMALS: Final = frozenset({LIVE_ANIMAL, RIDDEN_ANIMAL})
 TRAINS: Final = frozenset({10, 74})
 FIXED_OBJECTS: Final = frozenset(
     {17, 19, 20, 21, 23, 24, 25, 26, *range(30, 36), *range(38, 45), 46, 48, 50, 52, 53, 57, 58, 59, 93}

@@ -10,12 +10,12 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from trace_dag.geometry import FloatArray
 from trace_dag.scenario.solid.gltf import Material, Node
+from trace_dag.scenario.solid.limbs import frames, frames_ahead, length, moved
 from trace_dag.scenario.solid.shapes import ball, box, joined, turned_body
-from trace_dag.scenario.solid.tracks import body_turns, place_keys, rolling_keys, turn_keys
+from trace_dag.scenario.solid.tracks import body_turns, rolling_keys
 from trace_dag.scenario.solid.two_wheelers import bicycle_parts, bicycle_wheel_parts, conveyance_parts
 from trace_dag.scenario.solid.vehicle_shapes import Parts
 from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS, RIDING, Posture, root_height, walking
@@ -36,23 +36,23 @@ def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
     left = body_turns(log).apply([0.0, 1.0, 0.0])
     h = body.height_m
     pelvis, neck = places["pelvis"], places["neck"]
-    spine = _frames(neck - pelvis, left)
+    spine = frames(neck - pelvis, left)
     aside = spine.apply([0.0, 1.0, 0.0])
     clothes = Material(colour)
 
     def limb(part: str, start: FloatArray, end: FloatArray, parts: Parts) -> Node:
-        return _moved(f"{name} {part}", parts, log.time_s, (start + end) / 2, _frames(end - start, aside))
+        return moved(f"{name} {part}", parts, log.time_s, (start + end) / 2, frames(end - start, aside))
 
-    nodes = [_moved(f"{name} torso", _torso(h, clothes), log.time_s, pelvis, spine)]
-    head = _frames(places["head"] - neck, left)
-    nodes.append(_moved(f"{name} head", _head(h), log.time_s, places["head"], head))
+    nodes = [moved(f"{name} torso", _torso(h, clothes), log.time_s, pelvis, spine)]
+    head = frames(places["head"] - neck, left)
+    nodes.append(moved(f"{name} head", _head(h), log.time_s, places["head"], head))
     for side, sign in (("l", 1.0), ("r", -1.0)):
         shoulder = neck + sign * _SHOULDER_ASIDE * h * aside - _SHOULDER_BELOW * h * spine.apply([0.0, 0.0, 1.0])
         hip = pelvis + sign * _HIP_ASIDE * h * left
         hand, knee, foot = (places[f"{each}_{side}"] for each in ("hand", "knee", "foot"))
-        nodes.append(limb(f"arm {side}", shoulder, hand, _arm(_length(shoulder, hand), h, clothes)))
-        nodes.append(limb(f"thigh {side}", hip, knee, _thigh(_length(hip, knee), h)))
-        nodes.append(limb(f"shank {side}", knee, foot, _shank(_length(knee, foot), h)))
+        nodes.append(limb(f"arm {side}", shoulder, hand, _arm(length(shoulder, hand), h, clothes)))
+        nodes.append(limb(f"thigh {side}", hip, knee, _thigh(length(hip, knee), h)))
+        nodes.append(limb(f"shank {side}", knee, foot, _shank(length(knee, foot), h)))
     if "front" in places:
         nodes.append(_ridden(log, body, name, places, left))
     return nodes
@@ -121,52 +121,22 @@ def _ridden(log: VehicleLog, body: Body, name: str, places: dict[str, FloatArray
     front, rear, top = (places[each] for each in RIDDEN_LANDMARKS)
     middle = (front + rear) / 2
     ahead = front - rear
-    hubs = _length(rear, front)
+    hubs = length(rear, front)
     if body.kind is not BodyKind.CYCLIST:
         parts = conveyance_parts(max(hubs, 0.2))
         up = np.cross(ahead, left)
-        return _moved(f"{name} conveyance", parts, log.time_s, middle, _frames(up, np.cross(up, ahead)))
+        return moved(f"{name} conveyance", parts, log.time_s, middle, frames(up, np.cross(up, ahead)))
     up = top - middle
-    turns = _frames_ahead(ahead, up)
+    turns = frames_ahead(ahead, up)
     reach = turns.inv().apply(top - middle).mean(axis=0)
     parts, radius = bicycle_parts(hubs, (float(reach[0]), float(reach[2])))
-    bicycle = _moved(f"{name} bicycle", parts, log.time_s, middle, turns)
+    bicycle = moved(f"{name} bicycle", parts, log.time_s, middle, turns)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(middle[:, 0]), np.diff(middle[:, 1])))])
     for end, x in (("front", hubs / 2), ("rear", -hubs / 2)):
         wheel = Node(f"{name} {end} wheel", bicycle_wheel_parts(radius), translation=(x, 0.0, 0.0))
         wheel.moves["rotation"] = rolling_keys(log.time_s, gone / radius)
         bicycle.children.append(wheel)
     return bicycle
-
-
-def _moved(name: str, parts: Parts, time_s: FloatArray, places: FloatArray, turns: Rotation) -> Node:
-    node = Node(name, parts, translation=places[0].tolist(), rotation=turns[0].as_quat().tolist())
-    node.moves = {"translation": place_keys(time_s, places), "rotation": turn_keys(time_s, turns)}
-    return node
-
-
-def _frames(up: FloatArray, left: FloatArray) -> Rotation:
-    """Turns whose z axis is along ``up`` and whose y axis is as near to ``left`` as it can be; both of shape (n, 3)."""
-    z = _unit(up, np.array([0.0, 0.0, 1.0]))
-    y = _unit(left - (left * z).sum(axis=1)[:, None] * z, np.array([0.0, 1.0, 0.0]))
-    x = _unit(np.cross(y, z), np.array([1.0, 0.0, 0.0]))
-    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=-1))
-
-
-def _frames_ahead(ahead: FloatArray, up: FloatArray) -> Rotation:
-    """Turns whose x axis is along ``ahead`` and whose z axis is as near to ``up`` as it can be."""
-    x = _unit(ahead, np.array([1.0, 0.0, 0.0]))
-    z = _unit(up - (up * x).sum(axis=1)[:, None] * x, np.array([0.0, 0.0, 1.0]))
-    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=-1))
-
-
-def _unit(vectors: FloatArray, otherwise: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=1)[:, None]
-    return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise)
-
-
-def _length(one: FloatArray, two: FloatArray) -> float:
-    return float(np.linalg.norm(two - one, axis=1).mean())
 
 
 def _torso(h: float, clothes: Material) -> Parts:

@@ -18,6 +18,7 @@ from trace_dag.geometry import FloatArray
 from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
 from trace_dag.scenario.map_scene import MapScene, Window
 from trace_dag.scenario.object_shapes import in_words, is_ours
+from trace_dag.scenario.solid.animals import animal_nodes, animal_places
 from trace_dag.scenario.solid.dents import LEAST_M, crush_of, dent, dent_keys
 from trace_dag.scenario.solid.gltf import Material, Node, write_glb
 from trace_dag.scenario.solid.ground import Terrain
@@ -28,6 +29,7 @@ from trace_dag.scenario.solid.shapes import ball, joined
 from trace_dag.scenario.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.scenario.solid.two_wheelers import motorcycle_shape
 from trace_dag.scenario.solid.vehicle_shapes import BRAKE_LAMP, vehicle_shape, wheel_parts
+from trace_dag.sim.types import BodyKind
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
@@ -100,7 +102,7 @@ def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -
         shell.moves["weights"] = dent_keys(pressed)
     lamps = Node(f"{name} brake lamps", [(BRAKE_LAMP, shape.brake_lamps)], translation=down, scale=(0.0, 0.0, 0.0))
     lamps.moves["scale"] = size_keys(vehicle.time_s, (vehicle.brake > _BRAKES).astype(float))
-    node = _moving(name, vehicle, _extras("body", number=vehicle.number, eye=_above(shape.eye_m, body)))
+    node = _moving(name, vehicle, _extras("body", number=vehicle.number, label=name, eye=_above(shape.eye_m, body)))
     node.children = [shell, lamps]
     gone = np.concatenate(
         [[0.0], np.cumsum(np.diff(vehicle.time_s) * (vehicle.speed_mps[1:] + vehicle.speed_mps[:-1]) / 2)]
@@ -141,14 +143,15 @@ def _moving(name: str, vehicle: VehicleLog, extras: dict[str, Any]) -> Node:
 
 
 def _person(vehicle: VehicleLog, body: Body, colour: str) -> Node:
-    """A person: a node with the log's pose, and one for each segment, in the local frame."""
+    """A person or an animal: a node with the log's pose, and one for each segment, in the local frame."""
     name = party_label(vehicle.number)
     where = _moving(f"{name} middle", vehicle, {})
-    eyes = landmarks(vehicle, body)["head"]
+    animal = body.kind is BodyKind.ANIMAL
+    eyes = animal_places(vehicle)["poll"] if animal else landmarks(vehicle, body)["head"]
     head = Node(f"{name} eyes", translation=eyes[0].tolist())
     head.moves["translation"] = place_keys(vehicle.time_s, eyes)
-    segments = person_nodes(vehicle, body, name, colour)
-    return Node(name, children=[where, head, *segments], extras=_extras("person", number=vehicle.number))
+    segments = (animal_nodes if animal else person_nodes)(vehicle, body, name, colour)
+    return Node(name, children=[where, head, *segments], extras=_extras("person", number=vehicle.number, label=name))
 
 
 def _object(item: FixedObject) -> Node:

@@ -1,4 +1,4 @@
-"""A person from above, as pictures, replays and sketches draw one: head, shoulders, limbs, and what the person rides.
+"""A person or an animal from above, as pictures, replays and sketches draw one: head, body, limbs, and what is ridden.
 
 Where a log has the landmarks of a jointed figure, that is drawn, standing, riding or thrown; where it has none, and
 for plans, somebody who stands upright or rides along the heading.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from trace_dag.sim import quadrupeds
 from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
 from trace_dag.sim.types import BodyKind
 
@@ -25,34 +26,47 @@ _LIMBS_RIGHT: Final = (("pelvis", "knee_r"), ("knee_r", "foot_r"))
 _SHOULDERS: Final = 0.25  # of the stature, from side to side
 _HUB: Final = 0.30  # of a bicycle's length: a hub off the middle
 _BAR_M: Final = 0.52
-HEAD_M, TORSO_M, LIMB_M, WHEEL_M = 0.13, 0.30, 0.12, 0.09
+_HEAD_M, _TORSO_M, _LIMB_M, WHEEL_M = 0.13, 0.30, 0.12, 0.09
 """Radius of a head and widths of torso, limbs and wheels from above."""
+_OF_ANIMALS: Final = {name: k for k, name in enumerate(quadrupeds.LANDMARKS)}
+_LEGS: Final = ("fl", "fr", "hl", "hr")
+_TRUNK, _NECK, _LEG, _SKULL = 0.85, 0.40, 0.17, 0.22  # widths of an animal's parts and its head's radius, of its own
+_SPINE: Final = (-0.23, 0.10)  # of an animal's length: its rump and withers
+_NOSE: Final = 0.46
 
 
 @dataclass(frozen=True, eq=False)
-class PersonShape:
+class FigureShape:
     """Lines and places from above, metres in the local frame: ``torso`` and ``shoulders`` (2, 2), ``limbs`` (n, 2, 2),
-    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar."""
+    ``head`` (2,), ``ridden`` (n, 2, 2): wheels or deck, and handlebar. Of an animal ``shoulders`` is the neck.
+
+    ``widths_m`` are those of torso, shoulders and limbs, ``head_m`` the radius of the head.
+    """
 
     torso: FloatArray
     shoulders: FloatArray
     limbs: FloatArray
     head: FloatArray
     ridden: FloatArray
+    widths_m: tuple[float, float, float] = (_TORSO_M, _TORSO_M * 0.8, _LIMB_M)
+    head_m: float = _HEAD_M
 
     @property
     def lines(self) -> list[tuple[FloatArray, float]]:
         """The body's lines with their widths (m), what lies lower first."""
-        return [*((limb, LIMB_M) for limb in self.limbs), (self.torso, TORSO_M), (self.shoulders, TORSO_M * 0.8)]
+        torso_m, shoulders_m, limb_m = self.widths_m
+        return [*((limb, limb_m) for limb in self.limbs), (self.torso, torso_m), (self.shoulders, shoulders_m)]
 
 
-def logged_shape(log: VehicleLog, k: int, body: Body) -> PersonShape:
-    """A person in the ``k``-th state of a log."""
+def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
+    """A person or an animal in the ``k``-th state of a log."""
     place = np.array([log.x_m[k], log.y_m[k]])
     heading = float(log.heading_rad[k])
     if not log.landmarks_m.shape[1]:
         return upright_shape(place, heading, body)
     points = log.landmarks_m[k].reshape(-1, 3)[:, :2] + place
+    if body.kind is BodyKind.ANIMAL:
+        return _animal({name: points[index] for name, index in _OF_ANIMALS.items()}, body)
 
     def at(name: str) -> FloatArray:
         return np.asarray(points[_PLACE[name]])
@@ -60,7 +74,7 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> PersonShape:
     pelvis, neck = at("pelvis"), at("neck")
     lying = neck - pelvis
     along = lying / np.hypot(*lying) if np.hypot(*lying) > 0.12 * body.height_m else np.array(_ahead(heading))
-    return PersonShape(
+    return FigureShape(
         torso=np.array([pelvis, neck]),
         shoulders=_across(neck, along, body),
         limbs=np.array([(at(one), at(two)) for one, two in (*_LIMBS, *_LIMBS_RIGHT)]),
@@ -71,16 +85,18 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> PersonShape:
     )
 
 
-def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> PersonShape:
-    """Somebody who stands upright at a place, or rides there, facing a heading."""
+def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> FigureShape:
+    """Somebody who stands upright at a place, or rides there, facing a heading; or an animal."""
     along = np.array(_ahead(heading_rad))
     left = np.array([-along[1], along[0]])
+    if body.kind is BodyKind.ANIMAL:
+        return _standing_animal(place, along, left, body)
     rides = body.kind is not BodyKind.PEDESTRIAN
     foot = 0.12 * body.height_m
     feet = np.array([place + foot * along + 0.09 * left, place - foot * along - 0.09 * left])
     hub = _HUB * body.length_m * along
     bar = place + 0.22 * body.length_m * along
-    return PersonShape(
+    return FigureShape(
         torso=np.array([place, place]),
         shoulders=_across(place, along, body),
         limbs=np.array([[place, each] for each in feet]),
@@ -89,7 +105,7 @@ def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> PersonSh
     )
 
 
-def pose_shape(pose: Pose, body: Body) -> PersonShape:
+def pose_shape(pose: Pose, body: Body) -> FigureShape:
     """As :func:`upright_shape`."""
     return upright_shape(np.array(pose.xy_m), pose.heading_rad, body)
 
@@ -114,4 +130,31 @@ def _ridden(front: FloatArray, rear: FloatArray, top: FloatArray, body: Body) ->
     half = _BAR_M / 2 * np.array([-along[1], along[0]])
     return np.array(
         [[rear - wheel, rear + wheel], [rear, front], [front - wheel, front + wheel], [top + half, top - half]]
+    )
+
+
+def _standing_animal(place: FloatArray, along: FloatArray, left: FloatArray, body: Body) -> FigureShape:
+    rump, withers = (place + share * body.length_m * along for share in _SPINE)
+    points = {"rump": rump, "withers": withers, "nose": place + _NOSE * body.length_m * along}
+    points["poll"] = withers + 0.6 * (points["nose"] - withers)
+    for leg in _LEGS:
+        joint = withers if leg.startswith("f") else rump
+        foot = joint + (0.3 if leg.endswith("l") else -0.3) * body.width_m * left
+        points |= {f"knee_{leg}": (joint + foot) / 2, f"foot_{leg}": foot}
+    return _animal(points, body)
+
+
+def _animal(at: dict[str, FloatArray], body: Body) -> FigureShape:
+    legs = []
+    for leg in _LEGS:
+        joint = at["withers" if leg.startswith("f") else "rump"]
+        legs += [(joint, at[f"knee_{leg}"]), (at[f"knee_{leg}"], at[f"foot_{leg}"])]
+    return FigureShape(
+        torso=np.array([at["rump"], at["withers"]]),
+        shoulders=np.array([at["withers"], at["poll"]]),
+        limbs=np.array(legs),
+        head=(at["poll"] + at["nose"]) / 2,
+        ridden=np.empty((0, 2, 2)),
+        widths_m=(_TRUNK * body.width_m, _NECK * body.width_m, _LEG * body.width_m),
+        head_m=_SKULL * body.width_m,
     )
