@@ -96,7 +96,11 @@ def _rotation(angle_rad: float) -> FloatArray:
 
 
 def rectangle_corners(pose: Pose, length_m: float, width_m: float) -> FloatArray:
-    """Corners of a body centred on ``pose``, shape (4, 2), counter-clockwise from front left."""
+    """Corners of a body centred on ``pose``, shape (4, 2), counter-clockwise from front left.
+
+    >>> rectangle_corners(Pose(10.0, 0.0, 0.0), 4.0, 2.0).tolist()
+    [[12.0, 1.0], [8.0, 1.0], [8.0, -1.0], [12.0, -1.0]]
+    """
     half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length_m / 2, width_m / 2)
     return pose.to_world(half)
 
@@ -184,6 +188,9 @@ def body_bearing_rad(pose: Pose, length_m: float, width_m: float, point_xy_m: Fl
     alike spans -pi/4 to pi/4 (clock positions 10:30 to 1:30) and the corners lie between front and side, which is
     how clock positions are coded: by face, not by angle. Feed the result to
     :func:`trace_dag.units.bearing_to_clock_h`.
+
+    >>> math.degrees(body_bearing_rad(Pose(0.0, 0.0, 0.0), 4.0, 2.0, np.array([2.0, 1.0])))  # the front left corner
+    45.0
     """
     ahead_m, left_m = pose.to_body(point_xy_m)
     return math.atan2(left_m / width_m, ahead_m / length_m)
@@ -194,5 +201,8 @@ def contact_clock_h(pose: Pose, length_m: float, width_m: float, point_xy_m: Flo
 
     :func:`body_bearing_rad` on the clock: shared by the estimator, which plans the impact, the verdict, which judges
     it, and the pictures.
+
+    >>> contact_clock_h(Pose(0.0, 0.0, 0.0), 4.0, 2.0, np.array([0.0, 1.0]))  # the middle of the left side
+    9.0
     """
     return bearing_to_clock_h(body_bearing_rad(pose, length_m, width_m, point_xy_m))

@@ -304,5 +304,9 @@ def critical_event(code: int | None) -> CriticalEvent:
 
 
 def opposite_side(side: Side) -> Side:
-    """The other side."""
+    """The other side.
+
+    >>> opposite_side(Side.LEFT).value
+    'right'
+    """
     return Side.RIGHT if side is Side.LEFT else Side.LEFT

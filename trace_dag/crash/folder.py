@@ -108,6 +108,9 @@ def identify(data: bytes, *, name: str) -> tuple[str, bool] | None:
     """The key of the crash a response is about and whether it holds the case, None if it is not a response.
 
     Raises :class:`Rejection` for data that must not be parsed (too large, with a document type).
+
+    >>> identify(b"<CrashResultSet><CASEYEAR>2023</CASEYEAR><ST_CASE>510179</ST_CASE></CrashResultSet>", name="c.xml")
+    ('2023-510179', True)
     """
     head = data[:_HEAD_BYTES]
     if _CRASH.search(head):

@@ -184,7 +184,11 @@ def case_of(crash: Fields) -> tuple[int, int, str]:
 
 
 def reported_position(latitude: float | None, longitude: float | None) -> tuple[float, float]:
-    """Latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones."""
+    """Latitude and longitude in degrees as reported; :class:`Rejection` for values that stand for unknown ones.
+
+    >>> reported_position(38.5, -77.4)
+    (38.5, -77.4)
+    """
     if latitude is None or longitude is None:
         raise Rejection(Reason.INCOMPLETE_LOCATION, "the report gives no latitude and longitude")
     sentinel = any(int(latitude) == lat and int(abs(longitude)) == lon for lat, lon in _NOT_REPORTED_DEG)

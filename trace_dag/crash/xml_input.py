@@ -31,6 +31,9 @@ def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[et
     """The root element, and whether the text had to be repaired.
 
     Raises :class:`Rejection` (``malformed_report``) naming ``name``, line and column.
+
+    >>> parse_untrusted(b"<ROAD>Main & Elm</ROAD>", name="crash.xml", repair=True)[0].text
+    'Main & Elm'
     """
     check_harmless(data, name=name)
     try:
@@ -45,7 +48,11 @@ def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[et
 
 
 def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
-    """What can be read of a file that may not be well-formed, for looking only; None if nothing can."""
+    """What can be read of a file that may not be well-formed, for looking only; None if nothing can.
+
+    >>> parse_leniently(b"<ROAD>Main", name="crash.xml").text
+    'Main'
+    """
     check_harmless(data, name=name)
     try:
         return etree.fromstring(data, _parser(recover=True))

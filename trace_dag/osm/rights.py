@@ -23,6 +23,9 @@ def read_attribution(root: Mapping[str, str]) -> str:
     ``attribution`` where it is words, else ``copyright`` with ``license``. Servers of OpenStreetMap put addresses
     there (``attribution="http://www.openstreetmap.org/copyright"``): theirs is :data:`OSM_ATTRIBUTION`, as is that of a
     file that says nothing.
+
+    >>> read_attribution({"copyright": "City of Lincoln", "license": "CC0"})
+    'City of Lincoln, CC0'
     """
     attribution = root.get("attribution", "").strip()
     if attribution and "://" not in attribution:

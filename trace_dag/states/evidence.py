@@ -246,5 +246,9 @@ _FACE_COSINE = math.cos(math.radians(55))  # corners belong to both faces
 
 
 def place_log_likelihood(distance_m: FloatArray) -> FloatArray:
-    """Log-likelihood of a contact at this distance (metres) from the reported place."""
+    """Log-likelihood of a contact at this distance (metres) from the reported place.
+
+    >>> place_log_likelihood(np.array([PLACE_SIGMA_M])).tolist()
+    [-0.5]
+    """
     return np.asarray(-0.5 * (distance_m / PLACE_SIGMA_M) ** 2)

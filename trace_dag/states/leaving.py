@@ -41,7 +41,11 @@ GOES_ON_M: Final = 60.0
 
 
 def slope_of(off_m: float, lateral_mps2: float, speed_mps: float) -> float:
-    """Slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed."""
+    """Slope of a course at a distance off its lane, reached by a constant lateral acceleration at a speed.
+
+    >>> slope_of(3.0, 1.0, 20.0)  # sqrt(2 * 3 * 1 / (1.5 * 20 ** 2))
+    0.1
+    """
     steep = math.sqrt(2 * off_m * lateral_mps2 / (1.5 * max(speed_mps, 5.0) ** 2))
     return min(max(steep, FLATTEST), _STEEPEST)
 
@@ -106,6 +110,11 @@ def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
 
 
 def turned_by(pose: Pose, slip_rad: float) -> Pose:
+    """The pose, turned by an angle (rad, counter-clockwise).
+
+    >>> turned_by(Pose(1.0, 2.0, 0.5), 0.25).heading_rad
+    0.75
+    """
     return Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + slip_rad, math.tau), pose.z_m)
 
 

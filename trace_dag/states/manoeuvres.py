@@ -136,6 +136,9 @@ def lateral_shift(
     """A shift by ``total_m`` and ``beyond_m`` more, with ramps within the lateral acceleration.
 
     It is anchored where bodies on the two lines begin to overlap.
+
+    >>> lateral_shift(3.0, 20.0, 0.1, 2.0).length_m  # 3 / 0.1, and ramps of 1.5 * 0.1 * 20 ** 2 / 2
+    60.0
     """
     ramp_m = max(1.5 * slope * speed_mps**2 / lateral_mps2, 4.0)
     ramp_m = min(ramp_m, abs(total_m + beyond_m) / slope)

@@ -120,14 +120,22 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
 
 
 def from_points(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> Path:
-    """A path through dense points, its headings by central differences."""
+    """A path through dense points, its headings by central differences.
+
+    >>> from_points(np.array([0.0, 3.0, 6.0]), np.array([0.0, 4.0, 8.0]), np.zeros(3)).length_m
+    10.0
+    """
     s = arc_lengths(np.column_stack([x_m, y_m]))
     heading = np.unwrap(np.arctan2(np.gradient(y_m, s), np.gradient(x_m, s)))
     return Path(s, np.asarray(x_m), np.asarray(y_m), np.asarray(z_m), heading)
 
 
 def straight(pose: Pose, *, back_m: float, ahead_m: float) -> Path:
-    """A straight path through ``pose``, which lies at ``s_m == back_m``."""
+    """A straight path through ``pose``, which lies at ``s_m == back_m``.
+
+    >>> straight(Pose(0.0, 0.0, 0.0), back_m=10.0, ahead_m=20.0).pose(10.0).xy_m.tolist()
+    [0.0, 0.0]
+    """
     s = np.linspace(0.0, back_m + ahead_m, max(2, math.ceil((back_m + ahead_m) / STEP_M) + 1))
     x = pose.x_m + (s - back_m) * math.cos(pose.heading_rad)
     y = pose.y_m + (s - back_m) * math.sin(pose.heading_rad)
@@ -135,7 +143,11 @@ def straight(pose: Pose, *, back_m: float, ahead_m: float) -> Path:
 
 
 def extended(path: Path, *, back_m: float = 0.0, ahead_m: float = 0.0) -> Path:
-    """The path with straight pieces added at its ends."""
+    """The path with straight pieces added at its ends.
+
+    >>> extended(straight(Pose(0.0, 0.0, 0.0), back_m=10.0, ahead_m=20.0), ahead_m=5.0).length_m
+    35.0
+    """
     parts = []
     if back_m > 0:
         parts.append(np.arange(-math.ceil(back_m / STEP_M), 0) * STEP_M)

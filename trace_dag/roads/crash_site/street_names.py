@@ -218,6 +218,11 @@ def similarity(reported: str, mapped: Iterable[str]) -> float | None:
     """How well a reported street fits the names of a mapped one, 0 (another street) to 1 (the same).
 
     None if the two cannot be compared: one has only names and the other only route numbers, or one has neither.
+
+    >>> similarity("SR-41/FRANKLIN TRNPK", ["Franklin Turnpike"])
+    1.0
+    >>> similarity("MAIN ST", ["US 1"]) is None
+    True
     """
     wanted = parse_street(reported)
     best: float | None = None

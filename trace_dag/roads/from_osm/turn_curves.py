@@ -46,6 +46,9 @@ def drivable_turn(start: PlanPose, end: PlanPose) -> PlanView | None:
 
     The radius is the widest one, from a car's turning circle down to that of a corner, that needs little swinging out;
     if none does, a corner's radius with more swinging out.
+
+    >>> drivable_turn(PlanPose(0.0, 0.0, 0.0), PlanPose(50.0, 0.0, 0.0)).length_m  # straight on
+    50.0
     """
     for radius_m in _RADII_M:
         plan = _shortest(start, end, radius_m, _MOST_BACK_RAD)

@@ -380,6 +380,9 @@ def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
     """The total number of lanes by the tags; None if they do not say it or contradict themselves.
 
     A two-way street of one lane counts as two: OpenDRIVE has no lane that both directions share, so each gets its half.
+
+    >>> tagged_lane_count({"lanes": "3"}), tagged_lane_count({"lanes": "1"})
+    (3, 2)
     """
     values = {key: _whole(tags.get(key)) for key in ("lanes", "lanes:forward", "lanes:backward", "lanes:both_ways")}
     one_way = tags.get("oneway") in ("yes", "true", "1", "-1") or tags.get("junction") in ("roundabout", "circular")

@@ -45,7 +45,11 @@ def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
 
 
 def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
-    """Pose at ``s_m``; beyond the ends the first or last element is continued."""
+    """Pose at ``s_m``; beyond the ends the first or last element is continued.
+
+    >>> plan_pose(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 25.0)
+    PlanPose(x_m=25.0, y_m=0.0, heading_rad=0.0)
+    """
     found = plan.elements[0]
     for element in plan.elements:
         if element.s_m > s_m:
@@ -55,7 +59,11 @@ def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
 
 
 def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
-    """The stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again. Keeps no vertices."""
+    """The stretch from ``begin_m`` to ``end_m``, with ``s_m`` starting at 0 again. Keeps no vertices.
+
+    >>> cut_plan(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 10.0, 30.0).length_m
+    20.0
+    """
     kept: list[PlanElement] = []
     for element in plan.elements:
         if element.s_m >= end_m:
@@ -70,7 +78,11 @@ def cut_plan(plan: PlanView, begin_m: float, end_m: float) -> PlanView:
 
 
 def reverse_plan(plan: PlanView) -> PlanView:
-    """The same line, beginning at its end."""
+    """The same line, beginning at its end.
+
+    >>> plan_pose(reverse_plan(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0))), 0.0).x_m
+    100.0
+    """
     reversed_elements = []
     for element in reversed(plan.elements):
         x, y, heading = element_pose(element, element.length_m)
@@ -105,6 +117,9 @@ def connect(start: PlanPose, end: PlanPose) -> PlanView | None:
     """A smooth curve from one pose to another: line, arc and line if one bend is enough, otherwise two arcs.
 
     None if only a detour would connect them (the end lies behind the start, with the same heading).
+
+    >>> round(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(10.0, 10.0, math.pi / 2)).length_m, 3)  # a quarter of 2 pi 10 m
+    15.708
     """
     turn = math.remainder(end.heading_rad - start.heading_rad, math.tau)
     dx, dy = end.x_m - start.x_m, end.y_m - start.y_m

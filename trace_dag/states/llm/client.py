@@ -237,7 +237,11 @@ def _retry_after_s(error: Exception) -> float | None:
 
 
 def without_secrets(text: str) -> str:
-    """The text with the values of secret environment variables, and anything shaped like a key, replaced by stars."""
+    """The text with the values of secret environment variables, and anything shaped like a key, replaced by stars.
+
+    >>> without_secrets("invalid key sk-0123456789abcdefghijklmnop")
+    'invalid key ***'
+    """
     for name, value in os.environ.items():
         if _SECRET_NAME.search(name) and len(value) >= _SHORTEST_SECRET:
             text = text.replace(value, "***")
