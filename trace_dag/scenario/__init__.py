@@ -1,4 +1,4 @@
-"""What leaves the project: pictures, replays, OpenSCENARIO, scenario packages, the benchmark page.
+"""The output of the project: pictures, replays, OpenSCENARIO, scenario packages, pages.
 
-Belongs here: everything that presents or exports a crash. Does not belong here: deciding anything about it.
+Belongs here: everything that presents or exports a crash. Does not belong here: decisions about it.
 """

@@ -1,7 +1,7 @@
-"""A simulated crash as a moving picture, GIF, WebP or MP4: all of it on the left, the impact close up beside it.
+"""A simulated crash as a moving picture, GIF, WebP or MP4: the whole crash on the left, the impact close up beside it.
 
-The map is drawn once per view; frames are that picture with the bodies on it. Time runs as it did, and at a quarter
-of that around the impact.
+The map is drawn once per view; frames are that picture with the bodies on it. Time runs at real speed, and at a quarter
+of it around the impact.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 MovingFormat = Literal["gif", "webp", "mp4"]
 
 _FRAME_S = 0.06  # shown; GIF knows hundredths only
-_VIDEO_FRAME_S = 0.04  # a video's frames cost little: only what changes is stored
+_VIDEO_FRAME_S = 0.04  # frames of a video are small: only changes are stored
 _SLOW = 0.25
 _SLOW_BEFORE_S, _SLOW_AFTER_S = 0.4, 0.8
 _BEFORE_IMPACT_S, _AFTER_IMPACT_S = 3.0, 4.0
@@ -80,7 +80,7 @@ def write_animation(
 
 
 def _staying(frames: Iterator[Image], times: int) -> Iterator[Image]:
-    """The frames, the last one shown again so many times."""
+    """The frames, with the last one repeated."""
     last = next(frames)
     yield last
     for last in frames:
@@ -104,7 +104,7 @@ def _encode_picture(frames: list[Image], image_format: Literal["gif", "webp"]) -
 
 
 def _frame_times(log: SimulationLog, frame_s: float) -> list[tuple[float, float]]:
-    """Simulated times shown, a frame each ``frame_s`` as watched, each with the rate it is shown at."""
+    """The simulated time of each frame and the rate it is shown at; frames are ``frame_s`` apart as watched."""
     moment = moment_of(log)
     end_s = log.duration_s if moment is None else min(log.duration_s, moment.time_s + _AFTER_IMPACT_S)
     time_s = 0.0 if moment is None else max(0.0, moment.time_s - _BEFORE_IMPACT_S)
@@ -215,7 +215,7 @@ def _draw_vehicle(draw: ImageDraw, view: View, log: SimulationLog, index: int, t
 
 
 def _draw_person(draw: ImageDraw, view: View, shape: FigureShape, colour: str) -> None:
-    """To scale, with a rim that parts it from what lies below, in a ring that is seen in the wider view."""
+    """Draw a person to scale, with a rim to set it off from the ground, in a ring that is visible in the wider view."""
     scale = view.px_per_m
     ((x, y),) = view.px(shape.torso.mean(axis=0))
     r = max(_RING_M * scale, _LEAST_RING_PX * _SMOOTHING)

@@ -1,6 +1,6 @@
-"""The documents beside scenarios, in words: templates of Markdown and the like, filled in.
+"""Text documents of packages: templates of Markdown and the like, filled in.
 
-What a template of Markdown is given is escaped for it; ``| code`` makes it code within a line.
+Values are escaped for Markdown; ``| code`` makes a value inline code.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class _Markdown(str):
 
 
 def render_document(template: str, **values: Any) -> bytes:
-    """A template of ours, filled in, UTF-8. A value that a template wants and does not get is an error."""
+    """A template of this package, filled in, UTF-8. A missing value is an error."""
     markdown = template.endswith(".md.jinja")
     return _templates(markdown=markdown).get_template(template).render(**values).encode()
 

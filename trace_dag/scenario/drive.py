@@ -1,4 +1,4 @@
-"""What a replay shows of an agent's drive: who drove, what came of it, and the recorded vehicle as a ghost beside."""
+"""An agent's drive as a replay shows it: who drove, how it ended, and the recorded vehicle as a ghost."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Drive:
 
     @property
     def title(self) -> str:
-        """Who drove, and what came of it."""
+        """Who drove, and how it ended."""
         return f"{self.agent} drives {party_label(self.number)}: {self.outcome}"
 
     @property
@@ -31,13 +31,13 @@ class Drive:
         return self.recorded.bodies[self.number]
 
     def ghost(self, times_s: FloatArray) -> FloatArray:
-        """Where the recorded vehicle is at some times, columns x, y (m) and heading (rad), shape (n, 3); once it rests
-        it stays there."""
+        """Poses of the recorded vehicle at some times, columns x, y (m) and heading (rad), shape (n, 3); after coming
+        to rest it stays there."""
         log = next(each for each in self.recorded.vehicles if each.number == self.number)
         columns = (log.x_m, log.y_m, np.unwrap(log.heading_rad))
         return np.stack([np.interp(times_s, log.time_s, values) for values in columns], axis=-1)
 
     def ghost_pose(self, time_s: float) -> Pose:
-        """Where the recorded vehicle is at a time."""
+        """Pose of the recorded vehicle at a time."""
         x, y, heading = self.ghost(np.array([time_s]))[0].tolist()
         return Pose(x, y, heading)

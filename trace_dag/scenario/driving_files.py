@@ -1,7 +1,7 @@
-"""What tools for driving need of a package: ``lanes.json`` and ``courses.json``.
+"""Files of a package for driving tools: ``lanes.json`` and ``courses.json``.
 
-The first has every lane that traffic drives in as points, with the lanes after and beside it; the second what
-everybody was going to do without the crash. Numbers are rounded to the centimetre (and a thousandth of a radian).
+The first has every drivable lane as points, with the lanes after and beside it. The second has the motion that every
+party would have had without the crash. Numbers are rounded to the centimetre (and a thousandth of a radian).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.polylines import worth_keeping
 
-_AS_GOOD_AS_M: Final = 0.05  # borders with fewer points are nowhere farther from the map's
+_AS_GOOD_AS_M: Final = 0.05  # borders are simplified; nowhere are they farther than this from the map's
 _DECIMALS: Final = {"heading_rad": 3}
 _FRAME: Final = "x east, y north of the reported point, z up, metres; headings counter-clockwise from east, radians"
 _LANES: Final = {
@@ -50,7 +50,7 @@ _COURSES: Final = {
 
 
 def lane_id(ref: LaneRef) -> str:
-    """A lane's name in ``lanes.json`` and in other forms.
+    """A lane's name in ``lanes.json`` and in other formats.
 
     >>> lane_id(LaneRef("12", 0, -1))
     '12.0.-1'
@@ -59,7 +59,7 @@ def lane_id(ref: LaneRef) -> str:
 
 
 def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
-    """The lanes that traffic drives in as UTF-8 JSON; the same bytes for the same map."""
+    """The drivable lanes as UTF-8 JSON; the same bytes for the same map."""
     shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
     known = {shape.ref for shape in shapes}
     document = {
@@ -74,7 +74,8 @@ def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
 
 
 def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
-    """What everybody was going to do as UTF-8 JSON; the same bytes for the same crash."""
+    """The motions that all parties would have had without the crash, as UTF-8 JSON; the same bytes for the same
+    crash."""
     document = {
         "key": key,
         "frame": _FRAME,

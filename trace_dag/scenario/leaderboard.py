@@ -1,4 +1,4 @@
-"""The leaderboard of the benchmark page: agents side by side, and what each made of each class of crashes."""
+"""The leaderboard of the benchmark page: agents side by side, and the results of each by class of crashes."""
 
 from __future__ import annotations
 

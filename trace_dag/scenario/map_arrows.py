@@ -37,7 +37,7 @@ _TURN_SHAFTS: Final = {
 
 
 class Arrows:
-    """The arrows on the lanes of one level, but inside junctions; ``turns`` are the strokes of painted ones."""
+    """The arrows on the lanes of one level, without those in junctions; ``turns`` are the strokes of painted arrows."""
 
     def __init__(self, sections: Sequence[SeenSection]) -> None:
         travel: list[FloatArray] = []
@@ -58,7 +58,7 @@ class Arrows:
         self._travel, self.turns = Shapes(travel), Shapes(turns)
 
     def draw(self, panel: Panel, z: float) -> None:
-        """Draw those that the window shows."""
+        """Draw the arrows in the window."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         if travel := [self._travel.points_m[number] for number in self._travel.within(panel.window)]:
@@ -68,7 +68,7 @@ class Arrows:
 
 
 def _strokes(turn: str) -> list[FloatArray]:
-    """Shaft and head of a turn arrow, in lane axes; nothing for what has no arrow."""
+    """Shaft and head of a turn arrow, in lane axes; nothing if the turn has no arrow."""
     if turn not in _TURN_SHAFTS:
         return []
     shaft = np.array(_TURN_SHAFTS[turn])

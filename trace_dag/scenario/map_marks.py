@@ -1,4 +1,4 @@
-"""The lines painted on a drawn map: what bounds and parts its lanes, broken or solid, single or double."""
+"""The painted lines of a drawn map: borders of lanes, broken or solid, single or double."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _DASH_M: Final = 3.05  # MUTCD 2009, section 3A.06: segments of 10 ft, gaps of 3
 _PERIOD_M: Final = 12.19
 STROKE_M: Final = 0.15
 """Width of a painted line."""
-_APART_M: Final = 0.13  # from the middle of a double line, if that can be seen
+_APART_M: Final = 0.13  # distance of a double line's parts from its middle, if they can be told apart
 _NOT_PAINTED: Final = frozenset({"none", "grass", "curb"})
 
 
 class Marks:
-    """The marks of one level. ``legal`` takes what the law paints, else what is written in the map."""
+    """The marks of one level. ``legal`` takes the marks as the law has them, else those written in the map."""
 
     def __init__(self, sections: Sequence[SeenSection], *, legal: bool) -> None:
         found = list(_marks(sections, legal))
@@ -35,7 +35,8 @@ class Marks:
         self._kinds = [mark for _, mark in found]
 
     def draw(self, panel: Panel, z: float) -> None:
-        """Draw what the window shows; at a small scale too, double lines part and thin lines are visible."""
+        """Draw the marks in the window; also at a small scale double lines are told apart and thin lines are
+        visible."""
         from matplotlib.collections import LineCollection
 
         apart_m = max(_APART_M, 0.8 / panel.points_per_m)
@@ -44,8 +45,8 @@ class Marks:
             panel.add(LineCollection(lines, colors=colour, linewidths=width, zorder=z))
 
     def strokes(self, window: Window, apart_m: float = _APART_M) -> dict[str, list[FloatArray]]:
-        """What is painted in a window, by colour: lines, shape (n, 2), m, of which double ones lie ``apart_m`` from the
-        middle."""
+        """The painted lines in a window, by colour: lines, shape (n, 2), m; the parts of double ones lie ``apart_m``
+        from the middle."""
         found: dict[str, list[FloatArray]] = defaultdict(list)
         for number in self._lines.within(window):
             line, mark = self._lines.points_m[number], self._kinds[number]
@@ -60,7 +61,7 @@ class Marks:
 
 
 def _marks(sections: Sequence[SeenSection], legal: bool) -> Iterator[tuple[FloatArray, RoadMark]]:
-    """Where marks run, shape (n, 2), and what they are; junctions have none painted."""
+    """The lines of marks, shape (n, 2), and their types; junctions have no painted marks."""
     for section in sections:
         if section.road.junction_id is not None:
             continue

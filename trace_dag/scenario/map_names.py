@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
 
 _SIZE_PT: Final = 6.5
-_MIDDLE: Final = 0.3  # of the size: how far above the baseline letters have their middle
+_MIDDLE: Final = 0.3  # share of the size: how far the middle of letters is above the baseline
 _INK: Final = "#1D2024"
-_LEAST_SHARE: Final = 0.12  # of the window's width: what a stretch of street must show to be named
+_LEAST_SHARE: Final = 0.12  # share of the window's width: a shorter stretch of street is not named
 
 
 class _Label(NamedTuple):
@@ -85,7 +85,7 @@ class Names:
         centre = np.array([window[0] + window[2], window[1] + window[3]]) / 2
         labels = []
         for name, line in sorted(longest.items(), key=lambda each: -len(each[1])):
-            # What happens is in the middle: the name stands on the longer side of it.
+            # The crash is in the middle: the name stands on the longer side of it.
             nearest = int(np.hypot(*(line[:, :2] - centre).T).argmin())
             side = line[: nearest + 1] if nearest > len(line) / 2 else line[nearest:]
             x, y, heading, _ = side[len(side) // 2].tolist()
@@ -95,7 +95,7 @@ class Names:
 
 @lru_cache(maxsize=256)
 def _lettering(text: str) -> tuple[Path, float]:
-    """A name as outlines in points around its middle, and its length: several times quicker than text is drawn."""
+    """A name as outlines in points around its middle, and its length: several times faster than drawing text."""
     from matplotlib.path import Path
     from matplotlib.textpath import TextPath
 

@@ -1,7 +1,7 @@
 """Where a window of the ground is drawn: a part of a figure, or axes.
 
-A part of a figure has no axes: matplotlib takes longer to make two of them, with their ticks and titles that no picture
-of ours shows, than to draw the map.
+A part of a figure has no axes: matplotlib takes longer to make two of them, with ticks and titles that no picture here
+shows, than to draw the map.
 """
 
 from __future__ import annotations

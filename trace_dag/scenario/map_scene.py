@@ -1,6 +1,6 @@
-"""What of a road network lies in a window, sampled once for however many views are drawn of it.
+"""The part of a road network in a window, sampled once for all views that are drawn of it.
 
-Belongs here: which roads are seen, and their lines and borders as points. Does not belong here: how anything looks
+Belongs here: which roads are visible, and their lines and borders as points. Does not belong here: how they look
 (:mod:`trace_dag.scenario.maps` and the modules it draws with).
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Window = tuple[float, float, float, float]
 """West, south, east and north border, metres."""
 
-_MARGIN_M: Final = 25.0  # half of a wide road, so that nothing is missed of which an edge shows
+_MARGIN_M: Final = 25.0  # half of a wide road, so that no road is missed whose edge is in the window
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class MapScene:
 
     @cached_property
     def major_junctions(self) -> set[str | None]:
-        """Junctions that more than service roads lead through."""
+        """Junctions of public roads, not of service roads alone."""
         return {road.junction_id for road in self.network.roads if road.highway != "service"} - {None}
 
     def sections_by_layer(self) -> list[tuple[int, list[SeenSection]]]:
@@ -125,14 +125,14 @@ def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> Float
 
 
 class Shapes:
-    """Rings or lines, shape (n, 2) each, that are looked up by window."""
+    """Rings or lines, shape (n, 2) each, found by window."""
 
     def __init__(self, points_m: Sequence[FloatArray]) -> None:
         self.points_m = points_m
         self._boxes = np.array([(*points.min(axis=0), *points.max(axis=0)) for points in points_m]).reshape(-1, 4)
 
     def within(self, window: Window) -> list[int]:
-        """The numbers of those whose box touches a window."""
+        """The indices of shapes whose box touches a window."""
         west, south, east, north = window
         boxes = self._boxes
         touching = (boxes[:, 0] < east) & (boxes[:, 2] > west) & (boxes[:, 1] < north) & (boxes[:, 3] > south)

@@ -61,8 +61,7 @@ class Signs:
 
 
 class PlacedSign(NamedTuple):
-    """A signal or sign where it stands: its place (m), the way the traffic goes that it is for (rad), and what it
-    says."""
+    """A signal or sign: its place (m), the direction of the traffic it applies to (rad), and its text."""
 
     signal: Signal
     xy_m: tuple[float, float]
@@ -121,7 +120,7 @@ def _symbol(marker: str | tuple[int, int, int], half_pt: float, up_pt: float = 0
 
 @lru_cache(maxsize=64)
 def _limit_paths(text: str) -> tuple[Path, Path]:
-    """The board of a speed limit and what it says, in points around its middle."""
+    """The board of a speed limit and its number, in points around its middle."""
     from matplotlib.path import Path
     from matplotlib.textpath import TextPath
 

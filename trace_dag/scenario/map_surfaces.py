@@ -60,7 +60,7 @@ def height_shades(scene: MapScene) -> Shade | None:
 
 
 class Surfaces:
-    """What is paved or planted on one level, the later above the earlier."""
+    """The paved and planted areas of one level, later ones above earlier ones."""
 
     def __init__(self, scene: MapScene, sections: Sequence[SeenSection], shade: Shade | None) -> None:
         rings: list[FloatArray] = []
@@ -103,14 +103,15 @@ class Surfaces:
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
-    """What is drawn later covers what is earlier: drivable lanes, greater roads, centre lanes that go on past a
+    """The order of drawing, later over earlier: drivable lanes, greater roads, centre lanes that go on past a
     driveway."""
     lane_type = lane.geometry.lane.type
     return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
 
 
 def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, FloatArray | str]]:
-    """What is paved between the lanes of junctions, below the lanes, so that seams close: rings and their colours."""
+    """The pavement between the lanes of junctions, drawn below the lanes so that no seams show: rings and their
+    colours."""
     paved: list[SeenLane] = []
     through: dict[str, list[int]] = defaultdict(list)
     for lane in lanes:

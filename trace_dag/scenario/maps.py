@@ -1,6 +1,6 @@
 """Road networks drawn from above: surfaces by lane type, marks, crosswalks, turn arrows, signs, names, heights.
 
-Draws in metres of the local frame, all but names below z-order 15, and knows nothing of crashes. Built for
+Draws in metres of the local frame, everything except names below z-order 15. It draws maps only, no crashes. Built for
 many small pictures: geometry is made once for all views, everything of one kind is one collection, and what lies
 outside the window is not drawn. What each kind looks like is in the modules ``map_*``.
 """
@@ -39,7 +39,7 @@ NAMES_Z: Final = 22.0
 class MapDrawing:
     """A map ready to be drawn in any windows inside an extent (m).
 
-    ``legal_marks`` shows what the law paints, else what the reconstruction needs is written in the map. ``heights``
+    ``legal_marks`` shows marks as the law has them, else as written in the map for the reconstruction. ``heights``
     colours the surfaces by height where they differ. ``surroundings`` lie behind the roads, ``dark`` is the night,
     ``fading`` lets a map that was cut out around its origin fade at its edge.
     """

@@ -1,4 +1,4 @@
-"""Fixed objects as pictures and replays show them: their outlines, and who says that they stand there."""
+"""Fixed objects as pictures and replays show them: their outlines, and where their place comes from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trace_dag.geometry import FloatArray, rectangle_corners
 from trace_dag.states.objects import FixedObject, PlacedBy
 
 _LEAST_M: Final = 0.5  # nothing thinner is drawn
-_ROUND_M: Final = 1.0  # what is compact and smaller than this is drawn round
+_ROUND_M: Final = 1.0  # compact objects smaller than this are drawn round
 OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
@@ -25,17 +25,17 @@ def outline(item: FixedObject) -> FloatArray:
 
 
 def is_ours(item: FixedObject) -> bool:
-    """Whether the program placed it."""
+    """Whether the program placed the object."""
     return item.placed_by is PlacedBy.PROGRAM
 
 
 def in_words(item: FixedObject) -> str:
-    """What it is, and who says that it stands there."""
+    """What the object is, and where its place comes from."""
     return f"{item.name} ({OBJECT_NOTE if is_ours(item) else 'OpenStreetMap ' + item.osm_id})"
 
 
 def names(items: Iterable[FixedObject]) -> str:
-    """The names of some objects, each once, in their order."""
+    """The names of some objects, without repetitions, in their order."""
     return ", ".join(dict.fromkeys(item.name for item in items))
 
 
@@ -49,5 +49,6 @@ _CATEGORIES: Final = {
 
 
 def object_category(item: FixedObject) -> str:
-    """What it is in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``) share."""
+    """The object's category, in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``)
+    share."""
     return _CATEGORIES.get(item.code, "obstacle")

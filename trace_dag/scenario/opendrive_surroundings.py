@@ -1,9 +1,9 @@
-"""What OpenStreetMap has beside the roads, as ``<object>``s of a map: buildings, trees, woods, barriers, poles.
+"""Things that OpenStreetMap has beside the roads, as ``<object>``s of a map: buildings, trees, woods, barriers, poles.
 
 ASAM OpenDRIVE 1.7, section 11: an object belongs to a road, here the nearest that is in no junction; corners of its
-outline are relative to its origin. Water, railways and parking areas have no type there and are left out, and so is
-whatever would stand on a carriageway or lie across a road: woods around a road, buildings above one. Heights are
-OpenStreetMap's where it has them; where they are usual ones, ``userData`` says so.
+outline are relative to its origin. Water, railways and parking areas have no type there and are left out. So are things
+on a carriageway or across a road: woods around a road, buildings above one. Heights are OpenStreetMap's if it has them;
+if a usual height is used, ``userData`` says so.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class _Roads:
         self._all = shapely.STRtree(list(lines.values()))
 
     def place(self, shape: BaseGeometry) -> _Place | None:
-        """Where a shape belongs; None far from all roads, and for what would stand on one."""
+        """The place of a shape; None if it is far from all roads or would stand on one."""
         if len(self._all.query(shape, predicate="intersects")):
             return None
         if len(self._all.query(shape, predicate="dwithin", distance=_BESIDE_LANES_M)) and any(
@@ -127,7 +127,7 @@ class _Roads:
         for number in sorted(near.tolist(), key=lambda each: shape.distance(self._streets.geometries[each])):
             line = self._network.road_geometry(self._ids[number]).line
             s_m, t_m, _ = line.project(x, y)
-            if 0.0 <= s_m <= line.length_m:  # what lies beyond an end has no s there
+            if 0.0 <= s_m <= line.length_m:  # a shape beyond a road's end has no s on it
                 _, _, heading_rad, _ = line.at(s_m)
                 return _Place(self._ids[number], s_m, t_m, np.array([x, y]), heading_rad)
         return None
@@ -181,7 +181,7 @@ def _corners(shape: BaseGeometry) -> FloatArray:
 
 
 def _told_height_m(feature: OsmFeature) -> float | None:
-    """The height that OpenStreetMap has, or that its storeys make."""
+    """The height by OpenStreetMap, tagged or from the number of storeys."""
     height_m = parse_length_m(feature.tags.get("height"))
     if height_m is None and (storeys := parse_length_m(feature.tags.get("building:levels"))):
         height_m = storeys * _STOREY_M

@@ -5,9 +5,9 @@ standard has it. The 1.0 form that CARLA's ScenarioRunner (0.9.16) accepts: posi
 that is where it puts an actor. Both are in the map's own frame (metres, radians counter-clockwise from east) with
 times in seconds from the start of the reconstruction.
 
-With a participant free, a controller drives it from its initial state, and the others follow their motion only up to
-the contact with it: what they did after that, they would not have done without it. From there they go on as the
-standard has it for entities without an action.
+If a participant is free, a controller drives it from its initial state. The others follow their motion up to the
+contact with it, since their motion after that was caused by the contact. From there they continue as the standard
+defines for entities without an action.
 
 Sources: ASAM OpenSCENARIO XML 1.0.0 and 1.2.0; ScenarioRunner ``openscenario_parser.py`` for what 1.0 files it reads:
 ``FollowTrajectoryAction`` in the Story only, polylines only, a ``time`` on every vertex, no negative initial speed. It
@@ -46,7 +46,7 @@ CONTROLLER = "free_vehicle_controller"
 
 _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on after the recorded contact
 _BEFORE_END_S = 0.0005
-_TRAJECTORY = "_trajectory"  # names of trajectories end so
+_TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
 _LICENCE = ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/")
 _XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
@@ -54,14 +54,14 @@ _XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree
 
 @dataclass(frozen=True)
 class Flavour:
-    """Which OpenSCENARIO is written: that of CARLA's ScenarioRunner or 1.2, and which vehicle (``VEH_NO``) is free."""
+    """The form of OpenSCENARIO: 1.2 or that of CARLA's ScenarioRunner, and which vehicle (``VEH_NO``) is free."""
 
     carla: bool = False
     free: int | None = None
 
 
 class OpenScenarios:
-    """A simulated crash as OpenSCENARIO, in any flavour. What the flavours have in common is computed once."""
+    """A simulated crash as OpenSCENARIO, in any flavour. Values that all flavours share are computed once."""
 
     def __init__(self, record: CrashRecord, network: RoadNetwork, log: SimulationLog) -> None:
         self._record = record
@@ -113,7 +113,7 @@ class OpenScenarios:
         return text.encode() + b"\n"
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
-        """What a vehicle does: all it did or, with another one free, up to where it would first touch that one."""
+        """A vehicle's motion: all of it or, if another one is free, up to where it would first touch that one."""
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
             driven = motion(self._log, vehicle, ahead_m=place[1], surface=self._surface)
@@ -121,7 +121,7 @@ class OpenScenarios:
         whole = self._driven[place]
         until_s = _followed_until_s(self._log, vehicle.number, flavour.free)
         count = sum(time_s <= until_s + SAME_TIME_S for time_s in whole.time_s)
-        if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is not a way to go along
+        if count == 1 < len(whole.time_s):  # it stood until then, and one vertex is not a trajectory
             return _Driven([whole.time_s[0], round(until_s, 6)], [whole.poses[0]] * 2)
         return _Driven(whole.time_s[:count], whole.poses[:count])
 
@@ -130,7 +130,7 @@ _Pose = tuple[float, ...]  # x, y, z (m), heading, pitch, roll (rad), as they ar
 
 
 class _Driven(NamedTuple):
-    """A motion as a scenario states it: times in seconds, and where the reference point is then."""
+    """A motion as written in a scenario: times in seconds and places of the reference point."""
 
     time_s: list[float]
     poses: list[_Pose]
@@ -165,7 +165,8 @@ def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> flo
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
-    """Until when a vehicle does what it did: with another one free, until it would first touch that one."""
+    """The time until which a vehicle follows its motion: if another one is free, until it would first touch that
+    one."""
     touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == {number, free}]
     return min(touching, default=math.inf)
 
@@ -255,7 +256,7 @@ def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
     from scenariogeneration import xosc
 
     trajectory = xosc.Trajectory(f"{name}{_TRAJECTORY}", closed=False)
-    # Its ends alone: they hold the place of all vertices, which are written as text.
+    # Only its ends: they are replaced by all vertices, which are written as text.
     ends = [xosc.WorldPosition(*driven.poses[k]) for k in (0, -1)]
     trajectory.add_shape(xosc.Polyline([driven.time_s[0], driven.time_s[-1]], ends))
     action = xosc.FollowTrajectoryAction(
@@ -299,7 +300,8 @@ def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trig
     from scenariogeneration import xosc
 
     def after(time_s: float) -> xosc.ValueTrigger:
-        # A little before the last vertex, or a player goes one frame beyond it; the steps' sum is not quite the time.
+        # A little before the last vertex, else a player goes one frame beyond it: the sum of its steps is not exactly
+        # the time.
         condition = xosc.SimulationTimeCondition(round(time_s - _BEFORE_END_S, 4), xosc.Rule.greaterThan)
         return xosc.ValueTrigger("stop_time", 0.0, xosc.ConditionEdge.none, condition, triggeringpoint="stop")
 

@@ -1,7 +1,8 @@
 """Time of day, light, weather and the state of the road as the report has them, as OpenSCENARIO's environment.
 
-The sun stands where it stood at the reported time and place; where the reported light says otherwise (time zones have
-odd borders, and clocks are wrong), as near to that as the light allows. What the report does not tell is left out.
+The sun stands where it was at the reported time and place. If the reported light contradicts that (time zones have odd
+borders, and clocks are wrong), it stands as near to there as the light allows. Values that the report does not have are
+left out.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class _Weather:
 
 
 # By WEATHER. Moderate rain is 2.6 to 7.6 mm an hour (AMS Glossary of Meteorology), moderate snow 1 to 2.5 mm of water;
-# fog is a range of less than 1,000 m (WMO No. 407). FARS codes no more than that there was some.
+# fog is a range of less than 1,000 m (WMO No. 407). FARS only codes that there was some.
 _WEATHERS: Final = {
     0: _Weather(0),
     1: _Weather(0),
@@ -48,7 +49,7 @@ _WEATHERS: Final = {
 
 
 def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction | None:
-    """The environment of a crash; None where the report tells neither its time nor its light nor its weather.
+    """The environment of a crash; None if the report has neither time nor light nor weather.
 
     ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
     """

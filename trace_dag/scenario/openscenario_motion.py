@@ -2,7 +2,7 @@
 
 The log has the body's centre at every logged step and where two bodies overlap deepest. A player that interpolates
 between steps needs the beginning of the crash too: so the first touch of every contact is a vertex of its own. Which of
-the vertices players keep is for :mod:`trace_dag.scenario.openscenario_vertices`.
+the vertices players keep is handled in :mod:`trace_dag.scenario.openscenario_vertices`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> Float
 
 
 def _until_struck(log: SimulationLog, number: int, time_s: FloatArray, heading_rad: FloatArray) -> FloatArray:
-    """A person's heading, which stays as it was at the first strike."""
+    """A person's heading; from the first strike on it stays the same."""
     struck_s = min((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=math.inf)
     before = np.flatnonzero(time_s <= struck_s + SAME_TIME_S)
     kept: FloatArray = heading_rad[np.minimum(np.arange(len(time_s)), before[-1] if len(before) else 0)]

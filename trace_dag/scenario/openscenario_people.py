@@ -4,9 +4,9 @@ An animal is a pedestrian of the category ``animal``, as the standard has it. CA
 flavour has a walker in the place of one.
 
 A pedestrian's reference point is the middle of its box on the road, that of a bicycle, a vehicle, the middle of its
-rear axle. Players know no joints: from the strike on an entity is where the middle of the thrown body is, on the road
-below it, and keeps the heading it was struck at. A bicycle is both until then and who rode it from then on. How a body
-flies and lies is in the package's trajectories.
+rear axle. Players have no jointed bodies. From the strike on an entity is on the road below the middle of the thrown
+body and keeps the heading at the strike. A bicycle stands for bicycle and rider until then, and for the rider after it.
+The motion of the body's parts is in the package's trajectories.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
 if TYPE_CHECKING:
     from scenariogeneration import xosc
 
-_HUB = 0.52 / BICYCLE_LENGTH_M  # of the length: the rear hub behind the middle, as far as the front one ahead of it
+_HUB = 0.52 / BICYCLE_LENGTH_M  # share of the length: how far each hub is from the middle
 _WHEEL_DIAMETER_M = 0.68
 _MAX_STEER_RAD = 0.8
 _MAX_SPEED_MPS, _MAX_ACCELERATION_MPS2, _MAX_DECELERATION_MPS2 = 15.0, 2.0, 5.0  # of a bicycle

@@ -23,7 +23,7 @@ _WHEEL_DIAMETER_M = 0.65
 _TRUCK_WHEEL_DIAMETER_M = 1.0
 _HEAVY = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
 _MAX_SPEED_MPS = 70.0  # a report can state no more than 151 mph
-_MAX_DECELERATION_MPS2 = 8.0  # on dry asphalt; what the crash itself does is not a performance
+_MAX_DECELERATION_MPS2 = 8.0  # braking on dry asphalt; the crash itself may be harder
 
 
 def rear_axle_ahead_m(body: Body) -> float:

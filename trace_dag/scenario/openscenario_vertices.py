@@ -1,12 +1,12 @@
-"""Which vertices a trajectory states, so that players that leave some of them out show the same crash.
+"""The vertices of a trajectory, chosen so that players that leave some of them out show the same crash.
 
 Players merge vertices that lie close together: esmini, started with default options, goes along a polyline and leaves
 out what is within 0.1 m of the last vertex it kept (``--traj_filter``, its ``PolyLineShape::FinalizeVertices``). After
-an impact bodies are slow, and the moment in which they overlap is then left out. So the moments that matter are made
-to be kept: before each stands a vertex a little more than the filter's radius away, which the filter keeps too, and all
-between the two lie within that radius. A vertex added for this lies on the motion and changes nothing for a player that
-keeps all. Some in front of it go: the logged steps less than the radius away, where vehicles still drive and a straight
-line to the next vertex is off by millimetres.
+an impact bodies are slow, and the moment in which they overlap is then left out. So vertices are placed such that the
+filter keeps the important moments. Before each of them is a vertex a little more than the filter's radius away, which
+the filter also keeps; all vertices between the two lie within that radius. A vertex added for this lies on the motion
+and changes nothing for a player that keeps all vertices. Logged steps less than the radius before it are removed: there
+vehicles still drive, and a straight line to the next vertex is off by millimetres only.
 """
 
 from __future__ import annotations

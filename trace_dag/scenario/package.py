@@ -1,9 +1,8 @@
-"""The scenario package of one crash: everything a tester needs, in one archive that explains itself.
+"""The scenario package of one crash: everything a tester needs in one archive, with its own documentation.
 
-A package is a set of named files; :func:`package_files` makes them, :func:`zip_files` puts them into an archive that is
-the same byte for byte whenever its content is. Nothing in it refers to the machine it was made on. What
-:func:`package_files` takes is a crash on its road as it was simulated and judged, whoever made it: a verified crash, or
-a variation of one.
+A package is a set of named files; :func:`package_files` makes them, :func:`zip_files` puts them into an archive: the
+same content gives the same bytes. Nothing in it refers to the machine it was made on. :func:`package_files` takes a
+crash on its road as simulated and judged: a verified crash or a variation of one.
 """
 
 from __future__ import annotations
@@ -136,7 +135,7 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
 
 
 def _map_objects(crash: PackageInput) -> list[PlacedObject]:
-    """What stands beside the roads: the fixed objects of the crash, and the surroundings."""
+    """The objects beside the roads: the fixed objects of the crash, and the surroundings."""
     items = crash.log.objects
     around = surrounding_objects(crash.network, crash.surroundings, without={item.osm_id for item in items})
     return [*fixed_objects(crash.network, items), *around]
@@ -187,7 +186,7 @@ def _scenarios(crash: PackageInput) -> list[_File]:
 
 
 def _left_free(log: SimulationLog) -> list[int]:
-    """The vehicles that can be left to a controller: each in turn, where somebody else takes part."""
+    """The vehicles that a controller can drive: each in turn, if there is another party."""
     if len(log.bodies) < 2:
         return []
     return sorted(number for number, body in log.bodies.items() if not body.is_figure)

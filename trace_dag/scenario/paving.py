@@ -1,8 +1,7 @@
 """The asphalt of a junction between its lanes.
 
-A map says where lanes are. Between those that cross, turn and end in a junction it leaves spots that belong to no lane
-and are paved all the same. Belongs here: where they are. Does not belong here: drawing them
-(:mod:`trace_dag.scenario.maps`).
+A map has lanes. In a junction there are paved places between the lanes that belong to none of them. Belongs here: where
+they are. Does not belong here: drawing them (:mod:`trace_dag.scenario.maps`).
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ class PavedGap(NamedTuple):
 
 
 def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) -> Iterator[PavedGap]:
-    """What is paved beside the lanes of some junctions.
+    """The paved places beside the lanes of some junctions.
 
     ``lanes`` are outlines of lanes on one level, shape (n, 2), m: those through junctions, of which ``junctions`` has
     the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of

@@ -1,4 +1,4 @@
-"""What is written on the picture of a crash: headline, who is who, what the signs mean.
+"""The text on the picture of a crash: headline, the parties, and the meaning of the signs.
 
 Letters are set on the finished picture by Pillow: matplotlib takes ten times as long for each line.
 """
@@ -68,7 +68,7 @@ class Words(NamedTuple):
 
 
 def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
-    """Set lines of text on a picture of so many pixels per inch."""
+    """Write lines of text on a picture with a resolution in pixels per inch."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(picture)
@@ -107,7 +107,7 @@ def headline_words(line: int, text: str) -> Words:
 
 
 def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
-    """Which crash it is, of what kind and where, and what it was judged to be."""
+    """Which crash it is, its kind and place, and its verdict."""
     lines = [place_line(record)]
     if verdict:
         outcome = "verified" if verdict.accepted else f"not verified: {verdict.reason}"
@@ -129,12 +129,12 @@ def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Co
 
 
 def vehicle_column(entries: Signs) -> Column:
-    """How so many vehicles are set."""
+    """The column for a number of vehicles."""
     return next(each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(entries) <= 2 * each.rows or each is _CROWD)
 
 
 def sign_column(entries: Signs) -> Column:
-    """How so many signs are set."""
+    """The column for a number of signs."""
     return _SIGNS if len(entries) <= 2 * _SIGNS.rows else _MANY_SIGNS
 
 
@@ -147,7 +147,7 @@ def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
 
 
 def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
-    """How each vehicle is drawn, and what it is, does and how fast."""
+    """How each vehicle is drawn, its type, manoeuvre and speed."""
     reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in record.vehicles}
     parked = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
     planned = sorted(hypothesis.participants, key=lambda each: each.vehicle_number) if hypothesis else ()
@@ -170,7 +170,7 @@ def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[
 def sign_entries(
     report: MapReport, hypothesis: Hypothesis | None, log: SimulationLog | None
 ) -> list[tuple[dict[str, Any], str]]:
-    """How the signs in this picture look, and what they mean."""
+    """The signs in this picture and their meaning."""
     signs: list[tuple[dict[str, Any], str]] = []
     if hypothesis:
         signs.append(({"color": _PATH_COLOUR, "lw": 1, "ls": (0, (4, 3))}, "planned path, outline at its start"))

@@ -46,7 +46,7 @@ class _Figure:
 
 
 class DrawnMotion:
-    """How vehicles and people move: as planned in ``hypothesis`` and as simulated in ``log``, as far as there are."""
+    """The motions of vehicles and people: planned in ``hypothesis`` and simulated in ``log``, if they are there."""
 
     def __init__(self, hypothesis: Hypothesis | None, log: SimulationLog | None) -> None:
         contacts = sorted(log.contacts, key=lambda each: each.time_s) if log else []
@@ -134,7 +134,7 @@ class DrawnMotion:
         for x, y in self._overturns:
             panel.add(Line2D([x], [y], marker="P", ms=9, color=CONTACT_COLOUR, mec="white", mew=0.7, zorder=40))
         for contact in self._contacts:
-            # Of two vehicles it lies between them; somebody on foot would be covered by it.
+            # For two vehicles it lies between them; a person on foot would be covered by it.
             level = 40.0 if is_vehicle(contact.number_2) else 31.5
             star = Line2D([contact.x_m], [contact.y_m], marker="*", ms=13, color=CONTACT_COLOUR, mec="white", mew=0.7)
             star.set_zorder(level)
@@ -142,7 +142,7 @@ class DrawnMotion:
 
 
 def _fronts(body: _Body) -> Iterator[tuple[FloatArray, str, float]]:
-    """What shows where a body's front is, its windscreen and a stroke ahead: line, colour, width (points)."""
+    """The marks of a body's front, a windscreen and a stroke ahead: line, colour, width (points)."""
     screen, half, front = 0.22 * body.length_m, 0.42 * body.width_m, 0.5 * body.length_m
     yield body.pose.to_world(np.array([[screen, half], [screen, -half]])), "white" if body.alpha else body.colour, 1.6
     yield body.pose.to_world(np.array([[front, 0.0], [front + _NOSE_M, 0.0]])), body.colour, 1.2
@@ -172,7 +172,7 @@ def _draw_figure(panel: Panel, figure: _Figure) -> None:
 
 
 def _first_of_pairs(contacts: Sequence[Contact]) -> list[Contact]:
-    """The first contact of any two, in their order."""
+    """The first contact of each two parties, in order."""
     first: dict[tuple[int, int], Contact] = {}
     for each in contacts:
         first.setdefault((each.number_1, each.number_2), each)
@@ -191,7 +191,7 @@ def draw_cross(panel: Panel) -> None:
 
 
 def draw_reported_point(panel: Panel, report: MapReport) -> None:
-    """Where the report says it happened, and where that was placed on the road if elsewhere."""
+    """The reported point, and the point on the road to which it was moved, if it was."""
     from matplotlib.lines import Line2D
 
     x, y = report.placement.x_m, report.placement.y_m

@@ -20,7 +20,7 @@ _LEFT_IN: Final = (_EDGE_IN, _WIDTH_IN - _PANEL_IN - _EDGE_IN)
 
 
 class Sheet:
-    """13 by 7.2 inches of so many pixels each. ``words`` are set on it last."""
+    """A sheet of 13 by 7.2 inches with a resolution in pixels per inch. ``words`` are written on it last."""
 
     def __init__(self, dpi: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -40,7 +40,7 @@ class Sheet:
         return panel
 
     def write_at(self, panel: Panel, xy_m: tuple[float, float], text: str) -> None:
-        """Write beside a place of a panel; nothing where that is outside."""
+        """Write beside a place of a panel; nothing if the place is outside."""
         west, south, east, north = panel.window
         if west < xy_m[0] < east and south < xy_m[1] < north:
             x_px, y_px = panel.to_pixels.transform(xy_m)
@@ -50,7 +50,7 @@ class Sheet:
             self.words.append(Words(x_in, _HEIGHT_IN - y_px / self._dpi, text, anchor=anchor, backed=True))
 
     def legend(self, left: Signs, right: Signs) -> None:
-        """Draw the legend: who is who below the left panel, what the signs mean below the right one."""
+        """Draw the legend: the parties below the left panel, the meaning of the signs below the right one."""
         columns = (_LEFT_IN[0], vehicle_column(left), left), (_LEFT_IN[1], sign_column(right), right)
         self.words += draw_legend(self._figure, _HEIGHT_IN - _LEGEND_IN, columns)
 
@@ -72,14 +72,14 @@ def square(centre: tuple[float, float], half_m: float) -> Window:
 
 
 def around(one: Window, other: Window) -> Window:
-    """The least window that holds two."""
+    """The smallest window that contains both."""
     west, south = (min(one[i], other[i]) for i in (0, 1))
     east, north = (max(one[i], other[i]) for i in (2, 3))
     return west, south, east, north
 
 
 def _draw_scale(panel: Panel, left_in: float, title: str) -> Words:
-    """A frame, a bar of a round number of metres, where north is, and what is written beside them."""
+    """Draw a frame, a scale bar of a round number of metres, the direction of north, and their labels."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 

@@ -1,8 +1,8 @@
 """The picture of a crash: the road with its lanes, the paths, the bodies at contact and at rest, the reported point.
 
 Two views of the same thing side by side: the approach (everything from the start of the reconstruction on) and the
-impact (close up), north up, each with a scale bar. What is not known yet is left out, so a picture can be drawn after
-any stage from ``road_map`` on.
+impact (close up), north up, each with a scale bar. Values that are not known yet are left out, so a picture can be
+drawn after any stage from ``road_map`` on.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def draw_crash(
 
 
 def as_png(picture: Image) -> bytes:
-    """A picture as a file with a palette: a map has few colours, and so it is a third of the size in half the time."""
+    """A picture as a file with a palette: since a map has few colours, it has a third of the size and takes half the
+    time."""
     from PIL.Image import Dither, Quantize
 
     stream = io.BytesIO()
@@ -104,8 +105,7 @@ def _approach_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -
 
 
 def _impact_window(hypothesis: Hypothesis | None, log: SimulationLog | None) -> Window:
-    """A square around the first contact; around all that are planned where several vehicles meet, as far as those are
-    near."""
+    """A square around the first contact; if several vehicles meet, around all planned contacts that are near."""
     contact = log.first_contact if log else None
     if log is None or contact is None:
         return square(hypothesis.impact_point_xy_m if hypothesis else (0.0, 0.0), _IMPACT_HALF_WINDOW_M)

@@ -1,4 +1,4 @@
-"""Lines of points in fewer points."""
+"""Lines simplified to fewer points."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
 """A simulated crash in the published benchmark's layout: two cars on waypoints at constant speed, in CARLA's frame.
 
-That layout knows one kind of motion and one body, the Tesla Model 3 it was made with. So that scripts written for it
-reproduce our crash, the motion is translated: each vehicle goes along the path it was driven, at its reported speed
-(at the mean of what it was driven, where none is reported), and starts as far from the crash as it goes in the time
-both have. Bodies of another size are replaced so that the part of the body that was hit is still the part that is hit:
-sideways the path moves by what the body is narrower, along it the car goes on until it touches.
-:func:`trace_dag.sim.published.read_published` reads the result.
+That layout has one kind of motion and one body, the Tesla Model 3 it was made with. The motion is translated so that
+scripts written for the layout reproduce the crash: each vehicle follows its path at its reported speed (its mean speed,
+if none is reported) and starts as far from the crash as it gets in the time that both have. Bodies of another size are
+replaced such that the same part of the body is hit: sideways the path is moved by the difference in width, and along it
+the car goes on until it touches. :func:`trace_dag.sim.published.read_published` reads the result.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ WAYPOINT_STEP_M = 5.0
 
 _GOES_ON_M = 20.0  # past the crash, as the published ones do
 _SAME_PLACE_M = 1e-3
-_STANDS_M = 0.5  # who has gone no further until the crash was standing
+_STANDS_M = 0.5  # a vehicle that has moved no farther until the crash was standing
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +114,7 @@ def _way(state: ParticipantState, log: SimulationLog, contact: Contact) -> _Way:
 
 
 def _shift(state: ParticipantState, pose: Pose, contact: Contact) -> tuple[float, float]:
-    """How far ahead and to the left of the body's centre a car's must be to be touched at the same part of the body."""
+    """How far ahead and to the left of the body's centre the car's centre must be to be touched at the same part."""
     dx, dy = contact.x_m - pose.x_m, contact.y_m - pose.y_m
     c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     ahead_m, left_m = dx * c + dy * s, dy * c - dx * s
@@ -123,7 +122,7 @@ def _shift(state: ParticipantState, pose: Pose, contact: Contact) -> tuple[float
 
 
 def _onward(state: ParticipantState, pose: Pose, contact: Contact) -> FloatArray:
-    """From the contact on, as planned: shape (n, 2), and straight on where the plan ends."""
+    """The planned path from the contact on, shape (n, 2), continued straight on."""
     plan = state.trajectory
     at = np.array([np.interp(contact.time_s, plan.time_s, values) for values in (plan.x_m, plan.y_m)])
     here = np.array([pose.x_m, pose.y_m])
@@ -136,6 +135,6 @@ def _onward(state: ParticipantState, pose: Pose, contact: Contact) -> FloatArray
 
 
 def _distinct(path_m: FloatArray) -> FloatArray:
-    """Without points where the one before is."""
+    """The points without repeated ones."""
     kept: FloatArray = path_m[np.concatenate([[True], np.hypot(*np.diff(path_m, axis=0).T) > _SAME_PLACE_M])]
     return kept

@@ -1,7 +1,7 @@
-"""The picture of a map that its crash is rejected for: the streets, the reported point, and what keeps them apart.
+"""The picture of a map for which a crash is rejected: the streets, the reported point, and the distance between them.
 
-On the left all streets around the point that matter, on the right the point itself. OpenStreetMap's own lines lie over
-the map that was made of them, so that a map that is not what they say shows it.
+On the left all relevant streets around the point, on the right the point itself. OpenStreetMap's own lines are drawn
+over the map made from them, so that differences are visible.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _LEAST_HALF_WINDOW_M: Final = 60.0
 _MARGIN: Final = 1.3
-_STREETS: Final = 4  # more are not pointed at
+_STREETS: Final = 4  # no more streets are marked
 _NAMED_COLOUR: Final = "#0B6E4F"
 _OSM_COLOUR: Final = "#7A1FA2"
 
@@ -45,7 +45,7 @@ def draw_rejected_map(
     surroundings: Sequence[OsmFeature] = (),
     dpi: int = 90,
 ) -> Image:
-    """The picture, 13 by 7.2 inches; ``why`` the crash is rejected is its second line."""
+    """The picture, 13 by 7.2 inches; its second line is ``why``, the reason of the rejection."""
     sheet = Sheet(dpi)
     sheet.words += [place_line(record), headline_words(1, why)]
     pointed_at = _pointed_at(report)

@@ -1,7 +1,7 @@
-"""What a tester needs to have a person struck again where players or walkers do not do it: trigger, path, impact point.
+"""Data to reproduce the strike of a person in simulators whose walkers do not collide: trigger, path, impact point.
 
-CARLA's walkers do not collide physically: a vehicle passes through them or stops at them, and nobody is thrown. Whoever
-drives them decides by these numbers when a person sets off and whether the vehicle met them.
+CARLA's walkers do not collide physically: a vehicle passes through them or stops at them, and nobody is thrown. A test
+uses these numbers to decide when a person sets off and whether the vehicle struck the person.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def strikes(log: SimulationLog) -> list[dict[str, object]]:
-    """Of each person the first strike by each vehicle, in order, in the frame of the log; empty where nobody was.
+    """The first strike of each person by each vehicle, in order, in the frame of the log; empty if nobody was struck.
 
     ``trigger`` is the state of the striking vehicle when the person sets off; ``path`` the person's motion up to the
     first strike, rows of time (s), x, y, z (m), heading (rad) and speed (m/s).

@@ -1,4 +1,4 @@
-"""A crash as a small picture that moves: an SVG of a few kB that plays by itself, in a loop, wherever images are shown.
+"""A crash as a small moving picture: an SVG of a few kB that plays in a loop wherever images are shown.
 
 It shows the seconds around the first contact, or the overturn, from above: roads as strokes of their width, bodies as
 boxes and discs, and what OpenStreetMap has beside the roads. Units: metres, y downward as in SVG.
@@ -25,13 +25,13 @@ _HALF_WIDTH_M, _HALF_HEIGHT_M = 32, 20
 _BEFORE_S, _AFTER_S, _HELD_S = 2.5, 2.0, 1.0
 _STEP_S = 0.1
 _SIMPLIFIED_BY_M = 0.4
-_PERSON_RADIUS_M = 1.1  # drawn larger than life, to be seen
+_PERSON_RADIUS_M = 1.1  # drawn larger than to scale, to be visible
 
 
 def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Sequence[OsmFeature] = ()) -> str:
     """The SVG of a crash; ``surroundings`` lie behind the roads.
 
-    Raises ValueError where nobody touched anything or overturned: there is no moment to show.
+    Raises ValueError if there was neither a contact nor an overturn: there is no moment to show.
     """
     moment = moment_of(log)
     if moment is None:
@@ -55,7 +55,7 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seq
 
 
 def _beside(network: RoadNetwork, surroundings: Sequence[OsmFeature], centre: FloatArray) -> list[str]:
-    """What is beside the roads, cut to the picture; less of it where the page around is dark."""
+    """Surroundings of the roads, cut to the picture; fewer of them on dark pages."""
     x, y = centre.tolist()
     window = (x - _HALF_WIDTH_M, y - _HALF_HEIGHT_M, x + _HALF_WIDTH_M, y + _HALF_HEIGHT_M)
     parts = []
@@ -98,7 +98,7 @@ def _moving(vehicle: VehicleLog, body: Body, colour: str, time_s: FloatArray, ce
 
 
 def _animated(kind: str, values: Sequence[str]) -> str:
-    """A transformation through equally spaced values, the last of which is held for a while."""
+    """A transformation through equally spaced values; the last one is held for a while."""
     held = [*values, *[values[-1]] * round(_HELD_S / _STEP_S)]
     return (
         f"<animateTransform attributeName='transform' type='{kind}' additive='sum' values='{';'.join(held)}' "

@@ -1,7 +1,7 @@
 """The log of a package as one JSON document, written and read: ``trajectories.json``.
 
-What its columns mean, the states of each party per step, contacts, objects, and how the run ended. Numbers are rounded
-to the micrometre (and microradian, and microsecond).
+It has the meaning of its columns, the states of each party per step, contacts, objects, and how the run ended. Numbers
+are rounded to the micrometre (and microradian, and microsecond).
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def log_to_json(key: str, log: SimulationLog) -> bytes:
 
 
 def log_from_json(data: bytes, *, name: str) -> SimulationLog:
-    """The log that :func:`log_to_json` wrote. Raises :class:`DamagedFile` naming ``name`` for what is none."""
+    """The log that :func:`log_to_json` wrote. Raises :class:`DamagedFile`, which names the file ``name``, for anything
+    else."""
     try:
         document: dict[str, Any] = json.loads(data)
         run, parties = document["run"], document["vehicles"]

@@ -1,6 +1,6 @@
 """Roads and what is around them as surfaces: pavement by type, kerbs, paint, and the ground between.
 
-Seen from above nothing covers anything else: where lanes overlap, as in junctions, they are one surface. Heights are
+Seen from above, surfaces do not overlap: overlapping lanes, as in junctions, become one surface. Heights are
 those of the lanes nearest to a point; the ground reaches from road to road.
 """
 
@@ -39,13 +39,13 @@ _ABOVE_M: Final = 0.02  # paint above pavement
 _STEP_M: Final = 1.0 / 256.0  # points are rounded to this: what repeats compresses
 _WAY_M: Final = 2.5  # to each side of where a body went
 _JOIN_M: Final = 0.02
-_BORDER_M: Final = 4.0  # where there are slopes, borders have a point so often
+_BORDER_M: Final = 4.0  # spacing of border points on slopes
 _TURN_STROKE_M: Final = 0.18
 
 
 class Heights:
-    """Heights of a surface by known points, shape (n, 3): between the nearest ones, the nearer the more; 0 without
-    any. Along a ``way``, points where bodies went beside roads, it is as high as they had it."""
+    """Heights of a surface by known points, shape (n, 3): a mean of the nearest ones, weighted by nearness; 0 without
+    any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points."""
 
     def __init__(self, points_m: FloatArray, way_m: FloatArray | None = None) -> None:
         self._z = points_m[:, 2]
@@ -235,7 +235,7 @@ def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneT
 
 
 def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
-    """What is paved between the lanes of junctions."""
+    """The pavement between the lanes of junctions."""
     inside = [lane for lane in lanes if lane.road.junction_id is not None]
     through: dict[str | None, list[int]] = defaultdict(list)
     for number, lane in enumerate(inside):

@@ -86,7 +86,7 @@ def _upright(body: Body, posture: Posture) -> dict[str, tuple[float, float, floa
     root = root_height(body, posture)
 
     def along(length: float, angle: float) -> tuple[float, float]:
-        """What stands up from a joint, leaning forward by an angle."""
+        """A point at some height above a joint, leaning forward by an angle."""
         return length * h * math.sin(angle), length * h * math.cos(angle)
 
     back = posture.pelvis + posture.lumbar / 2

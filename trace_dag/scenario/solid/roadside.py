@@ -1,4 +1,4 @@
-"""What stands beside roads: fixed objects that vehicles strike, signals and signs, buildings and trees of the map."""
+"""Things beside roads: fixed objects that vehicles strike, signals and signs, buildings and trees of the map."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _polygon(corners: int, radius: float) -> FloatArray:
 
 
 def _plate(outline: FloatArray, middle_m: float, ahead_m: float) -> Mesh:
-    """An upright plate with an outline of (to the left of who looks at it... its own left, up)."""
+    """An upright plate; its outline is given as (to its own left, up)."""
     face = flat(shapely.Polygon(outline))
     y, z = face.points_m[:, 0], face.points_m[:, 1]
     front = Mesh(np.column_stack([np.full(len(y), ahead_m), y, z + middle_m]), face.triangles)
@@ -185,6 +185,6 @@ def _building(
 
 
 def tree_parts(trunk_m: float, height_m: float) -> Parts:
-    """A tree of a trunk so thick (m), from half a metre below the ground up."""
+    """A tree with a trunk of a given thickness (m), from half a metre below the ground up."""
     crown = ball(0.30 * height_m, 1.15, 4, 8).moved((0.0, 0.0, 0.64 * height_m))
     return [(_TRUNK, cylinder(trunk_m / 2, -0.5, 0.5 * height_m, 8, 0.35 * trunk_m)), (_CROWN, crown)]

@@ -1,4 +1,4 @@
-"""Motion as key frames: where a body is and how it is turned, with no more keys than it takes to follow the log.
+"""Motion as key frames: places and rotations of a body, with no more keys than needed to follow the log.
 
 Quaternions are x, y, z, w, as in glTF.
 """

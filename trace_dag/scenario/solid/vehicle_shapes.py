@@ -27,7 +27,7 @@ _CARGO: Final = Material("#D9DADB")
 _HEADLAMP: Final = Material("#FFF6DD", glows=True)
 _TAIL_LAMP: Final = Material("#6E1116")
 BRAKE_LAMP: Final = Material("#FF2A1A", glows=True)
-_STATION_M: Final = 0.22  # a body has a ring so often: enough for a dent to be seen
+_STATION_M: Final = 0.22  # spacing of a body's rings: close enough for a dent to be visible
 
 Parts = list[tuple[Material, Mesh]]
 
@@ -55,7 +55,7 @@ class VehicleShape:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What a class looks like behind its front; lengths as shares of the body's, from its tail (0) to its nose (1)."""
+    """The shape of a class behind its front; lengths as shares of the body's, from its tail (0) to its nose (1)."""
 
     roof_to: float  # where the roof ends
     rear_to: float  # where the rear window has come down
