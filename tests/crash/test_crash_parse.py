@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from trace_dag.crash.derive import impact_area, implied_impact_of_damage
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
+from trace_dag.crash.tables import record_to_parquet, records_from_parquet
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings
 
@@ -280,6 +281,34 @@ def test_vehicle_class(elements: dict[str, int | None], expected: VehicleClass, 
     vehicle = read(report(vehicles=[elements]), settings).vehicles[0]
     assert vehicle.vehicle_class is expected
     assert ("vehicle_class" in vehicle.implied) == (elements.get("BODY_TYP") in (None, 99))
+
+
+@pytest.mark.parametrize(
+    ("elements", "length_m", "whole_m", "mass_kg"),
+    [({"BODY_TYP": 66, "TOW_VEH": 1}, 16.15, 21.14, 16700),  # 53 ft, 7.0 m of tractor that it overlaps by 2.01 m
+     ({"BODY_TYP": 66, "TOW_VEH": 2}, 16.15, 21.14, 16700), ({"BODY_TYP": 34, "TOW_VEH": 1}, 5.0, 12.1, 1500),
+     ({"BODY_TYP": 63, "TOW_VEH": 1, "TRLR1GVWR": 12}, 6.5, 17.15, 3402),  # three quarters of 10,000 lb
+     ({"BODY_TYP": 4, "TOW_VEH": 5}, 4.85, None, 1600), ({"BODY_TYP": 66, "TOW_VEH": 0}, None, None, None)],
+)  # fmt: skip
+def test_what_a_vehicle_pulls(
+    elements: dict[str, int | None],
+    length_m: float | None,
+    whole_m: float | None,
+    mass_kg: float | None,
+    settings: CrashSettings,
+) -> None:
+    """Lengths by 23 CFR 658.13 and makers' data, the hitch 0.15 m behind the bumper and drawbars of 1.2 and 1.5 m."""
+    record = read(report(vehicles=[elements | {"J_KNIFE": 2}]), settings)
+    (stored,) = records_from_parquet(record_to_parquet(record))
+    vehicle = stored.vehicles[0]
+    assert vehicle.jackknife_code == 2
+    if length_m is None:
+        assert vehicle.trailer is None
+        return
+    assert vehicle.trailer is not None
+    assert (vehicle.trailer.length_m, vehicle.trailer.mass_kg) == (length_m, mass_kg)
+    if whole_m is not None:
+        assert vehicle.trailer.combination_length_m == pytest.approx(whole_m, abs=0.01)
 
 
 def test_bodies_follow_the_vin(settings: CrashSettings) -> None:

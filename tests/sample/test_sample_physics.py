@@ -17,8 +17,13 @@ ROWS = [row for row in json.loads((SAMPLE / "truth.json").read_text(encoding="ut
 of_crashes = pytest.mark.parametrize("row", ROWS, ids=[row["key"] for row in ROWS])
 
 
-def _outline(vehicle: dict[str, Any], pose: dict[str, float]) -> shapely.Polygon:
-    body = vehicle["body"]
+def _outline(vehicle: dict[str, Any], when: str) -> shapely.Geometry:
+    """The bodies of a vehicle at its ``initial_pose`` or ``impact_pose``: its own, and its trailer's."""
+    own = _box(vehicle["body"], vehicle[when])
+    return own.union(_box(vehicle["trailer"], vehicle["trailer"][when])) if "trailer" in vehicle else own
+
+
+def _box(body: dict[str, Any], pose: dict[str, float]) -> shapely.Polygon:
     box = shapely.box(-body["length_m"] / 2, -body["width_m"] / 2, body["length_m"] / 2, body["width_m"] / 2)
     turned = shapely.affinity.rotate(box, pose["heading_rad"], origin=(0, 0), use_radians=True)
     return shapely.affinity.translate(turned, pose["x_m"], pose["y_m"])
@@ -30,7 +35,7 @@ def _point(pose: dict[str, float]) -> tuple[float, float]:
 
 @of_crashes
 def test_bodies_touch_at_the_impact_and_do_not_overlap(row: dict[str, Any]) -> None:
-    one, two = (_outline(vehicle, vehicle["impact_pose"]) for vehicle in row["vehicles"])
+    one, two = (_outline(vehicle, "impact_pose") for vehicle in row["vehicles"])
     assert one.distance(two) <= 0.004  # two millimetres, and the rounding of poses to one
     assert one.intersection(two).area <= 0.01
     contact = shapely.Point(row["impact_point"]["x_m"], row["impact_point"]["y_m"])
@@ -40,7 +45,7 @@ def test_bodies_touch_at_the_impact_and_do_not_overlap(row: dict[str, Any]) -> N
 
 @of_crashes
 def test_bodies_are_apart_five_seconds_before(row: dict[str, Any]) -> None:
-    one, two = (_outline(vehicle, vehicle["initial_pose"]) for vehicle in row["vehicles"])
+    one, two = (_outline(vehicle, "initial_pose") for vehicle in row["vehicles"])
     assert one.distance(two) > 0.5
 
 

@@ -10,9 +10,11 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trace_dag.crash.codes.bodies import TRACTOR_OF_TRAILER
+from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.geometry import Pose, contact_clock_h, gaps_m, rectangle_corners
 from trace_dag.states.contact import Mover, first_contacts
-from trace_dag.states.paths import TurnShape, straight, turned
+from trace_dag.states.paths import Path, TurnShape, straight, turned
 from trace_dag.units import bearing_to_clock_h, clock_difference_h
 
 
@@ -137,3 +139,38 @@ def test_a_turning_body_is_followed_along_its_curve():
         body_2 = outline(oncoming, contacts.time_2_s[index])
         assert body_1.distance(body_2) <= 0.01
         assert body_1.intersection(body_2).area <= 1e-3
+
+
+def test_a_trailer_behind_can_be_what_is_touched_first() -> None:
+    """A car that comes from the right after the tractor has passed meets the side of its trailer, where the semitrailer
+    of 16.15 m behind a tractor of 7 m is then; clock positions are those of both in line, 21.14 m."""
+    trailer = trailer_of(TRACTOR_OF_TRAILER, 1)
+    rig = Mover(straight(Pose(0, 0, 0), back_m=200, ahead_m=200), 212, 10.0, 7.0, 2.5, trailer=trailer)
+    car = Mover(straight(Pose(0, 0, math.pi / 2), back_m=200, ahead_m=200), 200, 10.0, 4.8, 1.9)
+    contacts = first_contacts(rig, car, timings=1)
+    assert len(contacts) == 1
+    assert contacts.y_m[0] == pytest.approx(-2.59 / 2, abs=0.05)
+    # Both go at 10 m/s: the car's front is at the trailer's side 3.695 m before, and the tractor's front 3.5 m ahead.
+    front_m = 12.0 + 3.5 - (1.295 + 2.4)
+    assert contacts.x_m[0] == pytest.approx(0.0, abs=0.01)
+    ahead_of_middle = (0.0 - (front_m - 21.14 / 2)) / 21.14
+    assert contacts.bearing_1_rad[0] == pytest.approx(math.atan2(-0.5, ahead_of_middle), abs=0.02)
+
+
+def test_one_who_stands_in_a_bend_has_its_trailer_along_the_bend() -> None:
+    """Behind a tractor that is half way round a bend the trailer has hardly turned: a car that comes along the old
+    street behind it meets the trailer's rear."""
+    trailer = trailer_of(TRACTOR_OF_TRAILER, 1)
+    assert trailer is not None
+    s = np.arange(0.0, 120.0, 0.5)
+    bend_rad = np.clip((s - 80.0) / 20.0, 0.0, math.pi / 2)
+    x = 20.0 * np.sin(bend_rad) + np.minimum(s - 80.0, 0.0)
+    y = 20.0 * (1.0 - np.cos(bend_rad)) + np.maximum(s - 80.0 - 10 * math.pi, 0.0)
+    rig = Mover(Path(s, x, y, 0 * s, bend_rad), 98.0, 0.0, 7.0, 2.5, trailer=trailer)
+    tractor, behind = rig.shapes_at(np.zeros(1))
+    assert float(tractor.poses[2][0]) == pytest.approx(0.9, abs=0.01)
+    assert 0.2 < float(tractor.poses[2][0] - behind.poses[2][0]) < 0.9
+    car = Mover(straight(Pose(0, 0, 0), back_m=100, ahead_m=100), 100, 15.0, 4.8, 1.9)
+    contacts = first_contacts(car, rig, timings=1)
+    assert len(contacts) == 1
+    assert abs(contacts.bearing_2_rad[0]) > math.radians(120)

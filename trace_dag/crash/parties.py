@@ -2,7 +2,8 @@
 
 Vehicles keep their numbers (``VEH_NO``, 1 to 999), persons outside them have 1000 + ``PER_NO``; objects, animals and
 trains, which no table numbers, 2000 + the number of the event (``EVENTNUM``) in which they were struck. Does not belong
-here: which party an event was with (:mod:`trace_dag.crash.struck`).
+here: which party an event was with (:mod:`trace_dag.crash.struck`). A trailer is no party: it belongs to the vehicle
+that pulls it. Where a body of its own needs a number, in logs and pictures, it is 3000 + ``VEH_NO``.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ HIGHEST_NUMBER: Final = 999
 """Of a vehicle, and of a person before :data:`_PERSONS` is added."""
 _PERSONS: Final = 1000
 _THINGS: Final = 2000
+_TRAILERS: Final = 3000
 
 
 class PartyKind(StrEnum):
@@ -119,6 +121,24 @@ def thing_party(event_number: int) -> int:
     return _THINGS + event_number
 
 
+def trailer_body(vehicle: int) -> int:
+    """The number of the body that a vehicle pulls.
+
+    >>> trailer_body(2)
+    3002
+    """
+    return _TRAILERS + vehicle
+
+
+def party_of_body(number: int) -> int:
+    """The party that a body belongs to: of a trailer the vehicle that pulls it, of others themselves.
+
+    >>> party_of_body(3002), party_of_body(1001)
+    (2, 1001)
+    """
+    return number - _TRAILERS if number > _TRAILERS else number
+
+
 def is_vehicle(party: int | None) -> bool:
     """Whether a party number is that of a motor vehicle.
 
@@ -130,13 +150,15 @@ def is_vehicle(party: int | None) -> bool:
 
 def party_label(party: int) -> str:
     """A short name for pictures, files and tables: ``V2`` for a vehicle, ``P1`` for a person, ``O3`` for what event 3
-    struck.
+    struck, ``T2`` for the trailer of vehicle 2.
 
-    >>> party_label(2), party_label(1001), party_label(2003)
-    ('V2', 'P1', 'O3')
+    >>> party_label(2), party_label(1001), party_label(2003), party_label(3002)
+    ('V2', 'P1', 'O3', 'T2')
     """
     if party < _PERSONS:
         return f"V{party}"
+    if party > _TRAILERS:
+        return f"T{party - _TRAILERS}"
     return f"P{party - _PERSONS}" if party < _THINGS else f"O{party - _THINGS}"
 
 
@@ -148,4 +170,6 @@ def party_in_words(party: int) -> str:
     """
     if party < _PERSONS:
         return f"vehicle {party}"
+    if party > _TRAILERS:
+        return f"the trailer of vehicle {party - _TRAILERS}"
     return f"person {party - _PERSONS}" if party < _THINGS else f"what event {party - _THINGS} struck"

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
+import numpy as np
+
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes.events import HARM_EV, MOTOR_VEHICLE_IN_TRANSPORT
 from trace_dag.crash.kind import CrashKind, kind_of_codes
@@ -22,6 +24,8 @@ from trace_dag.crash.parties import (
     thing_party,
     thing_struck,
 )
+from trace_dag.crash.trailer import Trailer
+from trace_dag.geometry import Pose
 
 
 class PreCrashMovement(IntEnum):
@@ -58,10 +62,11 @@ class VehicleClass(StrEnum):
     VAN = "van"
     LIGHT_TRUCK = "light_truck"
     TRUCK = "truck"
-    TRACTOR_TRAILER = "tractor_trailer"
+    TRACTOR_TRAILER = "tractor_trailer"  # the tractor of one
     BUS = "bus"
     MOTORCYCLE = "motorcycle"
     OTHER = "other"
+    TRAILER = "trailer"  # of a body behind a vehicle; no vehicle of a report
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,8 @@ class VehicleRecord:
     make_model: str = ""
     model_year: int | None = None
     trailers: int = 0  # TOW_VEH
+    trailer: Trailer | None = None  # what it pulls, as one body; length and mass above are without it
+    jackknife_code: int | None = None  # J_KNIFE
     in_transport: bool = True  # UNITTYPE
     travel_speed_mps: float | None = None  # TRAV_SP
     travel_speed_is_lower_bound: bool = False  # TRAV_SP 997: above 151 mph
@@ -120,6 +127,19 @@ class VehicleRecord:
     rollover_code: int | None = None  # ROLLOVER
     hit_and_run: bool | None = None  # HIT_RUN
     implied: tuple[str, ...] = ()
+
+    @property
+    def behind_m(self) -> float:
+        """How far a trailer in line with it reaches beyond its rear."""
+        return 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
+
+    def clock_body(self, pose: Pose) -> tuple[Pose, float, float]:
+        """The body that clock positions are counted on where its centre is at ``pose``: pose of the middle, length and
+        width (m). With a trailer it is both in line."""
+        if self.trailer is None:
+            return pose, self.length_m, self.width_m
+        x_m, y_m = pose.to_world(np.array([-self.behind_m / 2, 0.0])).tolist()
+        return Pose(x_m, y_m, pose.heading_rad, pose.z_m), self.length_m + self.behind_m, self.width_m
 
 
 @dataclass(frozen=True)

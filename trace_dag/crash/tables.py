@@ -30,17 +30,30 @@ def _area(name: str, meaning: str, source: str) -> Column:
     return Column(name, None, meaning, source=source, fields=_AREA_FIELDS)
 
 
+_TRAILER_FIELDS: Final = (
+    Column("length_m", _REAL, "Length without a drawbar", "m", required=True),
+    Column("width_m", _REAL, "Width", "m", required=True),
+    Column("height_m", _REAL, "Height", "m", required=True),
+    Column("mass_kg", _REAL, "Mass with its load", "kg", "TRLR1GVWR", required=True),
+    Column("coupling_m", _REAL, "Coupling behind its front, negative ahead of it", "m", required=True),
+    Column("axle_m", _REAL, "Middle of its axles behind its front", "m", required=True),
+    Column("cg_m", _REAL, "Centre of gravity behind its front", "m", required=True),
+    Column("hitch_m", _REAL, "Hitch behind the front of the vehicle that pulls", "m", required=True),
+)
+
 VEHICLE_COLUMNS: Final = (
     Column("number", _INTEGER, "Number of the vehicle in the crash", source="VEH_NO", required=True),
     Column("vehicle_class", _TEXT, "Kind of body to simulate", source="BODY_TYP, VPICBODYCLASS, MODEL", required=True),
-    Column("length_m", _REAL, "Length of the body", "m", required=True),
+    Column("length_m", _REAL, "Length of the body, without a trailer", "m", required=True),
     Column("width_m", _REAL, "Width of the body", "m", required=True),
     Column("height_m", _REAL, "Height of the body", "m", required=True),
-    Column("mass_kg", _REAL, "Mass in running order", "kg", "GVWR, vPIC curb weight", required=True),
+    Column("mass_kg", _REAL, "Mass in running order, without a trailer", "kg", "GVWR, vPIC curb weight", required=True),
     Column("body_type_code", _INTEGER, "Body type", source="BODY_TYP"),
     Column("make_model", _TEXT, "Make and model as labelled", source="MAK_MODNAME"),
     Column("model_year", _INTEGER, "Model year", "a", "MOD_YEAR"),
     Column("trailers", _INTEGER, "Trailing units", source="TOW_VEH"),
+    Column("trailer", None, "What it pulls, as one body", source="TOW_VEH, BODY_TYP", fields=_TRAILER_FIELDS),
+    Column("jackknife_code", _INTEGER, "Jackknifed, in the first or a later event", source="J_KNIFE"),
     Column("in_transport", _BOOLEAN, "In transport, not parked or at work", source="UNITTYPE", required=True),
     Column("travel_speed_mps", _REAL, "Reported speed before the crash", "m/s", "TRAV_SP"),
     Column("travel_speed_is_lower_bound", _BOOLEAN, "The speed was higher than can be coded", source="TRAV_SP"),

@@ -11,6 +11,7 @@ from trace_dag.crash.codes import vehicle as codes
 from trace_dag.crash.codes.bodies import BODY_TYP, BodyEvidence, body_of
 from trace_dag.crash.codes.persons import HIGHEST_AGE
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
+from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fields import Fields, malformed
 from trace_dag.crash.record import PreCrashMovement, VehicleRecord
@@ -32,7 +33,8 @@ _UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, s
 def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     """A motor vehicle in transport."""
     fields, number = _numbered(element, crash)
-    trailers = codes.TRAILERS_OF_TOW_VEH.get(fields.known_code(codes.TOW_VEH) or 0, 0)
+    tow_code = fields.known_code(codes.TOW_VEH)
+    trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)
     derived = next(
         (Fields(entry, fields.where, crash.year) for entry in fields.members("VinDeriveds", "VinDecodes")), None
     )
@@ -68,6 +70,8 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
         make_model=fields.text("MAK_MODNAME") or " ".join((fields.text("MAKENAME"), fields.text("MODELNAME"))).strip(),
         model_year=_model_year(fields, "MOD_YEAR"),
         trailers=trailers,
+        trailer=trailer_of(body, tow_code, fields.integer("TRLR1GVWR")),
+        jackknife_code=fields.known_code(codes.J_KNIFE),
         in_transport=unit_type in (None, codes.IN_TRANSPORT),
         travel_speed_mps=speed_mps,
         travel_speed_is_lower_bound=above_highest,
@@ -101,7 +105,8 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
 def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     """A motor vehicle that was parked, or at work on the road; its elements are those of vehicles with a P before."""
     fields, number = _numbered(element, crash)
-    trailers = codes.TRAILERS_OF_TOW_VEH.get(fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH") or 0, 0)
+    tow_code = fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH")
+    trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)
     body_type = fields.code(BODY_TYP, "PBODYTYP")
     body, body_implied = body_of(
         BodyEvidence(
@@ -128,6 +133,7 @@ def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord
         or " ".join((fields.text("PMAKENAME"), fields.text("PMODELNAME"))).strip(),
         model_year=_model_year(fields, "PMODYEAR"),
         trailers=trailers,
+        trailer=trailer_of(body, tow_code, fields.integer("PTRLR1GVWR")),
         in_transport=False,
         travel_speed_mps=0.0 if stands else None,
         initial_impact_code=initial,

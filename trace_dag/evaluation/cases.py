@@ -8,11 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from trace_dag.crash.parties import trailer_body
 from trace_dag.evaluation.agents import Scenario
 from trace_dag.evaluation.lane_map import LaneMap, Route
 from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.types import Contact, Participant, SimulationLog
+from trace_dag.sim.towing import pulled_body
+from trace_dag.sim.types import Body, Contact, Participant, SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.paths import Path, straight, through_points
 from trace_dag.states.types import Trajectory
@@ -66,6 +68,13 @@ class Case:
         toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
         return contact.number_2 if toward_1 > toward_2 else contact.number_1
 
+    @cached_property
+    def bodies(self) -> dict[int, Body]:
+        """The bodies of all participants, then those of their trailers, by number."""
+        pulled = {trailer_body(each.number): pulled_body(each) for each in self.participants}
+        parties = {each.number: each.body for each in self.participants}
+        return parties | {number: body for number, body in pulled.items() if body is not None}
+
     @property
     def end_s(self) -> float:
         """When an evaluation ends."""
@@ -100,7 +109,7 @@ class Case:
         own = next(each for each in self.participants if each.number == ego)
         route, recorded = self._way(ego)
         return Scenario(
-            vehicle=vehicle_model(own.body),
+            vehicle=vehicle_model(own.body, own.trailer),
             lane_map=LaneMap(self.network),
             route=route.path,
             recorded_path=recorded,

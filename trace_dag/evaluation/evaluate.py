@@ -94,8 +94,7 @@ def run(
     :class:`AgentFault`."""
     seed = zlib.crc32(f"{conditions.seed}:{case.case_id}:{ego}".encode())
     scenario = case.scenario(ego, period_s=1 / conditions.rate_hz, seed=seed)
-    bodies = {each.number: each.body for each in case.participants}
-    drivers: dict[int, Driver] = {ego: AgentDriver(agent, scenario, Sensor(ego, bodies, conditions.sensing, seed))}
+    drivers: dict[int, Driver] = {ego: AgentDriver(agent, scenario, Sensor(ego, case.bodies, conditions.sensing, seed))}
     if conditions.traffic is Traffic.REACTIVE:
         drivers |= reactive_drivers(case, ego, period_s=scenario.period_s, seed=seed)
     return simulation.run(case.going_on, time_limit_s=case.end_s, drivers=drivers, after_contact_s=after_contact_s)

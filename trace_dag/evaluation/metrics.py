@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.conflicts import post_encroachment_time_s, time_to_contact_s
 from trace_dag.evaluation.rules import measure_rules
@@ -76,7 +77,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
     contact, recorded = log.first_contact, case.contact
     until_s = log.duration_s if contact is None else contact.time_s
     own = next(vehicle for vehicle in log.vehicles if vehicle.number == ego)
-    others = [vehicle for vehicle in log.vehicles if vehicle.number != ego]
+    others = [vehicle for vehicle in log.vehicles if party_of_body(vehicle.number) != ego]
     rules = measure_rules(case.network, own, until_s)
     shift_s = shift_m = None
     if contact and recorded:

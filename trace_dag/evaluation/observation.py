@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.evaluation.agents import Observation, OwnState, RoadUser
 from trace_dag.geometry import Pose, rectangle_corners
 from trace_dag.sim.driving import BodyState
@@ -46,7 +47,7 @@ class Sensor:
     def observe(self, time_s: float, states: Mapping[int, BodyState]) -> Observation:
         """What is seen now."""
         own = states[self._own]
-        others = [state for number, state in sorted(states.items()) if number != self._own]
+        others = [state for number, state in sorted(states.items()) if party_of_body(number) != self._own]
         outlines = [self._outline(state) for state in others]
         seen = []
         for index, state in enumerate(others):

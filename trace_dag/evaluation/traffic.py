@@ -83,7 +83,6 @@ class _Recording:
 def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dict[int, Driver]:
     """Drivers for everybody but the agent, by number, who react to it."""
     watched = _Recording(case, ego)
-    bodies = {each.number: each.body for each in case.participants}
     drivers: dict[int, Driver] = {}
     for each in case.going_on:
         if each.number == ego or each.body.is_figure or each.number in case.parked:
@@ -92,7 +91,7 @@ def reactive_drivers(case: Case, ego: int, *, period_s: float, seed: int) -> dic
         if course is None:
             continue
         scenario = replace(case.scenario(each.number, period_s=period_s, seed=seed), route=path_through(course[0]))
-        sensor = Sensor(each.number, bodies, Sensing(), seed)
+        sensor = Sensor(each.number, case.bodies, Sensing(), seed)
         drivers[each.number] = ReactiveDriver(watched, AgentDriver(CourseKeeper(*course), scenario, sensor))
     return drivers
 

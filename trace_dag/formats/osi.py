@@ -39,6 +39,7 @@ _CLASSES: Final = {
     VehicleClass.LIGHT_TRUCK: "TYPE_HEAVY_TRUCK",
     VehicleClass.TRUCK: "TYPE_HEAVY_TRUCK",
     VehicleClass.TRACTOR_TRAILER: "TYPE_HEAVY_TRUCK",
+    VehicleClass.TRAILER: "TYPE_TRAILER",
     VehicleClass.BUS: "TYPE_BUS",
     VehicleClass.MOTORCYCLE: "TYPE_MOTORCYCLE",
 }

@@ -35,7 +35,8 @@ _CLASSES: Final = {
     VehicleClass.BUS: "bus",
     VehicleClass.TRUCK: "truck",
     VehicleClass.LIGHT_TRUCK: "delivery",
-    VehicleClass.TRACTOR_TRAILER: "trailer",
+    VehicleClass.TRACTOR_TRAILER: "truck",
+    VehicleClass.TRAILER: "trailer",
 }
 _TIME_LIMIT_S: Final = 300.0
 

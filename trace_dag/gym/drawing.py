@@ -15,7 +15,7 @@ from trace_dag.geometry import Pose, rectangle_corners
 from trace_dag.gym.episode import Moment
 from trace_dag.gym.pool import Track
 from trace_dag.scenario.animation import View
-from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.colours import body_colour
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.sim.types import SimulationLog
@@ -28,7 +28,7 @@ class Camera:
 
     def __init__(self, case: Case) -> None:
         self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
-        self._bodies = {each.number: each.body for each in case.participants}
+        self._bodies = case.bodies
 
     def picture(self, moment: Moment) -> NDArray[np.uint8]:
         """The bodies at a moment, shape (480, 480, 3)."""
@@ -36,10 +36,10 @@ class Camera:
 
         drawn = self._view.background.copy()
         draw = ImageDraw.Draw(drawn)
-        for index, (number, body) in enumerate(self._bodies.items()):
+        for number, body in self._bodies.items():
             state = moment.states[number]
             corners = rectangle_corners(Pose(state.x_m, state.y_m, state.heading_rad), body.length_m, body.width_m)
-            draw.polygon(self._view.px(corners), fill=vehicle_colour(index), outline="white")
+            draw.polygon(self._view.px(corners), fill=body_colour(number, self._bodies), outline="white")
         return np.asarray(drawn.resize((_SIZE_PX, _SIZE_PX), Image.Resampling.BOX), np.uint8)
 
 

@@ -84,7 +84,6 @@ class Episode:
         self.case = case
         self.log: SimulationLog | None = None
         self.moment: Moment | None = None
-        bodies = {each.number: each.body for each in case.participants}
         self._simulation = simulation
         self._acts: Mapping[int, Act] = {}
         self._seats = {
@@ -92,7 +91,7 @@ class Episode:
                 self,
                 number,
                 case.scenario(number, period_s=period_s, seed=seed),
-                Sensor(number, bodies, sensing, zlib.crc32(f"{seed}:{number}".encode())),
+                Sensor(number, case.bodies, sensing, zlib.crc32(f"{seed}:{number}".encode())),
             )
             for number in egos
         }

@@ -18,7 +18,7 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour
 from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
 from trace_dag.scenario.map_panel import Panel
@@ -193,7 +193,7 @@ def _frame(
 def _draw_vehicle(draw: ImageDraw, view: View, log: SimulationLog, index: int, time_s: float) -> None:
     vehicle = log.vehicles[index]
     body = log.bodies[vehicle.number]
-    colour = vehicle_colour(index)
+    colour = body_colour(vehicle.number, log.bodies)
     past = vehicle.time_s <= time_s
     x_m, y_m, heading_rad = (
         float(np.interp(time_s, vehicle.time_s, values))
@@ -258,11 +258,11 @@ def _draw_header(
         clock = f"{time_s - moment.time_s:+.2f} s from impact"
     draw.text((8, 24), clock + ("   1/4 speed" if rate != 1.0 else ""), fill="black", font=small)
     x = 250
-    for index, vehicle in enumerate(log.vehicles):
+    for vehicle in log.parties:
         speed = float(np.interp(time_s, vehicle.time_s, np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)))
         body = log.bodies[vehicle.number]
         what = str(body.kind if body.is_figure else body.vehicle_class).replace("_", " ")
         label = f"{party_label(vehicle.number)} {what} "
         text = label + f"{mps_to_mph(speed):.0f} mph"
-        draw.text((x, 24), text, fill=vehicle_colour(index), font=small)
+        draw.text((x, 24), text, fill=body_colour(vehicle.number, log.bodies), font=small)
         x += 170

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
+
+from trace_dag.crash.parties import party_of_body
 
 VEHICLE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9")
 """Okabe and Ito's palette: told apart with every common kind of colour vision. Vehicle 1 is blue, 2 vermilion."""
@@ -15,3 +18,12 @@ OBJECT_COLOUR: Final = "#6B4A2B"
 def vehicle_colour(index: int) -> str:
     """The colour of the vehicle that is the ``index``-th by number, from 0."""
     return VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]
+
+
+def body_colour(number: int, numbers: Iterable[int]) -> str:
+    """The colour of a body among those of a simulation, in its order: a trailer has that of what pulls it.
+
+    >>> body_colour(3002, (1, 2, 3002)) == vehicle_colour(1)
+    True
+    """
+    return vehicle_colour(list(numbers).index(party_of_body(number)))

@@ -25,8 +25,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from lxml import etree
 
-from trace_dag.crash.parties import party_label
+from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_environment import environment
@@ -35,7 +36,7 @@ from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
 from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import SimulationLog, VehicleLog
+from trace_dag.sim.types import Body, SimulationLog, VehicleLog
 from trace_dag.states.objects import FixedObject
 
 if TYPE_CHECKING:
@@ -84,7 +85,9 @@ class OpenScenarios:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
         minor_version = 0 if flavour.carla else 2
         xosc.VersionBase().setVersion(minor=minor_version)  # of the process: what is built next asks for it
-        driven = {party_label(each.number): self._followed(each, flavour) for each in log.vehicles}
+        shown = _shown_bodies(log, flavour)
+        logged = [each for each in log.vehicles if each.number in shown]
+        driven = {party_label(each.number): self._followed(each, flavour) for each in logged}
         scenario = xosc.Scenario(
             f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
             AUTHOR,
@@ -161,13 +164,33 @@ def _reference_ahead_m(log: SimulationLog, number: int, flavour: Flavour) -> flo
     body = log.bodies[number]
     if flavour.carla:
         return 0.0
-    return person_reference_ahead_m(body) if body.is_figure else rear_axle_ahead_m(body)
+    if body.is_figure:
+        return person_reference_ahead_m(body)
+    return rear_axle_ahead_m(body, _trailer(log, number))
+
+
+def _trailer(log: SimulationLog, number: int) -> Trailer | None:
+    """The trailer that a body is."""
+    return log.trailers[party_of_body(number)] if log.bodies[number].is_trailer else None
+
+
+def _shown_bodies(log: SimulationLog, flavour: Flavour) -> dict[int, Body]:
+    """The bodies of a scenario, by number. A trailer is an object of its own, that follows its own trajectory: revision
+    1.2 cannot couple two. Behind a vehicle that is left to a controller none would follow, so that there is none; nor
+    for CARLA, which spawns no two vehicles that overlap, as tractor and semitrailer do."""
+    free = () if flavour.free is None else (flavour.free,)
+    return {
+        number: body
+        for number, body in sorted(log.bodies.items())
+        if not (body.is_trailer and (flavour.carla or party_of_body(number) in free))
+    }
 
 
 def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> float:
     """The time until which a vehicle follows its motion: if another one is free, until it would first touch that
     one."""
-    touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == {number, free}]
+    pair = {party_of_body(number), free}
+    touching = [contact.time_s for contact in log.contacts if {contact.number_1, contact.number_2} == pair]
     return min(touching, default=math.inf)
 
 
@@ -176,13 +199,17 @@ def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
 
     entities = xosc.Entities()
     first = min(log.bodies) if flavour.free is None else flavour.free
-    for number, body in sorted(log.bodies.items()):
+    for number, body in _shown_bodies(log, flavour).items():
         reference_m = _reference_ahead_m(log, number, flavour)
-        make = person if body.is_figure else vehicle
-        made = make(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
+        if body.is_figure:
+            made = person(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
+        else:
+            pulled = _trailer(log, number)
+            made = vehicle(number, body, reference_ahead_m=reference_m, carla=flavour.carla, trailer=pulled)
         if flavour.carla:
             made.add_property("type", "ego_vehicle" if number == first else "simulation")
-        made.add_property("fars_party_number" if body.is_figure else "fars_vehicle_number", str(number))
+        said = "trailer_of_fars_vehicle_number" if body.is_trailer else "fars_vehicle_number"
+        made.add_property("fars_party_number" if body.is_figure else said, str(party_of_body(number)))
         controller = _controller() if number == flavour.free and not flavour.carla else None
         entities.add_scenario_object(party_label(number), made, controller)
     for item in _shown_objects(log, flavour):
@@ -214,7 +241,10 @@ def _storyboard(
     if surroundings is not None:
         init.add_global_action(surroundings)
     act = xosc.Act("reconstruction", _at_start("start_act", flavour))
+    shown = _shown_bodies(log, flavour)
     for logged in log.vehicles:
+        if logged.number not in shown:
+            continue
         name = party_label(logged.number)
         speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
         init.add_init_action(name, xosc.TeleportAction(xosc.WorldPosition(*driven[name].poses[0])))
@@ -320,7 +350,7 @@ def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trig
             free,
             triggeringpoint="stop",
         )
-        for number in sorted([*log.bodies, *(item.number for item in _shown_objects(log, flavour))])
+        for number in sorted([*_shown_bodies(log, flavour), *(item.number for item in _shown_objects(log, flavour))])
         if number != flavour.free
     ]
     for each in triggers:

@@ -104,9 +104,9 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
     rows: list[FloatArray] = [logged]
     seen_s: list[tuple[float, ...]] = []
     for contact in log.contacts:
-        if vehicle.number not in (contact.number_1, contact.number_2):
+        pose = contact.poses.get(vehicle.number)
+        if pose is None:
             continue
-        pose = contact.pose_1 if vehicle.number == contact.number_1 else contact.pose_2
         touch = np.array([contact.time_s, pose.x_m, pose.y_m, pose.z_m, pose.heading_rad])
         if np.abs(known - contact.time_s).min() > SAME_TIME_S:
             rows.append(touch[None])
@@ -128,7 +128,7 @@ def _with_contacts(log: SimulationLog, vehicle: VehicleLog) -> tuple[FloatArray,
 def _seen_s(log: SimulationLog, contact: Contact) -> list[float]:
     """The logged moments soon after a first touch in which players may see the two bodies overlap clearly: the first on
     a step of theirs, and the first; none if they overlap in none."""
-    one, two = (vehicle for vehicle in log.vehicles if vehicle.number in (contact.number_1, contact.number_2))
+    one, two = (vehicle for vehicle in log.vehicles if vehicle.number in contact.touched)
     soon = (one.time_s > contact.time_s + SAME_TIME_S) & (one.time_s < contact.time_s + DEEPEST_EVERY_S)
     overlaps = {
         float(one.time_s[k]): -separation(_outline(log, one, k), _outline(log, two, k))[0]

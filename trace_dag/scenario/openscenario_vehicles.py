@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.trailer import Trailer
 from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint
 from trace_dag.sim.types import Body
-from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.sim.vehicles import trailer_model, vehicle_model
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
@@ -26,26 +27,30 @@ _MAX_SPEED_MPS = 70.0  # a report can state no more than 151 mph
 _MAX_DECELERATION_MPS2 = 8.0  # braking on dry asphalt; the crash itself may be harder
 
 
-def rear_axle_ahead_m(body: Body) -> float:
-    """The rear axle ahead of the body's centre: negative."""
-    model = vehicle_model(body)
+def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
+    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is."""
+    model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     return model.cg_ahead_m - model.rear_axle_m
 
 
-def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -> xosc.Vehicle:
-    """The vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre.
+def vehicle(
+    number: int, body: Body, *, reference_ahead_m: float, carla: bool, trailer: Trailer | None = None
+) -> xosc.Vehicle:
+    """The vehicle with its reference point ``reference_ahead_m`` ahead of the body's centre; ``trailer`` where it is a
+    trailer, whose front axle is then where it is coupled.
 
     ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
     """
     from scenariogeneration import xosc
 
-    model = vehicle_model(body)
+    model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     track_m = 0.0 if body.vehicle_class is VehicleClass.MOTORCYCLE else _TRACK_SHARE * body.width_m
-    wheel_m = _TRUCK_WHEEL_DIAMETER_M if body.vehicle_class in _HEAVY else _WHEEL_DIAMETER_M
+    heavy = body.vehicle_class in _HEAVY or (trailer is not None and trailer.is_semitrailer)
+    wheel_m = _TRUCK_WHEEL_DIAMETER_M if heavy else _WHEEL_DIAMETER_M
     name = choose_blueprint(body, (each.id for each in BLUEPRINTS)).id if carla else f"{body.vehicle_class}_{number}"
     return xosc.Vehicle(
         name,
-        _category(body.vehicle_class),
+        _category(body.vehicle_class, trailer),
         xosc.BoundingBox(
             rounded_m(body.width_m),
             rounded_m(body.length_m),
@@ -63,16 +68,18 @@ def vehicle(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -
     )
 
 
-def _category(vehicle_class: VehicleClass) -> xosc.VehicleCategory:
+def _category(vehicle_class: VehicleClass, trailer: Trailer | None) -> xosc.VehicleCategory:
     from scenariogeneration import xosc
 
+    if trailer is not None:
+        return xosc.VehicleCategory.semitrailer if trailer.is_semitrailer else xosc.VehicleCategory.trailer
     categories = {
         VehicleClass.MOTORCYCLE: xosc.VehicleCategory.motorbike,
         VehicleClass.BUS: xosc.VehicleCategory.bus,
         VehicleClass.VAN: xosc.VehicleCategory.van,
         VehicleClass.LIGHT_TRUCK: xosc.VehicleCategory.truck,
         VehicleClass.TRUCK: xosc.VehicleCategory.truck,
-        VehicleClass.TRACTOR_TRAILER: xosc.VehicleCategory.truck,  # one body; a "semitrailer" is the trailer alone
+        VehicleClass.TRACTOR_TRAILER: xosc.VehicleCategory.truck,
     }
     return categories.get(vehicle_class, xosc.VehicleCategory.car)
 

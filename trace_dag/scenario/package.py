@@ -187,9 +187,9 @@ def _scenarios(crash: PackageInput) -> list[_File]:
 
 def _left_free(log: SimulationLog) -> list[int]:
     """The vehicles that a controller can drive: each in turn, if there is another party."""
-    if len(log.bodies) < 2:
+    if len(log.parties) < 2:
         return []
-    return sorted(number for number, body in log.bodies.items() if not body.is_figure)
+    return sorted(each.number for each in log.parties if not log.is_figure(each.number))
 
 
 def _results(crash: PackageInput) -> list[_File]:

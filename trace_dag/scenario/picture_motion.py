@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trace_dag.crash.parties import is_vehicle
+from trace_dag.crash.parties import is_vehicle, party_of_body
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.report import MapReport
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, body_colour
 from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.object_shapes import is_ours, outline
@@ -59,8 +59,9 @@ class DrawnMotion:
         self._driven: list[tuple[str, FloatArray]] = []
         self._bodies: list[_Body] = []
         self._figures: list[_Figure] = []
-        for index, number in enumerate(sorted(planned.keys() | driven.keys())):
-            colour = vehicle_colour(index)
+        numbers = sorted(planned.keys() | driven.keys())
+        for number in numbers:
+            colour = body_colour(number, numbers)
             if hypothesis and (participant := planned.get(number)):
                 path = participant.trajectory
                 before = path.time_s <= hypothesis.impact_time_s
@@ -72,8 +73,9 @@ class DrawnMotion:
                         self._bodies.append(_Body(participant.impact_pose, *size, colour, _ALPHA))
             if log and (vehicle := driven.get(number)):
                 body = log.bodies[number]
-                own = next((each for each in contacts if number in (each.number_1, each.number_2)), None)
-                pose = None if own is None else own.pose_1 if number == own.number_1 else own.pose_2
+                party = party_of_body(number)
+                own = next((each for each in contacts if party in (each.number_1, each.number_2)), None)
+                pose = None if own is None else log.pose_at_contact(own, number)
                 self._driven.append((colour, np.column_stack([vehicle.x_m, vehicle.y_m])))
                 if body.is_figure:
                     self._figures.append(_Figure(logged_shape(vehicle, -1, body), colour, _AT_REST_ALPHA))
@@ -83,6 +85,8 @@ class DrawnMotion:
                         self._figures.append(_Figure(shape, colour, 1.0))
                     continue
                 size = body.length_m, body.width_m
+                if body.is_trailer:
+                    self._bodies.append(_Body(_first_pose(vehicle), *size, colour, 0.0))
                 self._bodies.append(_Body(_last_pose(vehicle), *size, colour, _AT_REST_ALPHA))
                 over = overturned_at(vehicle)
                 if over is not None:
@@ -177,6 +181,10 @@ def _first_of_pairs(contacts: Sequence[Contact]) -> list[Contact]:
     for each in contacts:
         first.setdefault((each.number_1, each.number_2), each)
     return list(first.values())
+
+
+def _first_pose(vehicle: VehicleLog) -> Pose:
+    return Pose(float(vehicle.x_m[0]), float(vehicle.y_m[0]), float(vehicle.heading_rad[0]))
 
 
 def _last_pose(vehicle: VehicleLog) -> Pose:

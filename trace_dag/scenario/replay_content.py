@@ -16,7 +16,7 @@ from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
 from trace_dag.scenario.map_scene import Window
@@ -147,7 +147,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
     contact = log.first_contact
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
     vehicles = []
-    for index, vehicle in enumerate(log.vehicles):
+    for vehicle in log.vehicles:
         body, said = log.bodies[vehicle.number], reported.get(vehicle.number)
         vehicles.append(
             {
@@ -156,7 +156,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "kind": str(body.kind),
                 "label": ("" if body.is_figure else body.vehicle_class).replace("_", " "),
                 "make": said.make_model if said else "",
-                "colour": vehicle_colour(index),
+                "colour": body_colour(vehicle.number, log.bodies),
                 "length": round(body.length_m, 2),
                 "width": round(body.width_m, 2),
                 "height": round(body.height_m, 2),

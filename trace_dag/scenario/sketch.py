@@ -14,7 +14,7 @@ import numpy as np
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import vehicle_colour
+from trace_dag.scenario.colours import body_colour
 from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.sim.types import SimulationLog, moment_of
 
@@ -98,8 +98,8 @@ def _svg(
 
 
 def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str]:
-    for index, vehicle in enumerate(log.vehicles):
-        colour = vehicle_colour(index).lower()
+    for vehicle in log.vehicles:
+        colour = body_colour(vehicle.number, log.bodies).lower()
         path = np.stack([vehicle.x_m, vehicle.y_m], axis=1) - centre
         inside = path[np.abs(path).max(axis=1) <= _HALF_WINDOW_M]
         if len(inside) > 1:
@@ -116,11 +116,8 @@ def _motion(log: SimulationLog, centre: FloatArray, by_m: float) -> Iterable[str
 
 
 def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
-    touching = [each for each in log.contacts if number in (each.number_1, each.number_2)]
-    contact = min(touching, key=lambda each: each.time_s, default=None)
-    if contact is None:
-        return None
-    return {contact.number_1: contact.pose_1, contact.number_2: contact.pose_2}.get(number)
+    contacts = sorted(log.contacts, key=lambda each: each.time_s)
+    return next((pose for each in contacts if (pose := log.pose_at_contact(each, number)) is not None), None)
 
 
 def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> str:

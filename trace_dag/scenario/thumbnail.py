@@ -15,7 +15,7 @@ import shapely
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmFeature
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.colours import OBJECT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import OBJECT_COLOUR, body_colour
 from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.scenery import Scenery
 from trace_dag.scenario.sketch import path_data, road_strokes
@@ -49,8 +49,9 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seq
     parts.append("</g>")
     for item in log.objects:
         parts.append(f"<path d='{path_data([outline(item) - centre], 0.0, 1)}z' fill='{OBJECT_COLOUR}'/>")
-    for index, vehicle in enumerate(log.vehicles):
-        parts.append(_moving(vehicle, log.bodies[vehicle.number], vehicle_colour(index), time_s, centre))
+    for vehicle in log.vehicles:
+        colour = body_colour(vehicle.number, log.bodies)
+        parts.append(_moving(vehicle, log.bodies[vehicle.number], colour, time_s, centre))
     return "".join([*parts, "</svg>"])
 
 

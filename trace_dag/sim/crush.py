@@ -45,6 +45,7 @@ WALL_CRUSH_M: Final = {
     VehicleClass.BUS: 0.45,
     VehicleClass.MOTORCYCLE: 0.40,
     VehicleClass.OTHER: 0.55,
+    VehicleClass.TRAILER: 0.45,
 }
 """Dynamic crush into a wall at :data:`WALL_TEST_MPS`."""
 

@@ -72,6 +72,7 @@ class Vehicle:
         "crashed",
         "ground",
         "heading",
+        "held_mps2",
         "model",
         "number",
         "plan_end_s",
@@ -119,15 +120,16 @@ class Vehicle:
         self._rows = plan.rows
         self._after_strike: DriverAfterStrike | None = None
         self._planned_steps = len(plan.rows) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
+        self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
         self._locked_wheels = locked_wheels
         self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
         self._mass = model.body.mass_kg
-        self._traction_n = self._mass * model.max_acceleration_mps2
-        self._front_share = model.rear_axle_m / model.wheelbase_m
+        self._traction_n = (self._mass + model.pulled_kg) * model.max_acceleration_mps2
+        self._front_share = model.front_share
         self.stand_on(friction)
         self._yaw_damping = model.yaw_inertia_kgm2 / model.wheelbase_m * _YAW_DAMPING
-        self._axles = (
+        self._axles: tuple[tuple[float, float, float], ...] = (
             (model.front_axle_m, model.front_load_n, model.front_stiffness_npr),
             (-model.rear_axle_m, model.rear_load_n, model.rear_stiffness_npr),
         )
@@ -140,7 +142,7 @@ class Vehicle:
         if friction == self._friction:
             return
         self._friction = friction
-        self._limit_n = friction * self._mass * GRAVITY_MPS2
+        self._limit_n = friction * self._mass * GRAVITY_MPS2 + friction * self.model.carried_n
         self._front_grip_2 = (friction * self.model.front_load_n) ** 2
         self._rear_grip_2 = (friction * self.model.rear_load_n) ** 2
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
@@ -245,6 +247,8 @@ class Vehicle:
     def _driven(self, row: tuple[float, ...]) -> tuple[float, float, float]:
         # The loop spends most of its time here: locals and comparisons instead of attributes, min and max.
         rx, ry, rvx, rvy, rax, ray, planned_speed, curvature, course, _ = row
+        if self.held_mps2 is not None:  # what a trailer takes, the driver adds
+            rax, ray = rax - self.held_mps2[0], ray - self.held_mps2[1]
         model, mass, limit = self.model, self._mass, self._limit_n
         a, b = model.front_axle_m, model.rear_axle_m
         vx, vy, yaw_rate, ground = self.vx, self.vy, self.yaw_rate, self.ground

@@ -55,6 +55,7 @@ _SHAPES: dict[VehicleClass, FrontShape] = {
     VehicleClass.BUS: _shape(0.36, 0.80, 0.03, 2.50, 0.05, 60.0, 85.0),
     VehicleClass.MOTORCYCLE: _shape(0.20, 0.60, 0.20, 0.85, 0.30, 20.0, 55.0),
     VehicleClass.OTHER: _shape(0.25, 0.58, 0.13, 0.85, 0.90, 10.0, 38.0),
+    VehicleClass.TRAILER: _shape(0.45, 1.20, 0.02, 1.40, 0.05, 60.0, 88.0),
 }
 
 

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
+from trace_dag.crash.trailer import Trailer
 from trace_dag.errors import Failure
 from trace_dag.schemas import Column, ColumnType, TableSchema, table_from_parquet
 from trace_dag.sim.types import Body, Contact, SimulationLog, Termination, VehicleLog
@@ -28,7 +29,11 @@ SIMULATION_STEPS = TableSchema(
     (
         Column("hypothesis", ColumnType.INTEGER, "Index of the hypothesis in the state estimate", required=True),
         Column(
-            "vehicle_number", ColumnType.INTEGER, "Number of the party in the report", source="VEH_NO", required=True
+            "vehicle_number",
+            ColumnType.INTEGER,
+            "Number of the party in the report, of a trailer 3000 + its vehicle's",
+            source="VEH_NO",
+            required=True,
         ),
         Column("time_s", ColumnType.REAL, "Time since the start of the reconstruction", unit="s", required=True),
         Column("x_m", ColumnType.REAL, "East of the reported point, of the body's centre", unit="m", required=True),
@@ -77,6 +82,9 @@ class _RunSummary:
     bodies: dict[int, Body]
     contacts: tuple[Contact, ...]
     objects: Annotated[tuple[FixedObject, ...], Field(exclude_if=lambda objects: not objects)] = ()
+    trailers: Annotated[dict[int, Trailer], Field(exclude_if=lambda trailers: not trailers)] = field(
+        default_factory=dict
+    )
 
 
 @cache
@@ -104,6 +112,7 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
             bodies=log.bodies,
             contacts=log.contacts,
             objects=log.objects,
+            trailers=dict(log.trailers),
         )
         for i, log in enumerate(logs)
     )
@@ -170,6 +179,7 @@ def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]
                 reason=run.reason,
                 duration_s=run.duration_s,
                 objects=run.objects,
+                trailers=run.trailers,
             )
         )
     return tuple(logs)

@@ -15,11 +15,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
 from trace_dag.sim.crush import WALL_CRUSH_M, WALL_TEST_MPS, restitution_at
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, contact_point, overlap_polygon, separation
+from trace_dag.sim.towing import Towed, whole_kg
 from trace_dag.sim.types import PULSE_S, Contact
 from trace_dag.states.objects import FixedObject, Resistance
 from trace_dag.units import GRAVITY_MPS2
@@ -36,6 +38,7 @@ _POLE_CRUSH_M: Final = {  # at that speed
     VehicleClass.BUS: 0.60,
     VehicleClass.MOTORCYCLE: 0.40,
     VehicleClass.OTHER: 0.75,
+    VehicleClass.TRAILER: 0.60,
 }
 _FRICTION: Final = 0.3  # of sheet metal along steel, concrete or wood: judgement within 0.2 to 0.5
 _SLIDES_MPS: Final = 0.5  # slower than this, friction along the object fades
@@ -89,7 +92,12 @@ class Struck:
         self._point = px, py
         self._normal = self._nx, self._ny
         self._pose = Pose(outline.x_m, outline.y_m, math.remainder(outline.heading_rad, math.tau), vehicle.z)
-        self._velocity = vehicle.vx, vehicle.vy
+        by = vehicle.puller if isinstance(vehicle, Towed) else None
+        self._puller_pose: Pose | None = None
+        if by is not None:
+            front = by.outline()
+            self._puller_pose = Pose(front.x_m, front.y_m, math.remainder(front.heading_rad, math.tau), by.z)
+        self._velocity = (vehicle.vx, vehicle.vy) if by is None else (by.vx, by.vy)
         self._closing_mps = vx * self._nx + vy * self._ny
         self._restitution = max(restitution_at(self._closing_mps) if restitution is None else restitution, 0.01)
         self._impulse = [0.0, 0.0]
@@ -132,7 +140,7 @@ class Struck:
 
     def contact(self) -> Contact:
         """The contact as logged: the vehicle is the first of the two."""
-        (px, py), mass = self._impulse, self._vehicle.model.body.mass_kg
+        (px, py), mass = self._impulse, whole_kg(self._vehicle)
         return Contact(
             time_s=self._start_s,
             duration_s=max(self.last_s - self._start_s, 0.0),
@@ -143,15 +151,16 @@ class Struck:
             normal_y=self._normal[1],
             impulse_ns=math.hypot(px, py),
             closing_speed_mps=self._closing_mps,
-            number_1=self._vehicle.number,
+            number_1=party_of_body(self._vehicle.number),
             number_2=self.obstacle.item.number,
-            pose_1=self._pose,
+            pose_1=self._pose if self._puller_pose is None else self._puller_pose,
             pose_2=self.obstacle.item.pose,
             velocity_1_mps=self._velocity,
             velocity_2_mps=(0.0, 0.0),
             delta_v_1_mps=(px / mass, py / mass),
             delta_v_2_mps=(0.0, 0.0),
             crush_1_m=self.crush_m,
+            trailer_pose_1=None if self._puller_pose is None else self._pose,
         )
 
     # --- forces ------------------------------------------------------------------------------------------------

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, between, contact_point, first_touch, separation
 from trace_dag.sim.people import Person, PersonTouch
+from trace_dag.sim.towing import whole_kg
 from trace_dag.sim.types import DEEPEST_EVERY_S, PULSE_S, Contact, VehicleLog
 
 _SAME_TIME_S = 1e-6
@@ -128,6 +130,12 @@ class ContactEpisode:
     impulse_x_ns: float = 0.0
     impulse_y_ns: float = 0.0
     crush_m: tuple[float, float] = (0.0, 0.0)
+    trailer_poses: tuple[Pose | None, Pose | None] = (None, None)
+
+    @property
+    def masses_kg(self) -> tuple[float, float]:
+        """Of both bodies, each with what it pulls or is pulled by."""
+        return whole_kg(self.one), self.two.model.body.mass_kg if isinstance(self.two, Person) else whole_kg(self.two)
 
     @property
     def over_s(self) -> float:
@@ -153,7 +161,7 @@ class ContactEpisode:
 
     def contact(self) -> Contact:
         """The contact as logged."""
-        m1, m2 = self.one.model.body.mass_kg, self.two.model.body.mass_kg
+        m1, m2 = self.masses_kg
         px, py = self.impulse_x_ns, self.impulse_y_ns
         return Contact(
             time_s=self.start_s,
@@ -165,8 +173,8 @@ class ContactEpisode:
             normal_y=self.normal[1],
             impulse_ns=math.hypot(px, py),
             closing_speed_mps=self.closing_speed_mps,
-            number_1=self.one.number,
-            number_2=self.two.number,
+            number_1=party_of_body(self.one.number),
+            number_2=party_of_body(self.two.number),
             pose_1=self.poses[0],
             pose_2=self.poses[1],
             velocity_1_mps=self.velocities[0],
@@ -175,7 +183,37 @@ class ContactEpisode:
             delta_v_2_mps=(px / m2, py / m2),
             crush_1_m=self.crush_m[0],
             crush_2_m=self.crush_m[1],
+            trailer_pose_1=self.trailer_poses[0],
+            trailer_pose_2=self.trailer_poses[1],
         )
+
+
+class Pulled(NamedTuple):
+    """The vehicle that pulls one that is touched, as its contact begins: in the states before and after."""
+
+    vehicle: Vehicle
+    before: BodyMotion
+    after: BodyMotion
+
+
+def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
+    """A contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the way from
+    the state before to that after, their velocities before it."""
+    poses, velocities = list(episode.poses), list(episode.velocities)
+    trailers: list[Pose | None] = [None, None]
+    for k, by in enumerate(pulled):
+        if by is None:
+            continue
+        trailers[k] = poses[k]
+        before, after = (by.vehicle.outline_at(m.x_m, m.y_m, m.heading_rad) for m in (by.before, by.after))
+        poses[k] = _pose(between(before, after, share), by.vehicle.z)
+        velocities[k] = (by.before.velocity_x_mps, by.before.velocity_y_mps)
+    return replace(
+        episode,
+        poses=(poses[0], poses[1]),
+        velocities=(velocities[0], velocities[1]),
+        trailer_poses=(trailers[0], trailers[1]),
+    )
 
 
 class BodyMotion(NamedTuple):

@@ -59,6 +59,8 @@ def participant(state: ParticipantState) -> Participant:
         trajectory=state.trajectory,
         after_striking=_DRIVES_ON if state.drives_on else None,
         skids_from_s=math.inf if state.skids_from_s is None else state.skids_from_s,
+        trailer=state.trailer,
+        trailer_heading_rad=0.0 if state.trailer_heading_rad is None else float(state.trailer_heading_rad[0]),
     )
 
 

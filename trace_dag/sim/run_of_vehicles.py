@@ -19,14 +19,22 @@ from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
 from trace_dag.sim.people import Person
 from trace_dag.sim.plan import resample
-from trace_dag.sim.recorder import BodyMotion, ContactEpisode, StateRecorder, begin_contact
+from trace_dag.sim.recorder import (
+    BodyMotion,
+    ContactEpisode,
+    Pulled,
+    StateRecorder,
+    begin_contact,
+    of_combinations,
+)
 from trace_dag.sim.rigid import RigidBodies
 from trace_dag.sim.surface import Surface
+from trace_dag.sim.towing import Hitch, Towed, pulled_body
 from trace_dag.sim.types import Contact, Participant, SimulationLog, Termination, party_name
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 
-BACKEND_NAME, VERSION = "embedded", "3"
+BACKEND_NAME, VERSION = "embedded", "4"
 _CONTACT_STEP_S = 0.0025
 BOUND, BOUND_MPS = 1.5, 10.0
 """A closing speed may grow by so much until it is looked at again."""
@@ -69,7 +77,7 @@ class VehicleRun:
         for participant in participants:
             if participant.body.is_figure:
                 continue
-            model = vehicle_model(participant.body)
+            model = vehicle_model(participant.body, participant.trailer)
             plan = resample(
                 participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m, participant.skids_from_s
             )
@@ -81,6 +89,7 @@ class VehicleRun:
             vehicle = CommandedVehicle(participant, model, plan, **common, step_s=settings.step_s)
             self._vehicles.append(vehicle)
             self._driven.append((vehicle, driver, max(1, round(driver.period_s / settings.step_s))))
+        self._hitches = self._couple(friction)
         self._people = self._make_people()
         self._movers: Sequence[Vehicle | Person] = [*self._vehicles, *self._people]
         self._bodies = self._make_bodies()
@@ -92,7 +101,32 @@ class VehicleRun:
         self._state: BodyStates | None = None  # as MuJoCo has it; None while bodies move by themselves
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
-        self._pairs = [(i, j) for j in range(len(self._vehicles)) for i in range(j)]
+        self._pairs = self._can_touch()
+
+    def _can_touch(self) -> list[tuple[int, int]]:
+        """The pairs of vehicles by their places, in the order of the parties that they belong to; nobody touches what
+        is coupled to it."""
+        party = list(range(len(self._vehicles)))
+        for hitch in self._hitches:
+            puller, towed = hitch.pair
+            party[towed] = puller
+        pairs = [(i, j) for j in range(len(self._vehicles)) for i in range(j) if party[i] != party[j]]
+        return [(i, j) if party[i] < party[j] else (j, i) for i, j in pairs]
+
+    def _couple(self, friction: float) -> list[Hitch]:
+        """Put every trailer behind the vehicle that pulls it, after all of those."""
+        participants = {p.number: p for p in self._participants}
+        hitches = []
+        for i, vehicle in enumerate(tuple(self._vehicles)):
+            participant = participants[vehicle.number]
+            body = pulled_body(participant)
+            if body is None:
+                continue
+            towed = Towed(vehicle, participant, body, friction=friction)
+            self._vehicles.append(towed)
+            self._bodies_of[towed.number] = body
+            hitches.append(Hitch(self._vehicles, i, len(self._vehicles) - 1))
+        return hitches
 
     def _make_people(self) -> list[Person]:
         return []
@@ -112,7 +146,7 @@ class VehicleRun:
             backend=BACKEND_NAME,
             backend_version=f"{VERSION} (mujoco {self._bodies.version})",
             step_s=self._step_s,
-            vehicles=tuple(by_number[p.number] for p in self._participants),
+            vehicles=tuple(by_number[number] for number in self._bodies_of),
             contacts=tuple(sorted(self._contacts(), key=lambda contact: contact.time_s)),
             bodies=self._bodies_of,
             termination=termination,
@@ -120,6 +154,7 @@ class VehicleRun:
             duration_s=duration_s,
             wall_s=time.perf_counter() - self._began,
             objects=self._objects(),
+            trailers={p.number: p.trailer for p in self._participants if p.trailer is not None},
         )
 
     def _contacts(self) -> list[Contact]:
@@ -169,6 +204,9 @@ class VehicleRun:
 
     def _move_alone(self, forces: list[tuple[float, float, float]]) -> None:
         self._state = self._before = None
+        if self._hitches:
+            flat = self._held([value for force in forces for value in force], self._step_s)
+            forces = [(flat[k], flat[k + 1], flat[k + 2]) for k in range(0, len(flat), 3)]
         for vehicle, force in zip(self._vehicles, forces, strict=True):
             vehicle.advance(force, self._step_s)
 
@@ -212,7 +250,7 @@ class VehicleRun:
 
     def _names(self, one: int, two: int) -> str:
         body_1, body_2 = self._bodies_of[one], self._bodies_of[two]
-        if body_1.is_figure or body_2.is_figure:
+        if body_1.is_figure or body_2.is_figure or body_1.is_trailer or body_2.is_trailer:
             return f"{party_name(body_1, one)} and {party_name(body_2, two)}"
         return f"vehicles {one} and {two}"
 
@@ -305,6 +343,12 @@ class VehicleRun:
                 total[k] += value
         return total
 
+    def _held(self, forces: list[float], part_s: float) -> list[float]:
+        """The forces on the vehicles with those of the hitches."""
+        for hitch in self._hitches:
+            hitch.hold(forces, part_s)
+        return forces
+
     def _place_people(self, time_s: float) -> None:
         """Put everybody whom no vehicle has touched where the plan has them."""
 
@@ -314,7 +358,7 @@ class VehicleRun:
             start_s = step * self._step_s + part * part_s
             self._place_people(start_s)
             now = self._taken_over()
-            strikes = self._bodies.step(self._forces_now(forces, start_s, part_s), part_s)
+            strikes = self._bodies.step(self._held(self._forces_now(forces, start_s, part_s), part_s), part_s)
             for pair, (fx, fy) in (*strikes.items(), *self._pressed.items()):
                 if pair not in self._open:
                     # Found in the state a part begins with: this one came about in the part before.
@@ -331,7 +375,8 @@ class VehicleRun:
         """Bodies that lean on each other, or lie in each other's dents: whole steps are short enough."""
         self._before = None
         self._taken_over()
-        self._bodies.step(self._forces_now(forces, step * self._step_s, self._step_s), self._step_s)
+        total = self._forces_now(forces, step * self._step_s, self._step_s)
+        self._bodies.step(self._held(total, self._step_s), self._step_s)
         self._update(*self._bodies.state)
         end_s = (step + 1) * self._step_s
         for pair in self._pressed:
@@ -359,8 +404,18 @@ class VehicleRun:
         """A contact that came about between two states a part of a step from each other."""
         one, two = (self._vehicles[i] for i in pair)
         one.crashed = two.crashed = True
-        (one_before, one_now), (two_before, two_now) = (
-            [BodyMotion(*positions[3 * i : 3 * i + 3], *rates[3 * i : 3 * i + 3]) for positions, rates in (before, now)]
-            for i in pair
-        )
-        return begin_contact(one, two, (one_before, two_before), (one_now, two_now), before_s, part_s)
+
+        def motions(i: int) -> tuple[BodyMotion, BodyMotion]:
+            first, second = (
+                BodyMotion(*positions[3 * i : 3 * i + 3], *rates[3 * i : 3 * i + 3])
+                for positions, rates in (before, now)
+            )
+            return first, second
+
+        (one_before, one_now), (two_before, two_now) = (motions(i) for i in pair)
+        episode = begin_contact(one, two, (one_before, two_before), (one_now, two_now), before_s, part_s)
+        if not self._hitches:
+            return episode
+        pullers = [each.puller if isinstance(each, Towed) else None for each in (one, two)]
+        pulled = [None if by is None else Pulled(by, *motions(self._vehicles.index(by))) for by in pullers]
+        return of_combinations(episode, pulled, (episode.start_s - before_s) / part_s)

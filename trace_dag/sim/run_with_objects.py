@@ -24,6 +24,7 @@ from trace_dag.sim.overturn import Roll
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, VehicleRun
 from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import Surface
+from trace_dag.sim.towing import Towed
 from trace_dag.sim.types import OVERTURNED_RAD, Contact, Participant, Termination
 from trace_dag.states.objects import FixedObject, Resistance
 
@@ -65,7 +66,7 @@ class RoadsideRun(VehicleRun):
         self._overturned_s: float | None = None
         self._clear_until_step = 0  # no vehicle can touch an object before it
         for vehicle in self._vehicles:
-            vehicle.roll = Roll(vehicle.model.body)
+            vehicle.roll = None if isinstance(vehicle, Towed) else Roll(vehicle.model.body)
         self._soft_friction = friction / settings.friction * min(settings.roadside_friction, settings.friction)
 
     def _contacts(self) -> list[Contact]:
@@ -107,7 +108,7 @@ class RoadsideRun(VehicleRun):
         super()._advance(step, forces)
         self._carry((step + 1) * self._step_s)
         for i, (vehicle, (fx, fy, _)) in enumerate(zip(self._vehicles, forces, strict=True)):
-            if vehicle.crashed:
+            if vehicle.crashed and vehicle.roll is not None:
                 self._roll(i, vehicle, fx, fy, (step + 1) * self._step_s)
 
     def _roll(self, i: int, vehicle: Vehicle, fx: float, fy: float, now_s: float) -> None:

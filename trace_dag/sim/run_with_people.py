@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 from itertools import product
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.errors import Failure
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
 from trace_dag.sim.people import Person
 from trace_dag.sim.plan import resample
-from trace_dag.sim.recorder import ContactEpisode, begin_strike
+from trace_dag.sim.recorder import BodyMotion, ContactEpisode, Pulled, begin_strike, of_combinations
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleRun
 from trace_dag.sim.scene import Scene
+from trace_dag.sim.towing import Towed
 from trace_dag.sim.types import AfterStriking, party_name
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.units import GRAVITY_MPS2
@@ -48,7 +50,7 @@ class PeopleRun(VehicleRun):
         people = []
         for participant in self._participants:
             if not participant.body.is_figure:
-                grip = vehicle_model(participant.body).tyre_grip
+                grip = vehicle_model(participant.body, participant.trailer).tyre_grip
                 self._responses[participant.number] = participant.after_striking or AfterStriking(
                     self._settings.reaction_s, braking_mps2 * grip
                 )
@@ -115,10 +117,13 @@ class PeopleRun(VehicleRun):
         self._taken_over()
         for part in range(parts):
             start_s = step * self._step_s + part * part_s
-            if not all(person.crashed for person in self._people):
+            walking = not all(person.crashed for person in self._people)
+            if walking:
                 self._bodies.carry(start_s)
+            if walking or self._hitches:
                 self._update(*self._bodies.state)
-            for pair, (fx, fy) in self._bodies.step(self._forces_now(forces, start_s, part_s), part_s).items():
+            total = self._held(self._forces_now(forces, start_s, part_s), part_s)
+            for pair, (fx, fy) in self._bodies.step(total, part_s).items():
                 if pair not in self._open:
                     now = self._state or self._bodies.state
                     self._open[pair] = self._begin(pair, now, now, start_s - part_s, part_s)
@@ -184,8 +189,12 @@ class PeopleRun(VehicleRun):
             self._bodies.follow()
         deepest = max(self._bodies.touches[pair], key=lambda touch: touch.depth_m)
         episode = begin_strike(vehicle, person, deepest, now_s, part_s)
+        if isinstance(vehicle, Towed):
+            by = vehicle.puller
+            motion = BodyMotion(by.x, by.y, by.heading, by.vx, by.vy, by.yaw_rate)
+            episode = of_combinations(episode, (Pulled(by, motion, motion), None), 0.0)
         person.crashed = True
-        vehicle.strike(round(now_s / self._step_s), self._responses[vehicle.number], self._step_s)
+        vehicle.strike(round(now_s / self._step_s), self._responses[party_of_body(vehicle.number)], self._step_s)
         return episode
 
     def _watch_contacts(self, time_s: float) -> None:
@@ -198,5 +207,5 @@ class PeopleRun(VehicleRun):
                 self._sliding.add(pair)
                 self._bodies.let_slide(pair)
             if not episode.one.crashed:
-                delta_v_mps = math.hypot(episode.impulse_x_ns, episode.impulse_y_ns) / episode.one.model.body.mass_kg
+                delta_v_mps = math.hypot(episode.impulse_x_ns, episode.impulse_y_ns) / episode.masses_kg[0]
                 episode.one.crashed = delta_v_mps >= self._settings.crash_delta_v_mps

@@ -20,13 +20,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
-from trace_dag.geometry import FloatArray, Pose, arc_lengths, body_bearing_rad, gaps_m
+from trace_dag.geometry import FloatArray, Pose, arc_lengths, body_bearing_rad
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participant, surface_friction
 from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import PULSE_S, Body, Contact, Participant, SimulationLog
+from trace_dag.sim.types import PULSE_S, Contact, Participant, SimulationLog
+from trace_dag.states.contact import Shape, shape_gaps_m, shapes
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
 from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Hypothesis, ParticipantState, PartyDraw, Sample, StateEstimate, Trajectory
@@ -127,23 +128,21 @@ def _drawn(hypothesis: Hypothesis, sample: Sample) -> tuple[Participant, ...] | 
     meets_s = hypothesis.planned[0].time_s if hypothesis.planned else hypothesis.impact_time_s
     lines = [_Line(state, draw, meets_s) for state, draw in zip(hypothesis.participants, sample.parties, strict=True)]
     apart = np.ones(len(_BACK_S), dtype=bool)
-    bodies = [line.outline(-_BACK_S) for line in lines] + [_standing(item) for item in hypothesis.objects]
+    bodies = [line.shapes(-_BACK_S) for line in lines] + [_standing(item) for item in hypothesis.objects]
     moving = len(lines)
     for (i, one), (_, two) in combinations(enumerate(bodies), 2):
         if i < moving:
-            apart &= gaps_m(*one, *two) >= _APART_M
+            apart &= shape_gaps_m(one, two) >= _APART_M
     back = np.flatnonzero(apart)
     if not len(back):
         return None
     return tuple(line.participant(float(_BACK_S[back[0]])) for line in lines)
 
 
-_Shape = tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[float, float]]
-
-
-def _standing(item: FixedObject) -> _Shape:
+def _standing(item: FixedObject) -> tuple[Shape, ...]:
     pose, same = item.pose, np.ones(len(_BACK_S))
-    return (pose.x_m * same, pose.y_m * same, pose.heading_rad * same), (item.length_m, item.width_m)
+    poses = (pose.x_m * same, pose.y_m * same, pose.heading_rad * same)
+    return shapes(poses, (item.length_m, item.width_m), None, None)
 
 
 class _Line:
@@ -155,6 +154,7 @@ class _Line:
         self._state, self._draw, self._meets_s = state, draw, meets_s
         self._xy_m = np.stack([plan.x_m, plan.y_m], axis=-1)
         self._heading_rad = np.unwrap(plan.heading_rad)
+        self._trailing_rad = state.trailer_heading_rad
         self._station_m = arc_lengths(self._xy_m)
         self._from_m = float(np.interp(meets_s, plan.time_s, self._station_m)) + draw.ahead_m
         self._backward = state.impact_speed_mps < 0
@@ -172,15 +172,23 @@ class _Line:
         left_m = self._draw.left_m
         return x - left_m * np.sin(heading), y + left_m * np.cos(heading), z, heading
 
-    def outline(self, seconds: FloatArray) -> _Shape:
+    def shapes(self, seconds: FloatArray) -> tuple[Shape, ...]:
         x, y, _, heading = self._at(seconds)
-        return (x, y, heading), (self._state.length_m, self._state.width_m)
+        state = self._state
+        return shapes((x, y, heading), (state.length_m, state.width_m), state.trailer, self._trailing(seconds))
+
+    def _trailing(self, seconds: FloatArray) -> FloatArray | None:
+        """Heading of the trailer, as the plan has it there."""
+        if self._trailing_rad is None:
+            return None
+        return np.asarray(np.interp(self._from_m + self._mps * seconds, self._station_m, self._trailing_rad))
 
     def participant(self, back_s: float) -> Participant:
         time_s = np.arange(0.0, back_s + _AFTER_S, _STEP_S)
         x, y, z, heading = self._at(time_s - back_s)
         speed = -self._mps if self._backward else self._mps
         planned = participant(self._state)
+        trailing = self._trailing(np.array([-back_s]))
         return replace(
             planned,
             body=replace(planned.body, mass_kg=self._draw.mass_kg),
@@ -188,6 +196,7 @@ class _Line:
             initial_speed_mps=speed,
             trajectory=Trajectory(time_s, x, y, z, heading, np.full_like(time_s, speed)),
             skids_from_s=max(planned.skids_from_s - self._meets_s + back_s, 0.0),
+            trailer_heading_rad=0.0 if trailing is None else float(trailing[0]),
         )
 
 
@@ -210,19 +219,15 @@ def _contact(log: SimulationLog, contact: Contact, sample: int) -> SampledContac
                 number=number,
                 impact_speed_mps=round(math.hypot(*velocity), 3),
                 delta_v_mps=round(math.hypot(*delta_v), 3),
-                bearing_rad=round(_bearing_rad(pose, log.bodies[number], point), 4),
+                bearing_rad=round(body_bearing_rad(*log.clock_body(contact, number), point), 4),
             )
-            for number, pose, velocity, delta_v in sides
+            for number, _, velocity, delta_v in sides
         ),
     )
 
 
 def _angle_deg(one: Pose, two: Pose) -> float:
     return round(abs(math.degrees(math.remainder(one.heading_rad - two.heading_rad, math.tau))), 2)
-
-
-def _bearing_rad(pose: Pose, body: Body, point: FloatArray) -> float:
-    return body_bearing_rad(pose, body.length_m, body.width_m, point)
 
 
 def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple[float, float]) -> float:

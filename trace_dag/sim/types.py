@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
+from pydantic import Field
 
+from trace_dag.crash.parties import party_in_words, party_of_body, trailer_body
 from trace_dag.crash.record import VehicleClass
-from trace_dag.geometry import FloatArray, Pose
+from trace_dag.crash.trailer import Trailer
+from trace_dag.geometry import FloatArray, Pose, Poses
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.driving import Driver
 from trace_dag.states.objects import FixedObject
@@ -77,11 +80,17 @@ class Body:
         """Whether it is simulated as a jointed figure: a person, on foot or riding, or an animal."""
         return self.kind is not BodyKind.MOTOR_VEHICLE
 
+    @property
+    def is_trailer(self) -> bool:
+        """Whether it is what a vehicle pulls."""
+        return self.vehicle_class is VehicleClass.TRAILER
+
 
 def party_name(body: Body, number: int) -> str:
-    """What messages call a participant: vehicle 1, pedestrian 1001."""
-    noun = "vehicle" if body.kind is BodyKind.MOTOR_VEHICLE else str(body.kind)
-    return f"{noun} {number}"
+    """What messages call a participant: vehicle 1, pedestrian 1001, the trailer of vehicle 1."""
+    if body.kind is BodyKind.MOTOR_VEHICLE:
+        return party_in_words(number)
+    return f"{body.kind} {number}"
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,8 @@ class Participant:
 
     A driver goes on after striking a person, as ``after_striking`` says or, where it is None, as the settings do. A
     person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
-    vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes.
+    vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes. A ``trailer``
+    heads ``trailer_heading_rad`` at the start.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
@@ -111,6 +121,8 @@ class Participant:
     trajectory: Trajectory
     after_striking: AfterStriking | None = None
     skids_from_s: float = math.inf
+    trailer: Trailer | None = None
+    trailer_heading_rad: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +164,9 @@ class Contact:
     their centres of gravity, those just before the contact. ``impulse_ns`` and ``delta_v`` (m/s, of the centres of
     gravity) are what the contact did within :data:`PULSE_S` of its first moment; ``duration_s`` is how long the two
     pressed each other, ``crush_*_m`` how deep each was pressed in at most; persons and rigid objects are not.
+
+    Of a combination vehicle numbers, poses and velocities are those of the vehicle that pulls, whichever part was
+    touched; ``delta_v`` is of both parts together. ``trailer_pose_*`` is where the trailer was if that was touched.
     """
 
     time_s: float
@@ -173,6 +188,22 @@ class Contact:
     delta_v_2_mps: tuple[float, float]
     crush_1_m: float = 0.0
     crush_2_m: float = 0.0
+    trailer_pose_1: Annotated[Pose | None, Field(exclude_if=lambda pose: pose is None)] = None
+    trailer_pose_2: Annotated[Pose | None, Field(exclude_if=lambda pose: pose is None)] = None
+
+    @property
+    def poses(self) -> dict[int, Pose]:
+        """Poses by the numbers of bodies: of both parties, and of a trailer that was touched."""
+        behind = ((self.number_1, self.trailer_pose_1), (self.number_2, self.trailer_pose_2))
+        found = {self.number_1: self.pose_1, self.number_2: self.pose_2}
+        return found | {trailer_body(number): pose for number, pose in behind if pose is not None}
+
+    @property
+    def touched(self) -> tuple[int, int]:
+        """Numbers of the two bodies that touched: of a trailer its own."""
+        one = self.number_1 if self.trailer_pose_1 is None else trailer_body(self.number_1)
+        two = self.number_2 if self.trailer_pose_2 is None else trailer_body(self.number_2)
+        return one, two
 
     def along_m(self, course_rad: float) -> float:
         """How far it is ahead of the frame's origin, seen along a course."""
@@ -191,7 +222,11 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class SimulationLog:
-    """What a back-end returns for one hypothesis. ``objects`` are the fixed ones that stood there."""
+    """What a back-end returns for one hypothesis. ``objects`` are the fixed ones that stood there.
+
+    A trailer is a body of its own among ``vehicles`` (after all participants) and ``bodies``, numbered
+    :func:`trace_dag.crash.parties.trailer_body`; contacts with it are contacts of the vehicle that pulls it.
+    """
 
     backend: str
     backend_version: str
@@ -204,6 +239,53 @@ class SimulationLog:
     duration_s: float  # simulated time
     wall_s: float = 0.0
     objects: tuple[FixedObject, ...] = ()
+    trailers: Mapping[int, Trailer] = field(default_factory=dict)  # by the number of the vehicle that pulls
+
+    @property
+    def parties(self) -> tuple[VehicleLog, ...]:
+        """The logs of the participants: of all bodies but trailers."""
+        return tuple(each for each in self.vehicles if party_of_body(each.number) == each.number)
+
+    def trailer_log(self, number: int) -> VehicleLog | None:
+        """The log of what a vehicle pulls."""
+        return next((each for each in self.vehicles if each.number == trailer_body(number)), None)
+
+    def pose_at_contact(self, contact: Contact, number: int) -> Pose | None:
+        """Where a body was when its party first touched another in a contact; None of those it does not concern."""
+        if party_of_body(number) not in (contact.number_1, contact.number_2):
+            return None
+        if number in contact.poses:
+            return contact.poses[number]
+        body = next(each for each in self.vehicles if each.number == number)
+        values = (body.x_m, body.y_m, np.unwrap(body.heading_rad), body.z_m)
+        x, y, heading, z = (float(np.interp(contact.time_s, body.time_s, each)) for each in values)
+        return Pose(x, y, heading, z)
+
+    def articulation_rad(self, number: int) -> FloatArray | None:
+        """Angle between a vehicle and its trailer per step, positive where the vehicle is turned to the left of the
+        trailer, shape (n,); None without one."""
+        trailer = self.trailer_log(number)
+        if trailer is None:
+            return None
+        puller = next(each for each in self.vehicles if each.number == number)
+        return np.asarray((puller.heading_rad - trailer.heading_rad + math.pi) % math.tau - math.pi)
+
+    def clock_body(self, contact: Contact, number: int) -> tuple[Pose, float, float]:
+        """The body that clock positions of a contact are counted on: pose of its middle, length and width (m). Of a
+        combination vehicle that is the whole of it, in line with the part that was touched."""
+        first = number == contact.number_1
+        pose, behind = (contact.pose_1, contact.trailer_pose_1) if first else (contact.pose_2, contact.trailer_pose_2)
+        body, trailer = self.bodies[number], self.trailers.get(number)
+        if trailer is None:
+            return pose, body.length_m, body.width_m
+        if behind is not None:
+            return (
+                _middle(trailer.middle_by_trailer(_poses(behind)), behind),
+                trailer.combination_length_m,
+                trailer.width_m,
+            )
+        middle = _middle(trailer.middle_by_puller(_poses(pose), body.length_m), pose)
+        return middle, trailer.combination_length_m, body.width_m
 
     def is_figure(self, number: int) -> bool:
         """Whether the party of that number is simulated as a jointed figure."""
@@ -218,6 +300,14 @@ class SimulationLog:
     def first_contact(self) -> Contact | None:
         """The first contact between two participants."""
         return min(self.contacts, key=lambda contact: contact.time_s, default=None)
+
+
+def _poses(pose: Pose) -> Poses:
+    return np.array(pose.x_m), np.array(pose.y_m), np.array(pose.heading_rad)
+
+
+def _middle(poses: Poses, part: Pose) -> Pose:
+    return Pose(float(poses[0]), float(poses[1]), part.heading_rad, part.z_m)
 
 
 def moment_of(log: SimulationLog) -> Moment | None:

@@ -1,19 +1,20 @@
-"""What a vehicle class is dynamically: axles, centre of gravity, tyres, limits. One rigid body each.
+"""What a vehicle class is dynamically: axles, centre of gravity, tyres, limits. One rigid body each; a trailer is one.
 
 Dimensions and mass come from the report; the proportions below are those of typical vehicles of the class (wheelbase
 and axle positions from manufacturers' drawings, cornering stiffness per load after Pacejka, Tyre and Vehicle
-Dynamics, 3rd ed., and Winkler, Simplified Analysis of the Steady-State Turning of Complex Vehicles, for trucks). A
-tractor with its trailer is one body here: its wheelbase is the one that turns like the combination, not a distance
-between axles. Tyres of trucks, which are made to last, have some 0.7 of the friction of a car's on dry pavement (Reed
-and Keskin, SAE 870502); those of light trucks are taken to lie between.
+Dynamics, 3rd ed., and Winkler, Simplified Analysis of the Steady-State Turning of Complex Vehicles, for trucks). The
+tractor of a semitrailer has a front overhang of 4 ft, as AASHTO's design vehicles WB-62 and WB-67; what a trailer
+rests on the hitch loads the axles of what pulls it. Tyres of trucks, which are made to last, have some 0.7 of the
+friction of a car's on dry pavement (Reed and Keskin, SAE 870502); those of light trucks are taken to lie between.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.trailer import Trailer
 from trace_dag.sim.types import Body
 from trace_dag.units import GRAVITY_MPS2, KG_PER_LB, METRES_PER_FOOT
 
@@ -36,11 +37,14 @@ _PROPORTIONS: dict[VehicleClass, _Proportions] = {
     VehicleClass.VAN: _Proportions(0.59, 0.45, 0.18, 12.0, 0.65, 4.0),
     VehicleClass.LIGHT_TRUCK: _Proportions(0.58, 0.55, 0.16, 9.0, 0.70, 3.0, 0.85),
     VehicleClass.TRUCK: _Proportions(0.55, 0.62, 0.15, 7.0, 0.75, 2.5, 0.7),
-    VehicleClass.TRACTOR_TRAILER: _Proportions(0.35, 0.55, 0.30, 7.0, 0.80, 2.0, 0.7),
+    VehicleClass.TRACTOR_TRAILER: _Proportions(0.70, 0.42, 0.175, 7.0, 0.80, 2.0, 0.7),
     VehicleClass.BUS: _Proportions(0.50, 0.62, 0.23, 7.0, 0.80, 2.5, 0.7),
     VehicleClass.MOTORCYCLE: _Proportions(0.66, 0.52, 0.16, 14.0, 0.70, 6.0),
     VehicleClass.OTHER: _Proportions(0.58, 0.45, 0.19, 12.0, 0.62, 4.0),
 }
+
+_HEAVY_TRAILER, _LIGHT_TRAILER = _PROPORTIONS[VehicleClass.TRACTOR_TRAILER], _PROPORTIONS[VehicleClass.PICKUP]
+_HEAVY_FROM_KG = 3500.0  # with truck tyres from this mass on
 
 
 _MEASURED_INERTIA = frozenset({VehicleClass.CAR, VehicleClass.SUV, VehicleClass.PICKUP, VehicleClass.VAN})
@@ -63,6 +67,9 @@ class VehicleModel:
     max_steer_rad: float
     max_acceleration_mps2: float
     tyre_grip: float
+    front_share: float  # of what its wheels carry, on the front axle
+    pulled_kg: float = 0.0  # of its trailer
+    carried_n: float = 0.0  # of that trailer's weight, on its own wheels
 
     @property
     def wheelbase_m(self) -> float:
@@ -71,14 +78,14 @@ class VehicleModel:
 
 
 @lru_cache(maxsize=256)
-def vehicle_model(body: Body) -> VehicleModel:
-    """The single-track model of a body."""
+def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
+    """The single-track model of a body; with a trailer, of the vehicle that pulls it."""
     p = _PROPORTIONS[body.vehicle_class]
     wheelbase = p.wheelbase * body.length_m
     front_axle_ahead = body.length_m * (0.5 - p.front_overhang)
     front_axle = p.rear_load * wheelbase
     weight = body.mass_kg * GRAVITY_MPS2
-    return VehicleModel(
+    alone = VehicleModel(
         body=body,
         cg_ahead_m=front_axle_ahead - front_axle,
         front_axle_m=front_axle,
@@ -91,6 +98,50 @@ def vehicle_model(body: Body) -> VehicleModel:
         max_steer_rad=p.max_steer_rad,
         max_acceleration_mps2=p.max_acceleration_mps2,
         tyre_grip=p.tyre_grip,
+        front_share=(wheelbase - front_axle) / (front_axle + (wheelbase - front_axle)),
+    )
+    return alone if trailer is None else _pulling(alone, trailer, p)
+
+
+def _pulling(alone: VehicleModel, trailer: Trailer, p: _Proportions) -> VehicleModel:
+    """A vehicle with the load of a trailer on its hitch, which is shared by its axles as on a beam."""
+    carried_n = trailer.hitch_load_share * trailer.mass_kg * GRAVITY_MPS2
+    behind_front_m = trailer.hitch_m - alone.body.length_m / 2 + alone.cg_ahead_m + alone.front_axle_m
+    on_rear_n = carried_n * behind_front_m / alone.wheelbase_m
+    front_n = max(alone.front_load_n + carried_n - on_rear_n, 0.2 * alone.front_load_n)
+    rear_n = alone.front_load_n + alone.rear_load_n + carried_n - front_n
+    return replace(
+        alone,
+        front_load_n=front_n,
+        rear_load_n=rear_n,
+        front_stiffness_npr=front_n * p.cornering_stiffness,
+        rear_stiffness_npr=rear_n * p.cornering_stiffness,
+        front_share=front_n / (front_n + rear_n),
+        pulled_kg=trailer.mass_kg,
+        carried_n=carried_n,
+    )
+
+
+@lru_cache(maxsize=256)
+def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
+    """A trailer's model. Its front axle is the hitch, which has no wheels."""
+    p = _HEAVY_TRAILER if trailer.mass_kg > _HEAVY_FROM_KG else _LIGHT_TRAILER
+    rear_n = (1.0 - trailer.hitch_load_share) * trailer.mass_kg * GRAVITY_MPS2
+    return VehicleModel(
+        body=body,
+        cg_ahead_m=trailer.length_m / 2 - trailer.cg_m,
+        front_axle_m=trailer.cg_m - trailer.coupling_m,
+        rear_axle_m=trailer.axle_m - trailer.cg_m,
+        yaw_inertia_kgm2=yaw_inertia_kgm2(body),
+        front_load_n=0.0,
+        rear_load_n=rear_n,
+        front_stiffness_npr=0.0,
+        rear_stiffness_npr=rear_n * p.cornering_stiffness,
+        max_steer_rad=0.0,
+        max_acceleration_mps2=0.0,
+        tyre_grip=p.tyre_grip,
+        front_share=0.0,
+        carried_n=rear_n - trailer.mass_kg * GRAVITY_MPS2,
     )
 
 

@@ -14,7 +14,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.states.checks import check
 from trace_dag.states.encounters import Party
 from trace_dag.states.manoeuvres import Option
-from trace_dag.states.paths import Path
+from trace_dag.states.paths import STEP_M, Path
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, brakes
 from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
@@ -24,6 +24,7 @@ AFTER_IMPACT_S = 3.0
 AFTER_IMPACT_M = 25.0  # a turn that has begun is complete by then
 LONGEST_AFTER_S = 20.0
 LANE_REACH_M = 4.0
+_TRAILS_M = 1.0  # a trailer is followed from so far before a path's beginning
 _DECIMALS = 6  # to a micrometre: equal on every machine, which the last bits are not
 
 
@@ -106,8 +107,9 @@ def driven(
     seconds more."""
     time, distance, speeds = profile.sample(lead_time_s, after_s)
     x, y, z, heading = path.at(station_m + distance)
+    trailing = _trailing(vehicle, path, station_m + distance, heading)
     if option.backing:
-        heading, speeds = heading + math.pi, -speeds
+        heading, speeds, trailing = heading + math.pi, -speeds, heading + math.pi
     trajectory = rounded(time, x, y, z, heading, speeds)
     impact = int(np.argmin(np.abs(trajectory.time_s - lead_time_s)))
     initial_pose, impact_pose = pose_of(trajectory, 0), pose_of(trajectory, impact)
@@ -128,7 +130,19 @@ def driven(
         initial_lane=lane_under(network, initial_pose),
         impact_lane=lane_under(network, impact_pose),
         braking=brakes(vehicle) and profile.impact_mps < profile.initial_mps,
+        trailer=vehicle.trailer,
+        trailer_heading_rad=None if vehicle.trailer is None else np.round(trailing, _DECIMALS),
     )
+
+
+def _trailing(vehicle: VehicleRecord, path: Path, stations_m: FloatArray, heading_rad: FloatArray) -> FloatArray:
+    """Headings of what a vehicle pulls along a path; in line with it where it pulls nothing."""
+    if vehicle.trailer is None:
+        return heading_rad
+    from_m = min(float(stations_m[0]), float(path.s_m[0])) - _TRAILS_M
+    along = np.concatenate([np.arange(from_m, float(stations_m[0]), STEP_M), stations_m])
+    following = vehicle.trailer.following(path.plan(along), vehicle.length_m)
+    return following[-len(stations_m) :]
 
 
 def rounded(

@@ -13,7 +13,7 @@ import numpy as np
 
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.record import VehicleRecord
-from trace_dag.geometry import gaps_m
+from trace_dag.states.contact import Shape, shape_gaps_m, shapes
 from trace_dag.states.solver import Placed, Solution
 from trace_dag.states.speeds import starts
 from trace_dag.states.types import EstimateCheck, Manoeuvre, ParticipantState
@@ -73,17 +73,19 @@ def _contact(participants: tuple[ParticipantState, ...], lead_time_s: float) -> 
     one, two = participants
     impact = int(np.argmin(np.abs(one.trajectory.time_s - lead_time_s)))
     until = slice(0, impact + 1)
-    state_1, state_2 = (
-        (each.trajectory.x_m[until], each.trajectory.y_m[until], each.trajectory.heading_rad[until])
-        for each in (one, two)
-    )
-    gap = gaps_m(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
+    gap = shape_gaps_m(_shapes(one, until), _shapes(two, until))
     before = float(gap[:impact].min()) if impact else 0.0
     at = float(gap[impact])
     return [
         EstimateCheck("touching", abs(at) <= MAX_GAP_M, f"gap {at:.4f} m at the impact, at most {MAX_GAP_M:g}"),
         EstimateCheck("no earlier contact", before > 0, f"least gap before the impact {before:.3f} m"),
     ]
+
+
+def _shapes(state: ParticipantState, steps: slice) -> tuple[Shape, ...]:
+    t, trailing = state.trajectory, state.trailer_heading_rad
+    poses = (t.x_m[steps], t.y_m[steps], t.heading_rad[steps])
+    return shapes(poses, (state.length_m, state.width_m), state.trailer, None if trailing is None else trailing[steps])
 
 
 def _speed(vehicle: VehicleRecord, participant: ParticipantState) -> list[EstimateCheck]:

@@ -1,19 +1,23 @@
 """First contact of two bodies moving along paths: when, where, and on which part of each body.
 
-The bodies are rectangles. Paths and speeds leave open how far one is ahead of the other: the timing.
-:func:`first_contacts` looks at a whole range of timings at once. It moves both bodies forward from where they are
-apart, so that every contact it returns is a first one: they touch, do not overlap, and have not touched before. Frame:
-the local frame.
+The bodies are rectangles, with a trailer two each. Paths and speeds leave open how far one is ahead of the other: the
+timing. :func:`first_contacts` looks at a whole range of timings at once. It moves both bodies forward from where they
+are apart, so that every contact it returns is a first one: they touch, do not overlap, and have not touched before.
+Frame: the local frame.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trace_dag.crash.record import VehicleRecord
+from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray, Poses, gaps_m
 from trace_dag.states.paths import Path
 
@@ -27,10 +31,43 @@ _PATHS_BEND = 1.01  # margin, as a path's points can be nearer to each other tha
 
 
 @dataclass(frozen=True, eq=False)
+class Shape:
+    """Rectangles over time: poses of any shape, length and width (m); and the middle and length of the body that clock
+    positions are counted on, of a combination vehicle in line with this part of it."""
+
+    poses: Poses
+    size_m: tuple[float, float]
+    middle: Poses
+    middle_length_m: float
+
+
+def shapes(
+    poses: Poses, size_m: tuple[float, float], trailer: Trailer | None, trailer_heading_rad: FloatArray | None
+) -> tuple[Shape, ...]:
+    """The rectangles of a vehicle: itself, and its trailer."""
+    if trailer is None or trailer_heading_rad is None:
+        return (Shape(poses, size_m, poses, size_m[0]),)
+    behind, whole_m = trailer.behind(poses, size_m[0], trailer_heading_rad), trailer.combination_length_m
+    return (
+        Shape(poses, size_m, trailer.middle_by_puller(poses, size_m[0]), whole_m),
+        Shape(behind, (trailer.length_m, trailer.width_m), trailer.middle_by_trailer(behind), whole_m),
+    )
+
+
+def shape_gaps_m(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> FloatArray:
+    """Least gaps between any rectangles of two vehicles, as :func:`trace_dag.geometry.gaps_m`."""
+    gaps = [gaps_m(a.poses, a.size_m, b.poses, b.size_m) for a, b in product(one, two)]
+    least = gaps[0]
+    for gap in gaps[1:]:
+        least = np.minimum(least, gap)
+    return least
+
+
+@dataclass(frozen=True, eq=False)
 class Mover:
     """A rectangle whose centre moves along a path at constant speed; it is at ``station_m`` at its time 0.
 
-    ``backing``: the body faces against its motion.
+    ``backing``: the body faces against its motion. A ``trailer`` follows as it does at low speed.
     """
 
     path: Path
@@ -39,16 +76,39 @@ class Mover:
     length_m: float
     width_m: float
     backing: bool = False
+    trailer: Trailer | None = None
+
+    @classmethod
+    def of(cls, vehicle: VehicleRecord, path: Path, station_m: float, speed_mps: float, *, backing: bool) -> Mover:
+        """A vehicle of a report, with what it pulls."""
+        return cls(path, station_m, speed_mps, vehicle.length_m, vehicle.width_m, backing, vehicle.trailer)
 
     @property
     def reach_m(self) -> float:
-        """Distance from the centre to a corner."""
-        return math.hypot(self.length_m, self.width_m) / 2
+        """Distance from the centre to the farthest corner."""
+        behind_m = 0.0 if self.trailer is None else self.trailer.combination_length_m - self.length_m
+        return math.hypot(self.length_m / 2 + behind_m, self.width_m / 2)
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y and heading of the body at times of any shape."""
         x, y, heading = self.path.plan(self.station_m + self.speed_mps * np.asarray(time_s, float))
         return x, y, heading + math.pi if self.backing else heading
+
+    def shapes_at(self, time_s: FloatArray) -> tuple[Shape, ...]:
+        """Its rectangles at times of any shape."""
+        poses, size_m = self.at(time_s), (self.length_m, self.width_m)
+        if self.trailer is None:
+            return shapes(poses, size_m, None, None)
+        stations = self.station_m + self.speed_mps * np.asarray(time_s, float)
+        return shapes(poses, size_m, self.trailer, poses[2] if self.backing else self._trailing(stations))
+
+    def _trailing(self, stations_m: FloatArray) -> FloatArray:
+        return np.asarray(np.interp(stations_m, self.path.s_m, self._following))
+
+    @cached_property
+    def _following(self) -> FloatArray:
+        assert self.trailer is not None
+        return self.trailer.following((self.path.x_m, self.path.y_m, self.path.heading_rad), self.length_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +156,10 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     if len(rows) == 0:
         return _nothing()
     last_apart = time[index - 1]
-    size_1, size_2 = (one.length_m, one.width_m), (two.length_m, two.width_m)
     width = np.full(len(rows), step)
     for _ in range(5):  # multisection: each round narrows the bracket eightfold, to a few micrometres
         inner = last_apart[:, None] + width[:, None] * np.arange(1, 9)[None, :] / 8
-        gap = gaps_m(one.at(inner + ahead[rows, None] / 2), size_1, two.at(inner - ahead[rows, None] / 2), size_2)
+        gap = shape_gaps_m(one.shapes_at(inner + ahead[rows, None] / 2), two.shapes_at(inner - ahead[rows, None] / 2))
         first = np.argmax(gap <= 0, axis=1)
         first = np.where((gap <= 0).any(axis=1), first, 7)
         width = width / 8
@@ -125,17 +184,14 @@ def _first_touching(
     row, block = np.nonzero(np.hypot(x_2 - x_1, y_2 - y_1) <= (one.reach_m + two.reach_m + travel_m) * _PATHS_BEND)
     column = np.minimum(block[:, None] * _STEPS_AT_ONCE + np.arange(_STEPS_AT_ONCE), len(time_s) - 1)
     fine_s, half_s = time_s[column], half_s[row]
-    gap = gaps_m(
-        one.at(fine_s + half_s), (one.length_m, one.width_m), two.at(fine_s - half_s), (two.length_m, two.width_m)
-    )
+    gap = shape_gaps_m(one.shapes_at(fine_s + half_s), two.shapes_at(fine_s - half_s))
     found, step = np.nonzero(gap <= 0)  # by timing, then in the order of time
     timings, first = np.unique(row[found], return_index=True)
     return timings, column[found[first], step[first]]
 
 
 def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) -> Contacts:
-    state_1, state_2 = one.at(time_1), two.at(time_2)
-    touch = touching(state_1, (one.length_m, one.width_m), state_2, (two.length_m, two.width_m))
+    touch = touching_shapes(one.shapes_at(time_1), two.shapes_at(time_2))
     keep = touch.found
     return Contacts(
         time_1[keep],
@@ -179,6 +235,35 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
     y = (corners[..., 1] * weight).sum(axis=1) / count
     bearing_1, bearing_2 = _bearing(x, y, state_1, size_1_m), _bearing(x, y, state_2, size_2_m)
     return Touching(x, y, bearing_1, bearing_2, np.asarray(weight.any(axis=1)))
+
+
+def touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching:
+    """The same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do that
+    are nearest to each other. Poses of shape (n,)."""
+    pairs = list(product(one, two))
+    nearest = np.argmin([gaps_m(a.poses, a.size_m, b.poses, b.size_m) for a, b in pairs], axis=0)
+    found = [_touching_parts(a, b) for a, b in pairs]
+    if len(found) == 1:
+        return found[0]
+
+    def of_nearest(values: list[FloatArray]) -> FloatArray:
+        return np.asarray(np.choose(nearest, values))
+
+    return Touching(
+        of_nearest([touch.x_m for touch in found]),
+        of_nearest([touch.y_m for touch in found]),
+        of_nearest([touch.bearing_1_rad for touch in found]),
+        of_nearest([touch.bearing_2_rad for touch in found]),
+        np.asarray(np.choose(nearest, [touch.found for touch in found])),
+    )
+
+
+def _touching_parts(one: Shape, two: Shape) -> Touching:
+    touch = touching(one.poses, one.size_m, two.poses, two.size_m)
+    bearing_1, bearing_2 = (
+        _bearing(touch.x_m, touch.y_m, part.middle, (part.middle_length_m, part.size_m[1])) for part in (one, two)
+    )
+    return Touching(touch.x_m, touch.y_m, bearing_1, bearing_2, touch.found)
 
 
 def _corners(state: Poses, size_m: tuple[float, float]) -> FloatArray:

@@ -173,7 +173,7 @@ def _plan(
     contact = planned[0][1]
     own = replace(departure.vehicle, impact=departure.objects[0].area)
     pose = turned_by(path.pose(station_m), course.slip_rad)
-    bearing = body_bearing_rad(pose, own.length_m, own.width_m, np.array(contact))
+    bearing = body_bearing_rad(*own.clock_body(pose), np.array(contact))
     terms = terms | {"manner of leaving": course.log_prior}
     if own.impact is not None:
         area = evidence.impact_area_log_likelihood(own, np.array([bearing]))
@@ -300,7 +300,7 @@ def _hypothesis(scene: Scene, plan: DeparturePlan, lead_s: float) -> Hypothesis:
     if plan.course.slip_rad:
         state = skidding(state, plan.course.slip_rad, lead_s)
     first_xy = plan.planned[0][1]
-    bearing = body_bearing_rad(state.impact_pose, vehicle.length_m, vehicle.width_m, np.array(first_xy))
+    bearing = body_bearing_rad(*vehicle.clock_body(state.impact_pose), np.array(first_xy))
     state = replace(state, impact_clock_h=round(bearing_to_clock_h(bearing), 3))
     planned = tuple(
         PlannedEvent(item.event_number, vehicle.number, item.number, round(lead_s + later_s, 6), xy_m)

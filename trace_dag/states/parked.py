@@ -215,8 +215,8 @@ def _plan(
         slide = option.stream.path.project(at.x_m, at.y_m)[0] - option.station_m
         path = option.path(slide)
         station = path.project(at.x_m, at.y_m)[0]
-        mover = Mover(path, station, profile.impact_mps, who.vehicle.length_m, who.vehicle.width_m, option.backing)
-        still = Mover(parked_path, parked_m, 0.0, parked.length_m, parked.width_m)
+        mover = Mover.of(who.vehicle, path, station, profile.impact_mps, backing=option.backing)
+        still = Mover.of(parked, parked_path, parked_m, 0.0, backing=False)
         contacts = first_contacts(mover, still, timings=1)
         if len(contacts) == 0:
             return None

@@ -125,7 +125,10 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
             stations.append(path.project(pose.x_m, pose.y_m)[0])
         if encounter.relation is Relation.SAME_LANE:
             # One behind the other: the follower's station is where it touches, not where the bodies would overlap.
-            stations[0] -= (encounter.mover.vehicle.length_m + encounter.other.vehicle.length_m) / 2
+            ahead = encounter.other.vehicle
+            stations[0] -= (encounter.mover.vehicle.length_m + ahead.length_m) / 2
+            if ahead.trailer is not None:
+                stations[0] -= ahead.trailer.combination_length_m - ahead.length_m
     else:
         conflict = _conflict(paths[0], paths[1], x_m, y_m)
         if conflict is None:
@@ -133,7 +136,7 @@ def _movers(candidate: Candidate, slide: list[float], x_m: float, y_m: float) ->
         stations = list(conflict)
     profiles = (candidate.mover_profile, candidate.other_profile)
     first, second = (
-        Mover(path, station, profile.impact_mps, vehicle.length_m, vehicle.width_m, option.backing)
+        Mover.of(vehicle, path, station, profile.impact_mps, backing=option.backing)
         for path, station, profile, vehicle, option in zip(
             paths, stations, profiles, (encounter.mover.vehicle, encounter.other.vehicle), options, strict=True
         )

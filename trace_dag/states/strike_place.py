@@ -6,6 +6,7 @@ Frame: the local frame; stations along the vehicle's path.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,7 @@ from trace_dag.states.spots import Spot, spots_of
 
 _MEETS_MPS: Final = 0.3  # at a lower closing speed a face is not touched
 _REACH_M: Final = 12.0  # farthest along the path from where it is nearest to the place
+_SPOT_REACH_M: Final = 4.0  # and so far beyond where a spot far behind puts the vehicle
 _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
@@ -36,13 +38,15 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 
 # --- where on the vehicle ------------------------------------------------------------------------------------------
 def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
-    """The spot of the reported area, or the nearest one at which the two can touch; None if there is none."""
-    half_length, half_width = strike.vehicle.length_m / 2, strike.vehicle.width_m / 2
+    """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
+    trailer is taken to be in line."""
+    vehicle = strike.vehicle
+    half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
     ahead = -impact_mps if option.backing else impact_mps
     closing = _relative(course, speed_mps, option.backing) - np.array([ahead, 0.0])
     for spot in spots_of(strike.area, half_length, half_width):
         if float(closing @ np.array(spot.normal)) < -_MEETS_MPS:
-            return spot
+            return replace(spot, ahead_m=spot.ahead_m - vehicle.behind_m / 2)
     return None
 
 
@@ -104,7 +108,8 @@ def _station(
     far the vehicle has turned, and it must be in the crosswalk if the person was in one."""
     x, y = scene.place_xy_m
     near, _ = path.project(x, y)
-    stations = near + np.arange(-_REACH_M, _REACH_M + _STATION_STEP_M, _STATION_STEP_M)
+    reach_m = max(_REACH_M, math.ceil(abs(spot.ahead_m)) + _SPOT_REACH_M)
+    stations = near + np.arange(-reach_m, reach_m + _STATION_STEP_M, _STATION_STEP_M)
     px, py, heading = path.plan(stations)
     if option.backing:
         heading = heading + math.pi

@@ -15,8 +15,9 @@ import numpy as np
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.crash.strikes import Strike
-from trace_dag.geometry import FloatArray, Pose, gaps_m
+from trace_dag.geometry import FloatArray, Pose
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven, lane_under, pose_of, rounded
+from trace_dag.states.contact import Shape, shape_gaps_m, shapes
 from trace_dag.states.encounters import Party, party
 from trace_dag.states.manoeuvres import Option, steepest_slope
 from trace_dag.states.paths import LateralShift, Path, shifted
@@ -146,8 +147,9 @@ def _driven(
     state = driven(scene.network, vehicle, option, path, station_m, speed, profile, lead_time_s=lead_s, after_s=after_s)
     clock_h = None
     if plan is not None:
-        ahead, left = _in_axes(state.impact_pose, plan.contact_xy_m)
-        clock_h = round(bearing_to_clock_h(math.atan2(left / vehicle.width_m, ahead / vehicle.length_m)), 3)
+        middle, length_m, width_m = vehicle.clock_body(state.impact_pose)
+        ahead, left = _in_axes(middle, plan.contact_xy_m)
+        clock_h = round(bearing_to_clock_h(math.atan2(left / width_m, ahead / length_m)), 3)
     return replace(state, impact_clock_h=clock_h, drives_on=drives_on)
 
 
@@ -245,9 +247,10 @@ def _least_gap_m(one: ParticipantState, two: ParticipantState, until_s: float) -
     """Least gap between two planned motions from the beginning to a time."""
     time = np.arange(0.0, max(until_s, 0.02), 0.02)
 
-    def at(state: ParticipantState) -> tuple[FloatArray, FloatArray, FloatArray]:
-        t = state.trajectory
+    def at(state: ParticipantState) -> tuple[Shape, ...]:
+        t, trailing = state.trajectory, state.trailer_heading_rad
         x, y, heading = (np.interp(time, t.time_s, values) for values in (t.x_m, t.y_m, np.unwrap(t.heading_rad)))
-        return x, y, heading
+        behind = None if trailing is None else np.interp(time, t.time_s, trailing)
+        return shapes((x, y, heading), (state.length_m, state.width_m), state.trailer, behind)
 
-    return float(gaps_m(at(one), (one.length_m, one.width_m), at(two), (two.length_m, two.width_m)).min())
+    return float(shape_gaps_m(at(one), at(two)).min())

@@ -138,7 +138,8 @@ class StrikePlan:
     def at_side(self) -> bool:
         """Whether the person is touched at a side of the vehicle, behind its front and before its rear."""
         ahead_m, _ = self.drive.pose.to_body(np.array(self.contact_xy_m))
-        return bool(abs(ahead_m) < self.strike.vehicle.length_m / 2 - 1e-6)
+        half_m, vehicle = self.strike.vehicle.length_m / 2 - 1e-6, self.strike.vehicle
+        return bool(-half_m - vehicle.behind_m < ahead_m < half_m)
 
     @property
     def group(self) -> tuple[str, ...]:
@@ -352,7 +353,7 @@ def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tup
         across = math.sqrt(max(x * x + y * y - float(along) ** 2, 0.0))
     terms = {"place of the impact": float(evidence.place_log_likelihood(np.array(math.hypot(float(along), across))))}
     vehicle = replace(strike.vehicle, impact=strike.area)
-    bearing = body_bearing_rad(drive.pose, vehicle.length_m, vehicle.width_m, np.array(contact_xy_m))
+    bearing = body_bearing_rad(*vehicle.clock_body(drive.pose), np.array(contact_xy_m))
     if strike.area is not None:
         area = float(evidence.impact_area_log_likelihood(vehicle, np.array([bearing]))[0])
         terms[f"impact area (vehicle {vehicle.number})"] = area

@@ -11,10 +11,11 @@ from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
-from pydantic import PlainSerializer, PlainValidator
+from pydantic import Field, PlainSerializer, PlainValidator
 
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray, Pose
 from trace_dag.roads.map.model import LaneMatch
 from trace_dag.states.objects import FixedObject
@@ -89,7 +90,8 @@ class ParticipantState:
 
     ``vehicle_number`` is the party's: FARS ``VEH_NO``, 1000 + ``PER_NO`` for a person, 2000 + the event for an
     animal. For a person ``height_m`` is the stature, for an animal the height at the withers; ``mass_kg`` includes a
-    cycle or the like, and ``vehicle_class`` has no meaning.
+    cycle or the like, and ``vehicle_class`` has no meaning. Of a combination vehicle all is that of the vehicle that
+    pulls; ``trailer_heading_rad`` is the trailer's heading at the trajectory's times.
     """
 
     vehicle_number: int
@@ -112,6 +114,8 @@ class ParticipantState:
     kind: PartyKind = PartyKind.MOTOR_VEHICLE
     drives_on: bool = False  # after striking a person: the record says that the driver left
     skids_from_s: float | None = None  # out of control from then on: it moves along the trajectory whatever its heading
+    trailer: Annotated[Trailer | None, Field(exclude_if=lambda trailer: trailer is None)] = None
+    trailer_heading_rad: Annotated[Series | None, Field(exclude_if=lambda heading: heading is None)] = None
 
     @property
     def is_figure(self) -> bool:

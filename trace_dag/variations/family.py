@@ -135,7 +135,7 @@ def _judged(
         if gap_m > criteria.near_miss_m:
             return None
         kind = VariationKind.NEAR_MISS
-    for participant, vehicle in zip(participants, log.vehicles, strict=True):
+    for participant, vehicle in zip(participants, log.parties, strict=True):
         errors, _ = tracking_errors(participant.trajectory, vehicle, until_s)
         if len(errors) and float(errors.max()) > criteria.max_path_error_m:
             return None

@@ -59,7 +59,7 @@ def observe_contacts(network: RoadNetwork, hypothesis: Hypothesis, log: Simulati
     contacts = tuple(sorted(log.contacts, key=lambda contact: contact.time_s))
     sides = []
     for contact in contacts:
-        one, two = (struck_side(side, log.bodies[side.number], contact) for side in sides_of(contact))
+        one, two = (struck_side(side, log, contact) for side in sides_of(contact))
         sides.append((one, two))
     first = observe_contact(network, hypothesis, log, contacts[0]) if contacts else None
     outside = {}

@@ -102,20 +102,21 @@ def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: Simulat
     if state is None or driven is None:
         raise Failure(f"the log has vehicle {number}, which the hypothesis does not have; simulate again")
     side, _ = sides_of(first)
-    vehicle = observed_vehicle(network, side, state, driven, body, first)
+    vehicle = observed_vehicle(network, side, state, driven, log, first)
     left_s, sides = left_road(network, driven, body, first.time_s)
-    objects = tuple(_object(network, contact, body) for contact in struck if contact.number_1 == number)
+    objects = tuple(_object(network, contact, log) for contact in struck if contact.number_1 == number)
     over = overturned_at(driven)
     overturned_s = None if over is None else float(driven.time_s[over])
     street = departed_street(network, driven, first.time_s if left_s is None else left_s)
     return ObservedDeparture(left_s, sides, objects, vehicle, overturned_s, street)
 
 
-def _object(network: RoadNetwork, contact: Contact, body: Body) -> ObservedObject:
+def _object(network: RoadNetwork, contact: Contact, log: SimulationLog) -> ObservedObject:
     point = np.array([contact.x_m, contact.y_m])
     place = roadside_at(network, contact.x_m, contact.y_m, z_m=contact.z_m)
     along_m = along_road_m(contact.x_m, contact.y_m, place)
-    return ObservedObject(contact, contact_clock_h(contact.pose_1, body.length_m, body.width_m, point), place, along_m)
+    clock_h = contact_clock_h(*log.clock_body(contact, contact.number_1), point)
+    return ObservedObject(contact, clock_h, place, along_m)
 
 
 def left_road(

@@ -17,6 +17,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.contacts import contact_criteria, observe_contacts
 from trace_dag.verdict.departures import departure_criteria, observe_departure
 from trace_dag.verdict.metrics import compare, observe
@@ -113,6 +114,15 @@ def observe_crash(
 
     Only the kind of crash is taken from the record.
     """
+    observed = _observed(record, network, hypothesis, log, settings)
+    if not log.trailers:
+        return observed
+    return replace(observed, criteria=lambda told: (*observed.criteria(told), *articulation_shown(told, log)))
+
+
+def _observed(
+    record: CrashRecord, network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog, settings: VerdictSettings
+) -> ObservedCrash:
     match reconstruction_of(record):
         case Reconstruction.STRIKES:
             strikes = observe_strikes(network, hypothesis, log)

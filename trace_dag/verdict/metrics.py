@@ -16,7 +16,7 @@ from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, Ve
 from trace_dag.geometry import Pose, contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.plan import tracking_errors
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.types import Hypothesis, ParticipantState
 from trace_dag.units import bearing_to_clock_h, clock_difference_h, wrap_angle
 from trace_dag.verdict.directions import (
@@ -123,7 +123,7 @@ def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {vehicle.number: vehicle for vehicle in log.vehicles}
     one, two = (
-        observed_vehicle(network, side, states[side.number], logs[side.number], log.bodies[side.number], contact)
+        observed_vehicle(network, side, states[side.number], logs[side.number], log, contact)
         for side in sides_of(contact)
     )
     later = sorted((other for other in log.contacts if other is not contact), key=lambda other: other.time_s)
@@ -228,13 +228,13 @@ def sides_of(contact: Contact) -> tuple[Side, Side]:
 
 
 def observed_vehicle(
-    network: RoadNetwork, side: Side, state: ParticipantState, log: VehicleLog, body: Body, contact: Contact
+    network: RoadNetwork, side: Side, state: ParticipantState, driven: VehicleLog, log: SimulationLog, contact: Contact
 ) -> ObservedVehicle:
-    """What one body of a contact did up to it."""
-    struck = struck_side(side, body, contact)
-    distance, speed_error = tracking_errors(state.trajectory, log, contact.time_s)
-    planned = np.abs(np.interp(log.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
-    went = direction(network, log, side.pose, contact.time_s, state.trajectory)
+    """What one body of a contact did up to it, by its own log of the simulation's."""
+    struck = struck_side(side, log, contact)
+    distance, speed_error = tracking_errors(state.trajectory, driven, contact.time_s)
+    planned = np.abs(np.interp(driven.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
+    went = direction(network, driven, side.pose, contact.time_s, state.trajectory)
     return ObservedVehicle(
         number=side.number,
         clock_h=struck.clock_h,
@@ -242,7 +242,7 @@ def observed_vehicle(
         approach_rad=went.approach_rad,
         turn_deg=went.turn_deg,
         offered_turns_deg=went.offered_turns_deg,
-        initial_speed_mps=float(log.speed_mps[0]),
+        initial_speed_mps=float(driven.speed_mps[0]),
         impact_speed_mps=struck.impact_speed_mps,
         delta_v_mps=struck.delta_v_mps,
         pdof_deg=struck.pdof_deg,
@@ -264,14 +264,14 @@ class StruckSide:
     pdof_deg: float
 
 
-def struck_side(side: Side, body: Body, contact: Contact) -> StruckSide:
+def struck_side(side: Side, log: SimulationLog, contact: Contact) -> StruckSide:
     """Where a body was struck in a contact, how fast it was, and what that did to it."""
     ahead, left = side.pose.to_body(side.other.xy_m)
     forward = side.pose.forward
     dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))
     return StruckSide(
         number=side.number,
-        clock_h=contact_clock_h(side.pose, body.length_m, body.width_m, np.array([contact.x_m, contact.y_m])),
+        clock_h=contact_clock_h(*log.clock_body(contact, side.number), np.array([contact.x_m, contact.y_m])),
         bearing_clock_h=bearing_to_clock_h(math.atan2(left, ahead)),
         impact_speed_mps=float(side.velocity_mps[0] * forward[0] + side.velocity_mps[1] * forward[1]),
         delta_v_mps=math.hypot(*side.delta_v_mps),

@@ -44,8 +44,8 @@ class ObservedOverturn:
 
 def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOverturn | None:
     """The overturn of a simulated hypothesis; None if there was none."""
-    over = {vehicle.number: overturned_at(vehicle) for vehicle in log.vehicles}
-    found = [(step, vehicle) for vehicle in log.vehicles if (step := over[vehicle.number]) is not None]
+    over = {vehicle.number: overturned_at(vehicle) for vehicle in log.parties}
+    found = [(step, vehicle) for vehicle in log.parties if (step := over[vehicle.number]) is not None]
     if not found:
         return None
     k, vehicle = min(found, key=lambda each: float(each[1].time_s[each[0]]))

@@ -93,9 +93,7 @@ def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
     found = []
     for contact in strikes:
         side, person = sides_of(contact)
-        vehicle = observed_vehicle(
-            network, side, states[side.number], logs[side.number], log.bodies[side.number], contact
-        )
+        vehicle = observed_vehicle(network, side, states[side.number], logs[side.number], log, contact)
         again = next((c.time_s for c in strikes if c.number_2 == contact.number_2 and c.time_s > contact.time_s), None)
         driven = logs[person.number]
         speed = math.hypot(*person.velocity_mps)

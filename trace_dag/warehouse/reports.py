@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _CODES = (
     *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT, crash.WEATHER),
     *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
-    *(vehicle.VTRAFCON, vehicle.VTRAFWAY, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
+    *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
 )
 _POSITION = ("latitude_deg", "longitude_deg")
 

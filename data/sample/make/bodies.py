@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from make.motion import Body
+from make.motion import Body, Pulled
 
 SEDAN = Body("car", 4.88, 1.84, 1.45, 1540, 4, (49, "Toyota"), (40, "Camry"))
 COMPACT = Body("car", 4.63, 1.78, 1.43, 1310, 4, (49, "Toyota"), (32, "Corolla"))
@@ -16,8 +16,9 @@ MOTORCYCLE = Body("motorcycle", 2.25, 0.85, 1.20, 340, 80, (72, "Harley-Davidson
 BOX_TRUCK = Body("truck", 8.50, 2.44, 3.50, 9000, 62, (82, "Freightliner"), (898, "Other (medium/heavy truck)"))
 DUMP_TRUCK = Body("truck", 8.80, 2.50, 3.20, 16000, 63, (86, "Mack"), (881, "Medium/Heavy - CBE"))
 TRACTOR_TRAILER = Body(
-    "tractor_trailer", 21.0, 2.60, 4.10, 30000, 66, (82, "Freightliner"), (881, "Medium/Heavy - CBE"), trailers=1
-)
+    "tractor_trailer", 7.0, 2.50, 3.90, 8500, 66, (82, "Freightliner"), (881, "Medium/Heavy - CBE"), trailers=1,
+    pulled=Pulled(16.15, 2.59, kingpin_m=0.91, axle_m=13.2, coupled_m=6.0),
+)  # fmt: skip
 SCHOOL_BUS = Body(
     "bus", 11.0, 2.44, 3.10, 12500, 50, (84, "International Harvester/Navistar"),
     (981, "Bus**: Conventional (Engine out front)"),

@@ -22,11 +22,30 @@ LEAD_TIME_S = 5.0
 TOUCH_M = 0.002
 # What crushes within the first instant: faces this near to each other belong to one contact.
 CRUSH_M = 0.06
+TRAILS_M = 120.0
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """A semitrailer: outer dimensions, and how far behind its front its kingpin and the middle of its axles are; how
+    far behind the front of its tractor it is coupled (metres)."""
+
+    length_m: float
+    width_m: float
+    kingpin_m: float
+    axle_m: float
+    coupled_m: float
+
+    @property
+    def whole_m(self) -> float:
+        """Length of both in line."""
+        return self.coupled_m - self.kingpin_m + self.length_m
 
 
 @dataclass(frozen=True)
 class Body:
-    """A vehicle's outer dimensions (metres), its FARS body type, and a make and model with their FARS codes."""
+    """A vehicle's outer dimensions (metres), its FARS body type, and a make and model with their FARS codes. With a
+    trailer ``length_m`` is that of what pulls it."""
 
     kind: str
     length_m: float
@@ -37,15 +56,17 @@ class Body:
     make: tuple[int, str]
     model: tuple[int, str]
     trailers: int = 0
+    pulled: Pulled | None = None
 
 
 class State(NamedTuple):
-    """Where a body is, how it points, how fast it goes (negative backward)."""
+    """Where a body is, how it points, how fast it goes (negative backward), and how its trailer points."""
 
     x_m: float
     y_m: float
     heading_rad: float
     speed_mps: float
+    trailer_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -109,14 +130,45 @@ class Driving:
         v = self.speed.at(t)
         if self.backing:
             return State(x, y, math.remainder(heading + math.pi, math.tau), -v)
-        return State(x, y, math.remainder(heading, math.tau), v)
+        return State(x, y, math.remainder(heading, math.tau), v, self._trailer_rad(s, heading))
+
+    def _trailer_rad(self, s: float, heading_rad: float) -> float:
+        """The trailer follows the path of its kingpin without sliding sideways: found from far enough behind."""
+        pulled = self.body.pulled
+        if pulled is None:
+            return heading_rad
+        behind, drawbar = pulled.coupled_m - self.body.length_m / 2, pulled.axle_m - pulled.kingpin_m
+        axle: FloatArray | None = None
+        for at in np.arange(s - TRAILS_M, s + 0.1, 0.25):
+            course = self.path.heading(min(max(at, 0.0), self.path.length))
+            pin = np.array(self.path.point(at)) - behind * np.array([math.cos(course), math.sin(course)])
+            if axle is None:
+                axle = pin - drawbar * np.array([math.cos(course), math.sin(course)])
+            way = pin - axle
+            axle = pin - way * drawbar / math.hypot(*way)
+        return math.atan2(way[1], way[0])
 
 
-def outline(state: State, body: Body) -> shapely.Polygon:
-    """The body's rectangle in the plane."""
-    c, s = math.cos(state.heading_rad), math.sin(state.heading_rad)
-    local = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (body.length_m / 2, body.width_m / 2)
-    return shapely.Polygon(local @ np.array([[c, s], [-s, c]]) + (state.x_m, state.y_m))
+def outline(state: State, body: Body) -> shapely.Geometry:
+    """The body's rectangle in the plane, with that of its trailer."""
+    own = _rectangle(state.x_m, state.y_m, state.heading_rad, body.length_m, body.width_m)
+    if body.pulled is None:
+        return own
+    return own.union(_rectangle(*trailer_of(state, body, body.pulled), body.pulled.length_m, body.pulled.width_m))
+
+
+def _rectangle(x_m: float, y_m: float, heading_rad: float, length_m: float, width_m: float) -> shapely.Polygon:
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    local = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length_m / 2, width_m / 2)
+    return shapely.Polygon(local @ np.array([[c, s], [-s, c]]) + (x_m, y_m))
+
+
+def trailer_of(state: State, body: Body, pulled: Pulled) -> tuple[float, float, float]:
+    """Place of a trailer's centre, and where it points."""
+    behind, back = pulled.coupled_m - body.length_m / 2, pulled.length_m / 2 - pulled.kingpin_m
+    x = state.x_m - behind * math.cos(state.heading_rad) - back * math.cos(state.trailer_rad)
+    y = state.y_m - behind * math.sin(state.heading_rad) - back * math.sin(state.trailer_rad)
+    return x, y, state.trailer_rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +201,8 @@ def collide(one: Driving, two: Driving, clock_shift_s: float = 0.0) -> Collision
         low, high = (middle, high) if gap(middle) > 0 else (low, middle)
     states = one.state(low), two.state(low + clock_shift_s)
     point = touch_point(states[0], one.body, states[1], two.body)
-    return Collision(low, point, states, (on_body(point, states[0]), on_body(point, states[1])))
+    places = on_whole(point, states[0], one.body), on_whole(point, states[1], two.body)
+    return Collision(low, point, states, places)
 
 
 def touch_point(state_1: State, body_1: Body, state_2: State, body_2: Body) -> FloatArray:
@@ -165,13 +218,28 @@ def on_body(point: FloatArray, state: State) -> FloatArray:
     return (point - (state.x_m, state.y_m)) @ np.array([[c, -s], [s, c]])
 
 
+def on_whole(point: FloatArray, state: State, body: Body) -> FloatArray:
+    """The same; on a trailer as if tractor and trailer were in line, from the middle of both."""
+    if body.pulled is None:
+        return on_body(point, state)
+    x, y, heading = trailer_of(state, body, body.pulled)
+    trailer = _rectangle(x, y, heading, body.pulled.length_m, body.pulled.width_m)
+    tractor = _rectangle(state.x_m, state.y_m, state.heading_rad, body.length_m, body.width_m)
+    at = shapely.Point(point)
+    if at.distance(trailer) <= at.distance(tractor):
+        ahead_m = (body.pulled.whole_m - body.pulled.length_m) / 2
+        return on_body(point, State(x, y, heading, 0.0)) - np.array([ahead_m, 0.0])
+    return on_body(point, state) + np.array([(body.pulled.whole_m - body.length_m) / 2, 0.0])
+
+
 def clock(on_body: FloatArray, body: Body) -> int:
     """The clock position a coder marks: 12 the front, 3 the right side, 6 the rear, 9 the left side.
 
     The coding manual's diagram is a clock laid over the outline, its corners half-way between two hours; coders give
     corners to the front and the rear (11, 1, 5, 7), which the shift of 0.15 hours does.
     """
-    angle = math.atan2(on_body[1] / (body.width_m / 2), on_body[0] / (body.length_m / 2))
+    length_m = body.length_m if body.pulled is None else body.pulled.whole_m
+    angle = math.atan2(on_body[1] / (body.width_m / 2), on_body[0] / (length_m / 2))
     hours = -angle * 6 / math.pi
     from_end = abs(hours) if abs(hours) <= 3 else 6 - abs(hours)
     whole = math.floor(from_end + 0.5 - 0.15)

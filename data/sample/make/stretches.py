@@ -117,7 +117,7 @@ def _rear_end(r: dict[str, Road]) -> list[Crash]:
     out.append(Crash(
         31, "Into a tractor-trailer on the freeway, under the Harrow Road bridge", (
             Unit(bodies.HATCHBACK, lane, Speed(80), 24, 1, 51, "straight", lane.curve(), (-656, 787)),
-            Unit(bodies.TRACTOR_TRAILER, lane, Speed(58), 25, 1, 53, "straight", lane.curve(), (-656, 787)),
+            Unit(bodies.TRACTOR_TRAILER, lane, Speed(58), 25, 1, 53, "straight", lane.curve(), (-649, 787)),
         ), 1, 1, 1, ("I-780", ""), when=(5, 27, 4, 6), light=2,
     ))  # fmt: skip
 
@@ -189,7 +189,7 @@ def _sideswipe(r: dict[str, Road]) -> list[Crash]:
     out.append(Crash(
         39, "Merging from the ramp against a tractor-trailer", (
             Unit(bodies.COMPACT, joining, Speed(59), 47, 16, 10, "merge", merge, (1600, 783), location=2),
-            Unit(bodies.TRACTOR_TRAILER, right, Speed(64), 45, 1, 61, "straight", right.curve(), (1600, 787), 2.0),
+            Unit(bodies.TRACTOR_TRAILER, right, Speed(64), 45, 1, 61, "straight", right.curve(), (1607, 787), 2.0),
         ), 7, 1, 17, ("I-780", ""), when=(7, 15, 15, 41), interchange=1,
     ))  # fmt: skip
 

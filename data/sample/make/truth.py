@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from make.crash import Crash, Unit
-from make.motion import LEAD_TIME_S, Collision, Driving, State, clock
+from make.motion import LEAD_TIME_S, Body, Collision, Driving, State, clock, trailer_of
 from make.plane import TOWN, FloatArray, Projection
 from make.report import Report
 
@@ -74,6 +74,7 @@ def vehicle_row(
             "class": body.kind, "length_m": body.length_m, "width_m": body.width_m, "height_m": body.height_m,
             "mass_kg": body.mass_kg,
         },
+        **_pulled(body, start, impact, frame),
         "manoeuvre": unit.manoeuvre,
         "speed_reported": unit.travel_speed < 998,
         "initial_pose": frame.pose(start),
@@ -84,6 +85,15 @@ def vehicle_row(
         "approach": _approach(unit, start, driving.path.heading(driving.station(collision.t - LEAD_TIME_S))),
         "path": _path(driving, collision.t, frame),
     }  # fmt: skip
+
+
+def _pulled(body: Body, start: State, impact: State, frame: LocalFrame) -> dict[str, Any]:
+    """A trailer: its outline, and the poses of its centre."""
+    if body.pulled is None:
+        return {}
+    poses = [frame.pose(State(*trailer_of(state, body, body.pulled), 0.0)) for state in (start, impact)]
+    size = {"length_m": body.pulled.length_m, "width_m": body.pulled.width_m}
+    return {"trailer": {**size, "initial_pose": poses[0], "impact_pose": poses[1]}}
 
 
 def _approach(unit: Unit, start: State, course_rad: float) -> dict[str, Any]:

@@ -54,7 +54,7 @@ MEDIUM_TRUCK = ReportedBody(_TRUCK, 7.30, 2.35, 2.90, 6500)
 LARGE_TRUCK = ReportedBody(_TRUCK, 8.20, 2.45, 3.30, 9500)
 HEAVY_TRUCK = ReportedBody(_TRUCK, 9.00, 2.50, 3.50, 17000)
 TRACTOR = ReportedBody(_TRUCK, 7.00, 2.50, 3.80, 8300)
-TRACTOR_TRAILER = ReportedBody(VehicleClass.TRACTOR_TRAILER, 21.00, 2.59, 4.10, 25000)
+TRACTOR_OF_TRAILER = replace(TRACTOR, vehicle_class=VehicleClass.TRACTOR_TRAILER)
 SMALL_BUS = ReportedBody(_BUS, 7.50, 2.35, 2.90, 5800)
 SCHOOL_BUS = ReportedBody(_BUS, 11.00, 2.44, 3.20, 12000)
 TRANSIT_BUS = ReportedBody(_BUS, 12.20, 2.59, 3.10, 14000)
@@ -177,9 +177,9 @@ _MODEL_RANGES: Final[tuple[tuple[int, int, ReportedBody], ...]] = (
 )
 """Ranges of ``MODEL``, first and last code: cars below 400, light trucks in the 400s, cycles in the 700s, ..."""
 
-_GVWR_LIMIT_LB: Final = {11: 6_000, 12: 10_000, 13: 14_000, 14: 16_000, 15: 19_500, 16: 26_000, 17: 33_000, 18: 60_000}
+GVWR_LIMIT_LB: Final = {11: 6_000, 12: 10_000, 13: 14_000, 14: 16_000, 15: 19_500, 16: 26_000, 17: 33_000, 18: 60_000}
 """Upper bound of the classes of ``GVWR_FROM`` and ``GVWR_TO`` (2020 on)."""
-_LOADED_SHARE: Final = 0.75
+LOADED_SHARE: Final = 0.75
 """Typical mass of a medium or heavy single-unit truck on the road, as a share of its weight rating."""
 _RATED: Final = (MEDIUM_TRUCK, LARGE_TRUCK, HEAVY_TRUCK)
 
@@ -203,7 +203,7 @@ def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
     known = BODY_TYP.known(evidence.body_type)
     body = _BODY_TYPES[known][1] if known in _BODY_TYPES else _implied_kind(evidence)
     if body is TRACTOR and evidence.trailers:
-        return TRACTOR_TRAILER, known is None
+        return TRACTOR_OF_TRAILER, known is None
     return _refined(body, evidence), known is None
 
 
@@ -230,7 +230,7 @@ def _refined(body: ReportedBody, evidence: BodyEvidence) -> ReportedBody:
             body = replace(body, length_m=round(length_m, 2))
     if evidence.curb_weight_lb is not None and 0 < evidence.curb_weight_lb < _MAX_PLAUSIBLE_CURB_LB:
         return replace(body, mass_kg=round(evidence.curb_weight_lb * KG_PER_LB + DRIVER_KG))
-    limit_lb = _GVWR_LIMIT_LB.get(evidence.gvwr_class or 0)
+    limit_lb = GVWR_LIMIT_LB.get(evidence.gvwr_class or 0)
     if limit_lb is not None and body in _RATED:
-        return replace(body, mass_kg=round(limit_lb * KG_PER_LB * _LOADED_SHARE))
+        return replace(body, mass_kg=round(limit_lb * KG_PER_LB * LOADED_SHARE))
     return body

@@ -175,6 +175,14 @@ TOW_VEH = table(
     unknown=(7, 8, 9),
 )
 TRAILERS_OF_TOW_VEH: Final = {0: 0, 1: 1, 2: 2, 3: 3, 4: 1, 5: 1, 6: 1}
+TOWED_VEHICLES: Final = frozenset({5, 6})
+
+J_KNIFE = table(
+    "J_KNIFE",
+    "Jackknife",
+    {0: "not an articulated vehicle", 1: "no", 2: "yes, as the first event", 3: "yes, in a later event"},
+    unknown=(8, 9),
+)
 
 P_CRASH1 = table(
     "P_CRASH1",

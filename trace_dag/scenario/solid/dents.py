@@ -23,13 +23,14 @@ _LEAST_S: Final = 0.05
 
 def crush_of(contact: Contact, number: int) -> float:
     """How deep a contact pressed a participant in (m); 0 of those it does not concern."""
-    return {contact.number_1: contact.crush_1_m, contact.number_2: contact.crush_2_m}.get(number, 0.0)
+    one, two = contact.touched
+    return {one: contact.crush_1_m, two: contact.crush_2_m}.get(number, 0.0)
 
 
 def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
     """Offsets of the points of each part, shape (n, 3), in the vehicle's axes."""
-    first = contact.number_1 == number
-    pose = contact.pose_1 if first else contact.pose_2
+    first = contact.touched[0] == number
+    pose = contact.poses[number]
     depth = contact.crush_1_m if first else contact.crush_2_m
     out = _in_body(pose, contact.normal_x, contact.normal_y) * (1.0 if first else -1.0)
     x, y = pose.to_body(np.array([contact.x_m, contact.y_m])).tolist()

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import FloatArray
-from trace_dag.scenario.colours import CONTACT_COLOUR, vehicle_colour
+from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.map_scene import MapScene, Window
 from trace_dag.scenario.object_shapes import in_words, is_ours
 from trace_dag.scenario.solid.animals import animal_nodes, animal_places
@@ -69,8 +69,8 @@ def crash_glb(
         if parts:
             place.children.append(Node(name, parts))
     nodes = [place, *(_object(item) for item in log.objects)]
-    for index, vehicle in enumerate(log.vehicles):
-        body, colour = log.bodies[vehicle.number], vehicle_colour(index)
+    for vehicle in log.vehicles:
+        body, colour = log.bodies[vehicle.number], body_colour(vehicle.number, log.bodies)
         nodes.append(_person(vehicle, body, colour) if body.is_figure else _vehicle(log, vehicle, body, colour))
     if drive is not None:
         nodes.append(_ghost(drive))

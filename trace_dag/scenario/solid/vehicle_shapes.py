@@ -27,6 +27,7 @@ _CARGO: Final = Material("#D9DADB")
 _HEADLAMP: Final = Material("#FFF6DD", glows=True)
 _TAIL_LAMP: Final = Material("#6E1116")
 BRAKE_LAMP: Final = Material("#FF2A1A", glows=True)
+_SEMITRAILER_FROM_M: Final = 9.0
 _STATION_M: Final = 0.22  # spacing of a body's rings: close enough for a dent to be visible
 
 Parts = list[tuple[Material, Mesh]]
@@ -72,7 +73,7 @@ _PLANS: Final = {
     VehicleClass.VAN: _Plan(0.03, 0.005, 1.0, 0.35, (0.20, 0.81)),
     VehicleClass.LIGHT_TRUCK: _Plan(0.60, 0.595, 0.6, 0.40, (0.22, 0.82), 0.57),
     VehicleClass.TRUCK: _Plan(0.68, 0.675, 0.5, 0.50, (0.20, 0.84), 0.65),
-    VehicleClass.TRACTOR_TRAILER: _Plan(0.79, 0.785, 0.45, 0.51, (0.06, 0.13, 0.72, 0.78, 0.95), 0.755),
+    VehicleClass.TRACTOR_TRAILER: _Plan(0.46, 0.455, 0.42, 0.51, (0.035, 0.215, 0.825)),
     VehicleClass.BUS: _Plan(0.0, 0.0, 1.0, 0.48, (0.27, 0.80)),
     VehicleClass.OTHER: _Plan(0.55, 0.545, 0.6, 0.42, (0.22, 0.80), 0.52),
 }
@@ -81,6 +82,8 @@ _PLANS: Final = {
 def vehicle_shape(body: Body, colour: str) -> VehicleShape:
     """A vehicle of that class and size, painted in a colour; motorcycles are
     :func:`trace_dag.scenario.solid.two_wheelers.motorcycle_shape`'s."""
+    if body.is_trailer:
+        return _trailer_shape(body, colour)
     plan = _PLANS[body.vehicle_class]
     paint = Material(colour, roughness=0.45)
     (nose, low), (_, bumper), (edge_at, edge), (cowl_at, cowl), (roof_at, roof) = profile(body)
@@ -116,7 +119,32 @@ def vehicle_shape(body: Body, colour: str) -> VehicleShape:
     return VehicleShape(parts, brake, _wheels(body, plan), eye)
 
 
-def _wheels(body: Body, plan: _Plan) -> tuple[Wheel, ...]:
+def _trailer_shape(body: Body, colour: str) -> VehicleShape:
+    """A box on wheels: with landing gear if it is as high as a semitrailer, else with a drawbar."""
+    length, half, top = body.length_m, body.width_m / 2, body.height_m
+    nose, tail = length / 2, -length / 2
+    semi = length > _SEMITRAILER_FROM_M
+    axles = (0.13, 0.21) if semi else (0.34, 0.50)
+    floor = 1.15 if semi else min(0.55, 0.4 * top)
+    paint, low = Material(colour, roughness=0.45), 0.08
+    parts: Parts = [
+        (_CARGO, _subdivided(box((tail, -half, floor), (nose, half, top)))),
+        (paint, box((tail + 0.01, -half - 0.01, floor - 0.02), (nose - 0.01, half + 0.01, floor + low))),
+    ]
+    if semi:
+        legs = [box((nose - 3.1, s * 0.6 - 0.08, 0.35), (nose - 2.9, s * 0.6 + 0.08, floor)) for s in (-1, 1)]
+        guard = box((tail + 0.02, -0.8 * half, 0.5), (tail + 0.12, 0.8 * half, 0.62))  # 49 CFR 571.223
+        beams = box((tail + 0.3, -0.5, 0.75), (tail + 0.3 * length, 0.5, floor))
+        parts.append((_TRIM, joined([*legs, guard, beams])))
+    else:
+        parts.append((_TRIM, box((nose, -0.06, floor - 0.12), (nose + 1.2, 0.06, floor))))
+    lamps = [(s * 0.8 * half - 0.1, s * 0.8 * half + 0.1) for s in (-1, 1)]
+    brake = joined(box((tail - 0.02, right, floor), (tail + 0.02, left, floor + 0.1)) for right, left in lamps)
+    plan = _Plan(0.0, 0.0, 1.0, 0.51 if semi else min(0.37, 0.2 * top), axles)
+    return VehicleShape(parts, brake, _wheels(body, plan, steered=False), (nose, 0.0, top))
+
+
+def _wheels(body: Body, plan: _Plan, *, steered: bool = True) -> tuple[Wheel, ...]:
     radius = min(plan.wheel_m, 0.3 * body.height_m)
     width = 0.62 * radius
     made = []
@@ -124,7 +152,7 @@ def _wheels(body: Body, plan: _Plan) -> tuple[Wheel, ...]:
         x = -body.length_m / 2 + axle * body.length_m
         for s in (-1.0, 1.0):
             y = s * (body.width_m / 2 - width / 2 + 0.02)
-            made.append(Wheel((x, y, radius), radius, width, steered=axle == plan.axles[-1]))
+            made.append(Wheel((x, y, radius), radius, width, steered=steered and axle == plan.axles[-1]))
     return tuple(made)
 
 

@@ -37,7 +37,11 @@ SELECT
     vehicle.impact.clock_h AS impact_clock_h,
     vehicle.surface_condition_code,
     meaning_of('VSURCOND', vehicle.surface_condition_code) AS surface_condition,
-    vehicle.trailers
+    vehicle.trailers,
+    vehicle.trailer.length_m AS trailer_length_m,
+    vehicle.trailer.mass_kg AS trailer_mass_kg,
+    vehicle.jackknife_code,
+    meaning_of('J_KNIFE', vehicle.jackknife_code) AS jackknife
 FROM (SELECT key, unnest(vehicles) AS vehicle FROM crash_record) AS record
 ORDER BY key, vehicle_number;
 
@@ -47,9 +51,9 @@ COMMENT ON COLUMN vehicles.vehicle_number IS 'Number of the vehicle in the repor
 COMMENT ON COLUMN vehicles.vehicle_class IS 'Kind of body it is simulated as';
 COMMENT ON COLUMN vehicles.make_model IS 'Make and model as labelled';
 COMMENT ON COLUMN vehicles.model_year IS 'Model year';
-COMMENT ON COLUMN vehicles.length_m IS 'Length of the body, m';
+COMMENT ON COLUMN vehicles.length_m IS 'Length of the body, without a trailer, m';
 COMMENT ON COLUMN vehicles.width_m IS 'Width of the body, m';
-COMMENT ON COLUMN vehicles.mass_kg IS 'Mass in running order, kg';
+COMMENT ON COLUMN vehicles.mass_kg IS 'Mass in running order, without a trailer, kg';
 COMMENT ON COLUMN vehicles.in_transport IS 'In transport, not parked or at work';
 COMMENT ON COLUMN vehicles.travel_speed_mps IS 'Reported speed, m/s; null if not reported (TRAV_SP)';
 COMMENT ON COLUMN vehicles.speed_limit_mps IS 'Speed limit, m/s (VSPD_LIM)';
@@ -79,3 +83,7 @@ COMMENT ON COLUMN vehicles.impact_clock_h IS 'Clock position of the collision on
 COMMENT ON COLUMN vehicles.surface_condition_code IS 'Condition of the road surface (VSURCOND)';
 COMMENT ON COLUMN vehicles.surface_condition IS 'Condition of the road surface, in words';
 COMMENT ON COLUMN vehicles.trailers IS 'Trailing units (TOW_VEH)';
+COMMENT ON COLUMN vehicles.trailer_length_m IS 'Length of what it pulls, without a drawbar, m';
+COMMENT ON COLUMN vehicles.trailer_mass_kg IS 'Mass of what it pulls, kg';
+COMMENT ON COLUMN vehicles.jackknife_code IS 'Jackknifed (J_KNIFE)';
+COMMENT ON COLUMN vehicles.jackknife IS 'Jackknifed, in words';

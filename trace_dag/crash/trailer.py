@@ -1,0 +1,95 @@
+"""A trailer as a body behind the vehicle that pulls it, and the plane geometry of both: where the hitch is, how the
+trailer follows, and the clock positions of both together.
+
+A combination vehicle is one vehicle of the report: its front is that of what pulls, its rear that of the trailer, and
+areas of impact (``IMPACT1``, ``AOI``) go around both, as the clock diagrams of the FARS Coding and Validation Manual do
+around the whole outline of a vehicle. Who runs into the rear of a trailer strikes 6 o'clock of the combination.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trace_dag.geometry import FloatArray, Poses
+
+_FOLLOWS_STEP_M = 0.5
+
+
+@dataclass(frozen=True)
+class Trailer:
+    """One trailer: outer dimensions without its drawbar (m), mass (kg), and places along it, measured back from its
+    front face (m). ``hitch_m`` is measured back from the front face of the vehicle that pulls."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+    mass_kg: float
+    coupling_m: float  # kingpin of a semitrailer; of a drawbar trailer negative, ahead of its front
+    axle_m: float  # middle of its axles
+    cg_m: float  # centre of gravity
+    hitch_m: float
+
+    @property
+    def is_semitrailer(self) -> bool:
+        """Whether it rests on a fifth wheel, and rolls with what pulls it."""
+        return self.coupling_m > 0
+
+    @property
+    def drawbar_m(self) -> float:
+        """From the hitch to the middle of its axles."""
+        return self.axle_m - self.coupling_m
+
+    @property
+    def hitch_load_share(self) -> float:
+        """Share of its weight that rests on the hitch."""
+        return (self.axle_m - self.cg_m) / self.drawbar_m
+
+    @property
+    def combination_length_m(self) -> float:
+        """From the front of what pulls to the trailer's rear, both in line."""
+        return self.hitch_m - self.coupling_m + self.length_m
+
+    def hitch(self, puller: Poses, puller_length_m: float) -> tuple[FloatArray, FloatArray]:
+        """x and y of the hitch where the pulling vehicle's centre is at ``puller`` (x, y, heading; any shape)."""
+        x, y, heading = puller
+        behind_m = self.hitch_m - puller_length_m / 2
+        return np.asarray(x - behind_m * np.cos(heading)), np.asarray(y - behind_m * np.sin(heading))
+
+    def behind(self, puller: Poses, puller_length_m: float, heading_rad: FloatArray) -> Poses:
+        """The trailer's centre and heading where it heads so behind a vehicle."""
+        x, y = self.hitch(puller, puller_length_m)
+        back_m = self.length_m / 2 - self.coupling_m
+        return x - back_m * np.cos(heading_rad), y - back_m * np.sin(heading_rad), heading_rad
+
+    def following(self, puller: Poses, puller_length_m: float) -> FloatArray:
+        """Headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from in line with it at
+        the first: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar."""
+        x, y = self.hitch(puller, puller_length_m)
+        x, y = x.tolist(), y.tolist()
+        heading = float(puller[2][0])
+        headings = [heading]
+        for k in range(1, len(x)):
+            dx, dy = x[k] - x[k - 1], y[k] - y[k - 1]
+            # The axle stays on the line that it had: where it comes to lie is exact for a straight pull.
+            parts = max(1, math.ceil(math.hypot(dx, dy) / _FOLLOWS_STEP_M))
+            for _ in range(parts):
+                c, s = math.cos(heading), math.sin(heading)
+                heading = math.atan2(self.drawbar_m * s + dy / parts, self.drawbar_m * c + dx / parts)
+            headings.append(heading)
+        return np.unwrap(headings) + math.tau * round((float(puller[2][0]) - headings[0]) / math.tau)
+
+    def middle_by_puller(self, puller: Poses, puller_length_m: float) -> Poses:
+        """Middle and heading of the combination as if it were in line with the vehicle that pulls: what clock positions
+        of a contact with that vehicle are counted from, on a body :attr:`combination_length_m` long."""
+        x, y, heading = puller
+        behind_m = (self.combination_length_m - puller_length_m) / 2
+        return x - behind_m * np.cos(heading), y - behind_m * np.sin(heading), heading
+
+    def middle_by_trailer(self, trailer: Poses) -> Poses:
+        """The same as if it were in line with the trailer: for contacts with that."""
+        x, y, heading = trailer
+        ahead_m = (self.combination_length_m - self.length_m) / 2
+        return x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), heading
