@@ -233,3 +233,28 @@ def test_a_contact_of_a_vehicles_own_sequence_that_the_crashs_lacks(settings: Cr
     assert record.contradictions == tuple(
         f"vehicle {number}: VSOE says that it met another vehicle (SOE 12), but CEvent does not" for number in (1, 2)
     )
+
+
+def test_who_was_pushed_into_another_parked_vehicle_is_the_one_struck_before(settings: CrashSettings) -> None:
+    """As national events have it (2016-10381: 14 1 12 2 2, then 14 1 19 3 2). A parked vehicle has no events itself."""
+    standing = [{"VEH_NO": number, "PTYPE": 1, "PBODYTYP": 4} for number in (2, 3, 4)]
+    rows = [
+        {"EVENTNUM": 1, "SOE": 63, "VNUMBER1": 1, "AOI1": 55, "VNUMBER2": 5555, "AOI2": 55},
+        {"EVENTNUM": 2, "SOE": 14, "VNUMBER1": 1, "AOI1": 12, "VNUMBER2": 2, "AOI2": 6},
+        {"EVENTNUM": 3, "SOE": 14, "VNUMBER1": 1, "AOI1": 19, "VNUMBER2": 3, "AOI2": 6},
+        {"EVENTNUM": 4, "SOE": 14, "VNUMBER1": 1, "AOI1": 19, "VNUMBER2": 4, "AOI2": 9},
+        {"EVENTNUM": 5, "SOE": 42, "VNUMBER1": 1, "AOI1": 12, "VNUMBER2": 9999, "AOI2": 77},
+    ]
+    crash = {
+        "VE_FORMS": 1,
+        "VE_TOTAL": 4,
+        "HARM_EV": 14,
+        "MAN_COLL": 0,
+        "ParkWorks": [("ParkWork", row) for row in standing],
+    }
+    record = read_report(report(crash, [{"VEH_NO": 1}], events=rows), name="report.xml", settings=settings)
+    contacts = [event for event in record.events if event.code == 14]
+    assert [(event.party_1, event.party_2) for event in contacts] == [(1, 2), (2, 3), (3, 4)]
+    assert [event.implied for event in contacts[1:]] == [("party_1",)] * 2
+    assert contacts[1].area_2 is not None
+    assert contacts[1].area_2.clock_h == 6

@@ -13,7 +13,7 @@ have had it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -98,6 +98,7 @@ def _event_rows(
 ) -> tuple[tuple[EventRecord, ...], tuple[str, ...]]:
     numbers = {vehicle.number for vehicle in vehicles}
     events: dict[int, EventRecord] = {}
+    set_in_motion: set[int] = set()  # events in which what the first vehicle had set in motion touched the second
     unlisted: dict[str, None] = {}
 
     def listed(fields: Fields, event: int, name: str) -> int | None:
@@ -112,18 +113,43 @@ def _event_rows(
         number, code = fields.integer("EVENTNUM", low=1), fields.code(codes.SOE)
         if number is None or code is None:
             continue  # a blank row says nothing
+        area_1 = fields.code(codes.AOI, "AOI1")
+        if code in codes.STRUCK_STANDING and area_1 in codes.SET_IN_MOTION:
+            set_in_motion.add(number)
         events.setdefault(
             number,
             EventRecord(
                 number=number,
                 code=code,
                 party_1=listed(fields, number, "VNUMBER1"),
-                area_1=impact_area(fields.code(codes.AOI, "AOI1")),
+                area_1=impact_area(area_1),
                 party_2=listed(fields, number, "VNUMBER2"),
                 area_2=impact_area(fields.code(codes.AOI, "AOI2")),
             ),
         )
-    return tuple(events[number] for number in sorted(events)), tuple(unlisted)
+    in_order = [events[number] for number in sorted(events)]
+    return _with_pushed(in_order, set_in_motion), tuple(unlisted)
+
+
+def _with_pushed(events: Sequence[EventRecord], set_in_motion: Collection[int]) -> tuple[EventRecord, ...]:
+    """The events with the vehicle that touched in place of the one that had set it in motion.
+
+    A standing vehicle has no events of its own. That it was pushed into another one is coded as an event of the vehicle
+    that struck it, with an area of impact that says so (190 of 440 contacts with a second standing vehicle of 2016). It
+    is the vehicle that was struck just before; where that was an object, the event stays as it is.
+    """
+    found: list[EventRecord] = []
+    last: dict[int | None, EventRecord] = {}  # harmful event of each vehicle, as coded
+    for event in events:
+        before = last.get(event.party_1)
+        if event.number in set_in_motion and before is not None and before.is_vehicle_contact:
+            pushed = replace(event, party_1=before.party_2, area_1=None, implied=(*event.implied, "party_1"))
+            found.append(pushed if pushed.party_1 != pushed.party_2 else event)
+        else:
+            found.append(event)
+        if event.is_harmful:
+            last[event.party_1] = event
+    return tuple(found)
 
 
 def _own_rows(own: Sequence[Fields], numbers: set[int]) -> tuple[dict[int, list[_Row]], tuple[str, ...]]:

@@ -24,6 +24,7 @@ from make.truth import LocalFrame, rounded_to, vehicle_row
 _SLOWING_MPS2 = 0.45 * 9.81
 _STEP_S = 0.002
 _LONGEST_S = 8.0
+_SET_IN_MOTION = 19  # AOI
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +145,8 @@ def _standing(r: dict[str, Road]) -> list[ChainCrash]:
         path = swerve(east.curve(), spot, [(-75, 0.0), (-4, left_m), (40, left_m)])
         return Unit(body, east, Speed(mph), 11, 1, 13, "leave_road", path, spot, location=4, before=(63,))
 
-    def parked(body: Any, offset_m: float) -> Unit:
-        return Unit(body, east, Speed(0), 98, 5, 53, "stopped", _beside(east, offset_m), spot)
+    def parked(body: Any, offset_m: float, ahead_m: float = 0.0) -> Unit:
+        return Unit(body, east, Speed(0), 98, 5, 53, "stopped", _beside(east, offset_m), spot, ahead_m)
 
     on_shoulder = -(half_m + 0.5 + bodies.SEDAN.width_m / 2)
     return [
@@ -159,6 +160,13 @@ def _standing(r: dict[str, Road]) -> list[ChainCrash]:
             106, "A dump truck at work in the lane, struck from behind",
             (replace(_striking(bodies.PICKUP, east, 45, spot), crash_type=11), parked(bodies.DUMP_TRUCK, 0.0)),
             ((1, 2),), ("NE-411", ""), manner=0, standing=frozenset({2}), code=45, when=(5, 23, 10, 15),
+        ),
+        ChainCrash(
+            108, "A parked car is pushed into the one that is parked ahead of it", (
+                drifting(bodies.LARGE_SUV, 50, on_shoulder + 0.2), parked(bodies.SEDAN, on_shoulder),
+                parked(bodies.PICKUP, on_shoulder, 7.5),
+            ), ((1, 2), (2, 3)), ("NE-411", ""), manner=0, relation_to_road=2, standing=frozenset({2, 3}), code=14,
+            light=2, when=(8, 13, 1, 5),
         ),
     ]  # fmt: skip
 
@@ -262,7 +270,10 @@ def coded(crash: ChainCrash, meetings: list[Meeting]) -> Report:
     hours: dict[int, int] = {}
     for (one, two), meeting in zip(crash.contacts, told, strict=False):
         at = [clock(place, crash.units[n - 1].body) for n, place in zip((one, two), meeting.on_body, strict=True)]
-        events.append(EventCodes(crash.code, one, at[0], two, at[1]))
+        if one in crash.standing:  # pushed: coded as an event of the vehicle that had struck it
+            events.append(EventCodes(crash.code, 1, _SET_IN_MOTION, two, at[1]))
+        else:
+            events.append(EventCodes(crash.code, one, at[0], two, at[1]))
         hours.setdefault(one, at[0])
         hours.setdefault(two, at[1])
     before = [

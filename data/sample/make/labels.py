@@ -16,7 +16,7 @@ _SAME, _OPPOSITE = "Same Trafficway, Same Direction", "Same Trafficway, Opposite
 _SPEEDS = {0: "Stopped Motor Vehicle In-Transport", 998: "Not Reported", 999: "Reported as Unknown"}
 _CLOCKS = {
     0: "Non-Collision", **{h: f"{h} Clock Point" for h in range(1, 13)}, 55: "Non-Harmful Event",
-    77: "Not a Motor Vehicle", 99: "Reported as Unknown",
+    19: "Other Objects or Person Set-In-Motion", 77: "Not a Motor Vehicle", 99: "Reported as Unknown",
 }  # fmt: skip
 
 LABELS: dict[str, dict[int, str]] = {

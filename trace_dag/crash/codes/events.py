@@ -140,6 +140,8 @@ _AREAS = {
     82: "the front part of the right side",
     83: "the rear part of the right side",
 }
+SET_IN_MOTION: Final = frozenset({18, 19, 20})
+"""Not the vehicle itself touched: what it had set in motion did."""
 NOT_HARMFUL: Final = 55
 IMPACT1 = table("IMPACT1", "Area of initial impact", _AREAS, unknown=(55, 77, 98, 99), since={20: 2017})
 AOI = table(
