@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
@@ -19,7 +18,6 @@ from lxml import etree
 
 from trace_dag.errors import UserError
 from trace_dag.geometry import LocalFrame
-from trace_dag.roads.map.arcs import along_arc
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.model import (
     Connection,
@@ -38,6 +36,8 @@ from trace_dag.roads.map.model import (
     Signal,
 )
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.roads.map.opendrive_values import Notes, ValueReader, first_note, notes_of
+from trace_dag.roads.map.plan_pieces import poly3_as_param_poly3, spiral_as_arcs
 from trace_dag.units import MPS_PER_KMH, MPS_PER_MPH
 
 _MPS_PER_UNIT: Final = {"m/s": 1.0, "mph": MPS_PER_MPH, "km/h": MPS_PER_KMH}
@@ -59,10 +59,6 @@ _OTHER_LANE_TYPES: Final = {
 _LANE_TYPES: Final = {**_OTHER_LANE_TYPES, **{lane_type.value: lane_type for lane_type in LaneType}}
 _LONGEST_ROAD_M: Final = 1e6  # a longer one is an error, and sampling it would fill the memory
 _MOST_TURN_RAD: Final = 100.0  # of a piece of road: 16 full circles
-_ARC_TURN_RAD: Final = 0.005
-"""Turn per arc that stands for a piece of a spiral: off the clothoid by less than a millimetre on any road."""
-
-_Notes = dict[str, list[str]]
 
 
 def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
@@ -88,7 +84,7 @@ def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
         junctions=tuple(reader.junction(element) for element in root.iterchildren("junction")),
         controllers=tuple(reader.controller(element) for element in root.iterchildren("controller")),
         converter=header.get("vendor", ""),
-        attribution=_first(_notes(header), "attribution"),
+        attribution=first_note(notes_of(header), "attribution"),
     )
 
 
@@ -112,51 +108,8 @@ def parse_opendrive(data: bytes, name: str) -> etree._Element:
     return root
 
 
-@dataclass(frozen=True)
-class _Reader:
-    """Elements to types; knows the file's name for messages."""
-
-    name: str
-
-    # --- values ----------------------------------------------------------------------------------------------
-    def _fail(self, element: etree._Element, problem: str) -> UserError:
-        owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
-        place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"
-        return UserError(f"{self.name}: {problem} ({place}); mend the file or convert the map again")
-
-    def _text(self, element: etree._Element, key: str) -> str:
-        value = element.get(key)
-        if value is None:
-            raise self._fail(element, f"<{element.tag}> without {key!r}")
-        return value
-
-    def _number(self, element: etree._Element, key: str, default: float | None = None) -> float:
-        value = element.get(key)
-        if value is None:
-            if default is not None:
-                return default
-            value = self._text(element, key)
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            raise self._fail(element, f"<{element.tag} {key}={value!r}>: expected a finite number")
-        return number
-
-    def _integer(self, element: etree._Element, key: str) -> int:
-        value = self._text(element, key)
-        try:
-            return int(value)
-        except ValueError:
-            raise self._fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
-
-    def _note_integers(self, element: etree._Element, notes: _Notes, code: str) -> tuple[int, ...]:
-        text = _first(notes, code)
-        try:
-            return tuple(int(part) for part in text.split())
-        except ValueError:
-            raise self._fail(element, f"userData {code} {text!r}: expected integers") from None
+class _Reader(ValueReader):
+    """Elements to types."""
 
     # --- header ----------------------------------------------------------------------------------------------
     def frame(self, header: etree._Element) -> LocalFrame:
@@ -171,16 +124,16 @@ class _Reader:
 
     # --- roads -----------------------------------------------------------------------------------------------
     def road(self, element: etree._Element) -> Road:
-        length = self._number(element, "length")
+        length = self.number(element, "length")
         parts = _children(element)
         plan = tuple(piece for child in parts.get("planView", ()) for piece in self._plan(child))
         if not plan or not 0.0 < length <= _LONGEST_ROAD_M:
-            raise self._fail(element, f"road of length {length:g} with {len(plan)} pieces of plan view")
+            raise self.fail(element, f"road of length {length:g} with {len(plan)} pieces of plan view")
         junction = element.get("junction", "-1")
         link, lanes = parts.get("link"), parts.get("lanes", ())
-        notes = _notes(element)
+        notes = notes_of(element)
         return Road(
-            id=self._text(element, "id"),
+            id=self.text(element, "id"),
             length_m=length,
             plan=plan,
             lane_sections=tuple(self._sections(element, lanes, length)),
@@ -196,29 +149,29 @@ class _Reader:
                 for child in parts.get("objects", ())
                 if child.tag == "object" and child.get("type") == "crosswalk" and _corners(child)
             ),
-            highway=_first(notes, "highway"),
+            highway=first_note(notes, "highway"),
             names=tuple(notes.get("altName", ())),
-            osm_way_ids=self._note_integers(element, notes, "osmWays"),
+            osm_way_ids=self.note_integers(element, notes, "osmWays"),
             speed_mps=self._road_speed(element),
-            layer=sum(self._note_integers(element, notes, "layer")),
-            bridge=_first(notes, "bridge") == "true",
-            tunnel=_first(notes, "tunnel") == "true",
-            lanes_from_tags=_first(notes, "lanesFromTags") == "true",
-            turn=_first(notes, "turn") or None,
-            inferred=_first(notes, "inferred"),
+            layer=sum(self.note_integers(element, notes, "layer")),
+            bridge=first_note(notes, "bridge") == "true",
+            tunnel=first_note(notes, "tunnel") == "true",
+            lanes_from_tags=first_note(notes, "lanesFromTags") == "true",
+            turn=first_note(notes, "turn") or None,
+            inferred=first_note(notes, "inferred"),
         )
 
     def _plan(self, geometry: etree._Element) -> Iterable[PlanElement]:
         if geometry.tag != "geometry":
             return ()
-        number = self._number
+        number = self.number
         place = (number(geometry, "s"), number(geometry, "x"), number(geometry, "y"), number(geometry, "hdg"))
         length = number(geometry, "length")
         if not 0.0 <= length <= _LONGEST_ROAD_M:
-            raise self._fail(geometry, f"<geometry> of length {length:g}; expected 0 to {_LONGEST_ROAD_M:g} m")
+            raise self.fail(geometry, f"<geometry> of length {length:g}; expected 0 to {_LONGEST_ROAD_M:g} m")
         shape = next(iter(geometry), None)
         if shape is None:
-            raise self._fail(geometry, "<geometry> without a shape")
+            raise self.fail(geometry, "<geometry> without a shape")
         match shape.tag:
             case "line":
                 return (PlanElement(*place, length),)
@@ -232,16 +185,14 @@ class _Reader:
                 return (PlanElement(*place, length, poly=poly, poly_normalized=normalized),)
             case "poly3":
                 a, b, c, d = (number(shape, key) for key in "abcd")
-                u_end = _poly3_reach(b, c, d, length)
-                scaled = (0.0, u_end, 0.0, 0.0, a, b * u_end, c * u_end**2, d * u_end**3)
-                return (PlanElement(*place, length, poly=scaled, poly_normalized=True),)
+                return (poly3_as_param_poly3(PlanElement(*place, length), a, b, c, d),)
             case "spiral":
                 start, end = number(shape, "curvStart"), number(shape, "curvEnd")
                 if not max(abs(start), abs(end)) * length <= _MOST_TURN_RAD:
-                    raise self._fail(geometry, f"spiral of {length:g} m that turns more than {_MOST_TURN_RAD:g} rad")
-                return _spiral_as_arcs(PlanElement(*place, length), start, end)
+                    raise self.fail(geometry, f"spiral of {length:g} m that turns more than {_MOST_TURN_RAD:g} rad")
+                return spiral_as_arcs(PlanElement(*place, length), start, end)
             case other:
-                raise self._fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
+                raise self.fail(geometry, f"shape <{other}>: expected line, arc, spiral, poly3 or paramPoly3")
 
     def _cubics(self, elements: Iterable[etree._Element], key: str = "s") -> tuple[Cubic, ...]:
         return tuple(self._cubic(element, key) for element in elements)
@@ -251,21 +202,21 @@ class _Reader:
         numbers = get(key, "0"), get("a", "0"), get("b", "0"), get("c", "0"), get("d", "0")
         cubic = _cubic_of(numbers)
         if cubic is None:  # say which number it is
-            cubic = Cubic(*(self._number(element, name, 0.0) for name in (key, "a", "b", "c", "d")))
+            cubic = Cubic(*(self.number(element, name, 0.0) for name in (key, "a", "b", "c", "d")))
         return cubic
 
     def _road_link(self, link: etree._Element, which: str) -> RoadLink | None:
         element = next(link.iterchildren(which), None)
         if element is None:
             return None
-        return RoadLink(self._text(element, "elementType"), self._text(element, "elementId"), self._contact(element))
+        return RoadLink(self.text(element, "elementType"), self.text(element, "elementId"), self._contact(element))
 
     def _contact(self, element: etree._Element) -> ContactPoint | None:
         value = element.get("contactPoint")
         if value is None:
             return None
         if value not in ("start", "end"):
-            raise self._fail(element, f"contactPoint={value!r}: expected start or end")
+            raise self.fail(element, f"contactPoint={value!r}: expected start or end")
         return ContactPoint(value)
 
     def _road_speed(self, road: etree._Element) -> float | None:
@@ -276,47 +227,47 @@ class _Reader:
             return None
         unit = element.get("unit", "m/s")
         if unit not in _MPS_PER_UNIT:
-            raise self._fail(element, f"speed unit {unit!r}: expected one of {', '.join(_MPS_PER_UNIT)}")
-        return self._number(element, "max") * _MPS_PER_UNIT[unit]
+            raise self.fail(element, f"speed unit {unit!r}: expected one of {', '.join(_MPS_PER_UNIT)}")
+        return self.number(element, "max") * _MPS_PER_UNIT[unit]
 
     def _signal(self, element: etree._Element) -> Signal:
         value = element.get("value")
         return Signal(
-            id=self._text(element, "id"),
-            s_m=self._number(element, "s"),
-            t_m=self._number(element, "t"),
+            id=self.text(element, "id"),
+            s_m=self.number(element, "s"),
+            t_m=self.number(element, "t"),
             type=element.get("type", ""),
             subtype=element.get("subtype", "-1"),
             name=element.get("name", ""),
             orientation=element.get("orientation", "none"),
-            value=None if value in (None, "-1") else self._number(element, "value"),
+            value=None if value in (None, "-1") else self.number(element, "value"),
             unit=element.get("unit"),
             dynamic=element.get("dynamic") == "yes",
-            z_offset_m=self._number(element, "zOffset", 0.0),
-            height_m=self._number(element, "height", 0.0),
-            width_m=self._number(element, "width", 0.0),
-            osm_node_id=next(iter(self._note_integers(element, _notes(element), "osmNode")), None),
+            z_offset_m=self.number(element, "zOffset", 0.0),
+            height_m=self.number(element, "height", 0.0),
+            width_m=self.number(element, "width", 0.0),
+            osm_node_id=next(iter(self.note_integers(element, notes_of(element), "osmNode")), None),
         )
 
     def _crosswalk(self, element: etree._Element) -> Crosswalk:
         """Corners of the object's own frame turned into the road's; those given by s and t as if it were straight."""
-        s_m, t_m, turn = (self._number(element, key, 0.0) for key in ("s", "t", "hdg"))
+        s_m, t_m, turn = (self.number(element, key, 0.0) for key in ("s", "t", "hdg"))
         cosine, sine = math.cos(turn), math.sin(turn)
         outline: list[tuple[float, float]] = []
         for corner in _corners(element):
             if corner.tag == "cornerRoad":
-                outline.append((self._number(corner, "s") - s_m, self._number(corner, "t")))
+                outline.append((self.number(corner, "s") - s_m, self.number(corner, "t")))
             else:
-                u, v = self._number(corner, "u"), self._number(corner, "v")
+                u, v = self.number(corner, "u"), self.number(corner, "v")
                 outline.append((u * cosine - v * sine, t_m + u * sine + v * cosine))
-        notes = _notes(element)
+        notes = notes_of(element)
         return Crosswalk(
-            id=self._text(element, "id"),
+            id=self.text(element, "id"),
             s_m=s_m,
             outline_m=tuple(outline),
-            marked=_first(notes, "marked") != "false",
-            signals=_first(notes, "signals") == "true",
-            osm_node_id=next(iter(self._note_integers(element, notes, "osmNode")), None),
+            marked=first_note(notes, "marked") != "false",
+            signals=first_note(notes, "signals") == "true",
+            osm_node_id=next(iter(self.note_integers(element, notes, "osmNode")), None),
         )
 
     # --- lanes -----------------------------------------------------------------------------------------------
@@ -324,17 +275,17 @@ class _Reader:
         self, road: etree._Element, lanes: Iterable[etree._Element], road_length_m: float
     ) -> Iterator[LaneSection]:
         sections = [child for child in lanes if child.tag == "laneSection"]
-        sections.sort(key=lambda section: self._number(section, "s"))
+        sections.sort(key=lambda section: self.number(section, "s"))
         if not sections:
-            raise self._fail(road, "<road> without a lane section")
-        ends = [*(self._number(section, "s") for section in sections[1:]), road_length_m]
+            raise self.fail(road, "<road> without a lane section")
+        ends = [*(self.number(section, "s") for section in sections[1:]), road_length_m]
         for section, end in zip(sections, ends, strict=True):
-            begin = self._number(section, "s")
+            begin = self.number(section, "s")
             if not -1e-6 <= begin <= road_length_m:
-                raise self._fail(section, f"lane section at s={begin:g} of a road of {road_length_m:g} m")
+                raise self.fail(section, f"lane section at s={begin:g} of a road of {road_length_m:g} m")
             # A section without length holds no place on the road and would have to be skipped by every query.
             if end - begin <= 1e-9 and len(sections) > 1:
-                raise self._fail(section, f"lane section at s={begin:g} without length")
+                raise self.fail(section, f"lane section at s={begin:g} without length")
             sides = [side for side in section if side.tag in ("left", "center", "right")]
             read = [self._lane(lane) for side in sides for lane in side.iterchildren("lane")]
             read.sort(key=lambda lane: -lane.id)
@@ -344,21 +295,21 @@ class _Reader:
 
     def _lane(self, element: etree._Element) -> Lane:
         parts = _children(element)
-        notes = _notes(element) if "userData" in parts else {}
+        notes = notes_of(element) if "userData" in parts else {}
         written = None
         if (mark := parts.get("roadMark")) is not None:
             written = _mark(mark.get("type", "none"), mark.get("color", "standard"), mark.get("laneChange", "both"))
-        legal = _mark_of(_first(notes, "legalMark"))
+        legal = _mark_of(first_note(notes, "legalMark"))
         link, speed = parts.get("link"), parts.get("speed")
-        turns = _first(notes, "turns")
+        turns = first_note(notes, "turns")
         return Lane(
-            id=self._integer(element, "id"),
+            id=self.integer(element, "id"),
             type=_LANE_TYPES.get(element.get("type", "none"), LaneType.NONE),
             widths=self._cubics(element.iterchildren("width"), "sOffset") if "width" in parts else (),
             predecessor=None if link is None else self._lane_link(link, "predecessor"),
             successor=None if link is None else self._lane_link(link, "successor"),
             # Which of the two marks is the road mark depends on how the map was written.
-            mark=written if legal is None else _mark_of(_first(notes, "mark")),
+            mark=written if legal is None else _mark_of(first_note(notes, "mark")),
             legal_mark=legal,
             speed_mps=None if speed is None else self._speed(speed),
             turns=tuple(turns.split(";")) if turns else (),
@@ -366,12 +317,12 @@ class _Reader:
 
     def _lane_link(self, link: etree._Element, which: str) -> int | None:
         element = next(link.iterchildren(which), None)
-        return None if element is None else self._integer(element, "id")
+        return None if element is None else self.integer(element, "id")
 
     def _with_border_widths(self, section: etree._Element, lanes: list[Lane]) -> list[Lane]:
         """Lanes given by ``<border>`` instead of ``<width>``: the width is the distance to the border further in."""
         borders = {
-            self._integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))
+            self.integer(lane, "id"): CubicProfile.of(self._cubics(lane.iterchildren("border"), "sOffset"))
             for lane in section.iterfind("*/lane")
             if lane.find("border") is not None and lane.find("width") is None
         }
@@ -390,9 +341,9 @@ class _Reader:
 
     # --- junctions -------------------------------------------------------------------------------------------
     def junction(self, element: etree._Element) -> Junction:
-        notes = _notes(element)
+        notes = notes_of(element)
         return Junction(
-            id=self._text(element, "id"),
+            id=self.text(element, "id"),
             connections=tuple(
                 self._connection(child)
                 for child in element.iterchildren("connection")
@@ -400,39 +351,39 @@ class _Reader:
                 if child.get("connectingRoad") is not None and child.get("incomingRoad") is not None
             ),
             name=element.get("name", ""),
-            osm_node_ids=self._note_integers(element, notes, "osmNodes"),
-            kind=_first(notes, "kind"),
+            osm_node_ids=self.note_integers(element, notes, "osmNodes"),
+            kind=first_note(notes, "kind"),
             centre_xy_m=self._centre(element, notes),
-            controller_ids=tuple(self._text(child, "id") for child in element.iterchildren("controller")),
+            controller_ids=tuple(self.text(child, "id") for child in element.iterchildren("controller")),
         )
 
     def controller(self, element: etree._Element) -> Controller:
         return Controller(
-            id=self._text(element, "id"),
-            signal_ids=tuple(self._text(child, "signalId") for child in element.iterchildren("control")),
+            id=self.text(element, "id"),
+            signal_ids=tuple(self.text(child, "signalId") for child in element.iterchildren("control")),
             name=element.get("name", ""),
-            sequence=0 if element.get("sequence") is None else self._integer(element, "sequence"),
+            sequence=0 if element.get("sequence") is None else self.integer(element, "sequence"),
         )
 
-    def _centre(self, element: etree._Element, notes: _Notes) -> tuple[float, float] | None:
-        text = _first(notes, "centre")
+    def _centre(self, element: etree._Element, notes: Notes) -> tuple[float, float] | None:
+        text = first_note(notes, "centre")
         if not text:
             return None
         try:
             x, y = (float(part) for part in text.split())
         except ValueError:
-            raise self._fail(element, f"userData centre {text!r}: expected two numbers") from None
+            raise self.fail(element, f"userData centre {text!r}: expected two numbers") from None
         return x, y
 
     def _connection(self, element: etree._Element) -> Connection:
         contact = self._contact(element)
         if contact is None:
-            raise self._fail(element, "<connection> without 'contactPoint'")
-        links = ((self._integer(e, "from"), self._integer(e, "to")) for e in element.iterchildren("laneLink"))
+            raise self.fail(element, "<connection> without 'contactPoint'")
+        links = ((self.integer(e, "from"), self.integer(e, "to")) for e in element.iterchildren("laneLink"))
         return Connection(
-            id=self._text(element, "id"),
-            incoming_road=self._text(element, "incomingRoad"),
-            connecting_road=self._text(element, "connectingRoad"),
+            id=self.text(element, "id"),
+            incoming_road=self.text(element, "incomingRoad"),
+            connecting_road=self.text(element, "connectingRoad"),
             contact_point=contact,
             lane_links=tuple(links),
         )
@@ -449,18 +400,6 @@ def _corners(element: etree._Element) -> list[etree._Element]:
 def _children(element: etree._Element) -> dict[str, etree._Element]:
     """The first child of each kind."""
     return {child.tag: child for child in element.iterchildren(reversed=True)}
-
-
-def _notes(element: etree._Element) -> _Notes:
-    """Values of an element's ``<userData>`` by code, in order."""
-    notes: _Notes = {}
-    for child in element.iterchildren("userData"):
-        notes.setdefault(child.get("code", ""), []).append(child.get("value", ""))
-    return notes
-
-
-def _first(notes: _Notes, code: str) -> str:
-    return notes[code][0] if code in notes else ""
 
 
 @lru_cache(maxsize=1024)
@@ -481,31 +420,3 @@ def _cubic_of(texts: tuple[str, str, str, str, str]) -> Cubic | None:
     except ValueError:
         return None
     return Cubic(*numbers) if all(map(math.isfinite, numbers)) else None
-
-
-def _spiral_as_arcs(start: PlanElement, curvature_start: float, curvature_end: float) -> Iterator[PlanElement]:
-    """A clothoid as short arcs, each with the clothoid's mean curvature over its length, so that headings are exact."""
-    sharpest = max(abs(curvature_start), abs(curvature_end))
-    count = max(4, math.ceil(sharpest * start.length_m / _ARC_TURN_RAD))
-    step = start.length_m / count
-    x, y, heading = start.x_m, start.y_m, start.heading_rad
-    for index in range(count):
-        curvature = curvature_start + (curvature_end - curvature_start) * (index + 0.5) / count
-        yield PlanElement(start.s_m + index * step, x, y, heading, step, curvature)
-        x, y, heading = along_arc(x, y, heading, step, curvature)
-
-
-def _poly3_reach(b: float, c: float, d: float, length_m: float) -> float:
-    """``u`` at which the cubic v(u) has the given arc length, by bisection."""
-
-    def arc_length(u_end: float) -> float:
-        count = 64
-        step = u_end / count
-        slopes = (b + u * (2 * c + 3 * d * u) for u in (step * (i + 0.5) for i in range(count)))
-        return sum(math.hypot(1.0, slope) for slope in slopes) * step
-
-    low, high = 0.0, length_m
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if arc_length(middle) < length_m else (low, middle)
-    return (low + high) / 2

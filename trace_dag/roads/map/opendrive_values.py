@@ -1,0 +1,84 @@
+"""Values of OpenDRIVE elements: attributes as texts and numbers, and ``<userData>``, with errors that say where.
+
+Belongs here: reading single values. Does not belong here: what elements mean (:mod:`trace_dag.roads.map.reader`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lxml import etree
+
+from trace_dag.errors import UserError
+
+Notes = dict[str, list[str]]
+"""Values of ``<userData>`` by code."""
+
+
+@dataclass(frozen=True)
+class ValueReader:
+    """Reads values of elements; ``name`` is the file's, for messages."""
+
+    name: str
+
+    def fail(self, element: etree._Element, problem: str) -> UserError:
+        """The error to raise for an element: with the file, the line, and the road or junction that it belongs to."""
+        owner = next((e for e in (element, *element.iterancestors()) if e.get("id") is not None), element)
+        place = f"<{owner.tag} id={owner.get('id')!r}>, line {element.sourceline}"
+        return UserError(f"{self.name}: {problem} ({place}); mend the file or convert the map again")
+
+    def text(self, element: etree._Element, key: str) -> str:
+        """An attribute that has to be there. Raises :class:`UserError`."""
+        value = element.get(key)
+        if value is None:
+            raise self.fail(element, f"<{element.tag}> without {key!r}")
+        return value
+
+    def number(self, element: etree._Element, key: str, default: float | None = None) -> float:
+        """An attribute as a finite number; ``default`` if it is absent and one is given. Raises :class:`UserError`."""
+        value = element.get(key)
+        if value is None:
+            if default is not None:
+                return default
+            value = self.text(element, key)
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise self.fail(element, f"<{element.tag} {key}={value!r}>: expected a finite number")
+        return number
+
+    def integer(self, element: etree._Element, key: str) -> int:
+        """An attribute as an integer. Raises :class:`UserError`."""
+        value = self.text(element, key)
+        try:
+            return int(value)
+        except ValueError:
+            raise self.fail(element, f"<{element.tag} {key}={value!r}>: expected an integer") from None
+
+    def note_integers(self, element: etree._Element, notes: Notes, code: str) -> tuple[int, ...]:
+        """The integers of a note, none if it is absent. Raises :class:`UserError`."""
+        text = first_note(notes, code)
+        try:
+            return tuple(int(part) for part in text.split())
+        except ValueError:
+            raise self.fail(element, f"userData {code} {text!r}: expected integers") from None
+
+
+def notes_of(element: etree._Element) -> Notes:
+    """Values of an element's ``<userData>`` by code, in order."""
+    notes: Notes = {}
+    for child in element.iterchildren("userData"):
+        notes.setdefault(child.get("code", ""), []).append(child.get("value", ""))
+    return notes
+
+
+def first_note(notes: Notes, code: str) -> str:
+    """The first value of a code; empty if there is none.
+
+    >>> first_note({"osmWays": ["12 13"]}, "osmWays")
+    '12 13'
+    """
+    return notes[code][0] if code in notes else ""
