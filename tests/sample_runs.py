@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import atexit
+import fcntl
 import logging
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -98,14 +97,22 @@ def reports_of(folder: Path, keys: Sequence[str] = KEYS) -> Path:
 
 
 @cache
-def finished() -> Path:
-    """A root on which the crashes of :data:`KEYS` have been run; made once for all tests that only look at it."""
-    folder = Path(tempfile.mkdtemp(prefix="trace-dag-tests-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    assert ingest(folder / "root", reports_of(folder / "reports")).returncode == 0
-    done = trace_dag(folder / "root", "run")
-    assert done.returncode == 0, done.stderr
-    return folder / "root"
+def finished(keys: tuple[str, ...] = KEYS) -> Path:
+    """A root on which some crashes of the sample have been run; made once for all tests that only look at it.
+
+    The first worker that asks makes it; the others wait for it.
+    """
+    shared = Path(os.environ["TRACE_DAG_TESTS_SHARED"])
+    made = shared / f"finished {' '.join(keys)}.txt"
+    with made.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            folder = Path(tempfile.mkdtemp(prefix="finished-", dir=shared))
+            assert ingest(folder / "root", reports_of(folder / "reports", keys)).returncode == 0
+            done = trace_dag(folder / "root", "run")
+            assert done.returncode == 0, done.stderr
+            made.write_text(str(folder / "root"))
+    return Path(made.read_text())
 
 
 def ingest(root: Path, folder: Path) -> subprocess.CompletedProcess[str]:

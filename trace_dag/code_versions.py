@@ -131,8 +131,22 @@ def library_version(name: str) -> str | None:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        found = metadata.packages_distributions().get(name)
-        return metadata.version(found[0]) if found else None
+        found = _distribution_with(name)
+        return found.version if found else None
+
+
+def _distribution_with(module: str) -> metadata.Distribution | None:
+    """The installed package that has a top-level module of that name.
+
+    ``metadata.packages_distributions`` finds the same, but parses the lists of files of all packages: that took an
+    eighth of the time of a run with nothing to do.
+    """
+    file = re.compile(rf'^"?{re.escape(module)}(?:/|\.py,)', re.MULTILINE)
+    for package in metadata.distributions():
+        named = (package.read_text("top_level.txt") or "").split()
+        if module in named or (not named and file.search(package.read_text("RECORD") or "")):
+            return package
+    return None
 
 
 # --- what belongs to a version ----------------------------------------------------------------------------------------
