@@ -81,12 +81,20 @@ def test_reported_speeds_are_kept_exactly(sample):
                     assert abs(state.initial_speed_mps) == pytest.approx(reported[state.vehicle_number], abs=1e-6)
 
 
-def outline(state, index: int) -> shapely.Polygon:
+def outline(state, index: int) -> shapely.Geometry:
+    """A vehicle's rectangle, and that of its trailer, which is hinged where the vehicle is coupled."""
     from trace_dag.geometry import Pose
 
-    t = state.trajectory
+    t, trailer = state.trajectory, state.trailer
     pose = Pose(float(t.x_m[index]), float(t.y_m[index]), float(t.heading_rad[index]))
-    return shapely.Polygon(rectangle_corners(pose, state.length_m, state.width_m))
+    own = shapely.Polygon(rectangle_corners(pose, state.length_m, state.width_m))
+    if trailer is None:
+        return own
+    hitch_x, hitch_y = pose.to_world(np.array([state.length_m / 2 - trailer.hitch_m, 0.0]))
+    hinged = Pose(float(hitch_x), float(hitch_y), float(state.trailer_heading_rad[index]))
+    centre_x, centre_y = hinged.to_world(np.array([trailer.coupling_m - trailer.length_m / 2, 0.0]))
+    behind = Pose(float(centre_x), float(centre_y), hinged.heading_rad)
+    return own.union(shapely.Polygon(rectangle_corners(behind, trailer.length_m, trailer.width_m)))
 
 
 TIGHTEST_TURN_M = 2.0  # no lane of a map turns tighter: the gate of maps sees to it

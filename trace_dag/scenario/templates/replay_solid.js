@@ -63,7 +63,7 @@ function look_from() {
     if (view !== "free") solid.camera("orbit", { place: [(w + e) / 2, (s + n) / 2, e - w] });
   }
 }
-for (const v of D.vehicles) for (const [name, words] of [["behind", `Behind ${v.name}`], ["eyes", `Eyes of ${v.name}`]])
+for (const v of D.vehicles.filter(v => !is_trailer(v))) for (const [name, words] of [["behind", `Behind ${v.name}`], ["eyes", `Eyes of ${v.name}`]])
   $("camera").add(new Option(words, `${name} ${v.number}`));
 $("camera").addEventListener("change", () => { chosen = true; look_from(); frame(); });
 for (const b of document.querySelectorAll("#panes button")) b.addEventListener("click", () => { chosen = true; show_pane(b.dataset.pane); });
