@@ -1,8 +1,8 @@
 """How a driver goes on after striking a person: along the planned path, and after a reaction time on the brakes.
 
-Nobody speeds up again to make up for what the strike took: the plan's path is kept, its timetable is not. A driver
-who braked at the strike goes on braking at once, to a stop. In a bend the brakes get what the bend leaves of the
-tyres: who would brake as hard there as on a straight road would slide off it.
+The driver keeps the planned path but not its times: a vehicle does not speed up to make up for the speed lost in the
+strike. A driver who was braking at the strike goes on braking to a stop. In a bend the brakes use only the grip that
+the bend leaves: braking as hard as on a straight road would make the vehicle slide off.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import math
 
 from trace_dag.sim.types import AfterStriking
 
-_BRAKES_MPS2 = 1.0  # a plan that slows down by as much brakes; engine drag is less
+_BRAKES_MPS2 = 1.0  # a plan that slows down this much is braking; engine drag is less
 _STANDS_MPS = 0.3
 _LEAST_BRAKING = 0.3  # share of the wanted deceleration that a driver keeps in the sharpest bend
-_PATH_ENDS_MPS2 = 4.0  # of a driver who does not react to the strike, where the planned path is over
+_PATH_ENDS_MPS2 = 4.0  # deceleration after the end of the planned path, of a driver who does not react to the strike
 
 
 class DriverAfterStrike:
@@ -35,7 +35,7 @@ class DriverAfterStrike:
         """Whether it brakes by now, to a stop."""
 
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
-        """The plan's row for a vehicle that is where it is: the nearest point of the path, taken at its own speed."""
+        """The plan's row for the vehicle's present place: the nearest point of the path, at the vehicle's own speed."""
         rows = self._rows
         here = rows[self._at]
         while self._at + 1 < len(rows):

@@ -10,7 +10,7 @@ from trace_dag.sim.types import Backend, BackendFactory
 
 
 def backend_factory(settings: SimSettings) -> BackendFactory:
-    """What makes the back-end. Raises :class:`trace_dag.errors.UserError` where it cannot be loaded."""
+    """The factory of the back-end. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
     factory: BackendFactory = load(PluginKind.BACKEND, settings.backend)
     return factory
 

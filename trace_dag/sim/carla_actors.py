@@ -37,8 +37,8 @@ _WHEELBASE = 0.6  # of the length
 
 @dataclass(eq=False)
 class CarlaActor:
-    """A vehicle of the server that stands for a participant, with what was seen of it, one row per tick. A bicycle is
-    a vehicle to CARLA: one body with its rider.
+    """A vehicle of the server that stands for a participant, with its observed states, one row per tick. For CARLA a
+    bicycle with its rider is a vehicle, one body.
 
     ``rows``: x, y, z (m), heading (rad), velocity x, y (m/s), yaw rate (rad/s), steering (rad), throttle, brake; of the
     centre of its bounding box, in the local frame.
@@ -67,7 +67,7 @@ class CarlaActor:
     ) -> CarlaActor:
         """Spawn the blueprint most like the participant at its start, with its mass and the road's friction.
 
-        Raises :class:`Failure` if its place is taken or off the road.
+        Raises :class:`Failure` if something else is at its place or no road is under it.
         """
         library = world.get_blueprint_library()
         available = [entry.id for entry in library]
@@ -157,7 +157,7 @@ class CarlaActor:
         return tick >= len(self.plan.rows) and self.plan.end_s > 0
 
     def at_rest(self, tick: int) -> bool:
-        """Whether it no longer moves, and nothing is going to move it."""
+        """Whether it no longer moves and nothing will move it."""
         undriven = self.crashed or tick >= min(len(self.plan.rows), self.brakes_from_tick)
         return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
@@ -241,7 +241,7 @@ class CarlaActor:
         self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))
 
     def dispose(self) -> list[Any]:
-        """What is to be called, in order, to leave nothing of it behind."""
+        """The calls, in order, that remove everything of it."""
         sensor = [] if self.sensor is None else [self.sensor.stop, self.sensor.destroy]
         return [*sensor, self.actor.destroy]
 

@@ -1,8 +1,8 @@
 """A person on foot in CARLA's world: a walker that keeps to its plan until touched, and then stands.
 
 CARLA's walkers are moved by a character controller. They take part in no collision: a vehicle's sensor says that it
-touched one, but neither is anybody thrown nor does the vehicle lose speed. So a run shows who meets whom, where, when
-and how fast; what the strike does is the embedded back-end's to say.
+touched one, but the person is not thrown and the vehicle loses no speed. So a run shows who meets whom, where, when and
+how fast; the effect of the strike is simulated by the embedded back-end only.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class CarlaWalker(CarlaActor):
     def spawn(
         cls, carla: Any, world: Any, participant: Participant, *, friction: float, step_s: float, time_limit_s: float
     ) -> CarlaWalker:
-        """Spawn the walker most like the person at its start; ``friction`` is nothing to it.
+        """Spawn the walker most like the person at its start; ``friction`` has no effect.
 
         Raises :class:`Failure` if its place is taken.
         """
@@ -74,7 +74,7 @@ class CarlaWalker(CarlaActor):
         self.carry(0)
 
     def carry(self, tick: int) -> None:
-        """Walk to where the plan is at a tick, at its speed; stand where it ends."""
+        """Walk to the planned place of a tick, at the planned speed; stand at the plan's end."""
         last = len(self.plan.rows) - 1
         here = self.plan.rows[min(tick, last)]
         vx, vy = (here[2], here[3]) if tick < last else (0.0, 0.0)

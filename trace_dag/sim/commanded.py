@@ -17,13 +17,14 @@ from trace_dag.sim.vehicles import VehicleModel
 _STEER_RATE_RPS = 0.7  # of the front wheels: some 600 degrees per second at a steering wheel geared 1 to 15
 _PEDAL_LAG_S = 0.1
 _REVERSE_TRACTION = 0.5  # of that forward
-_SLIP_FLOOR_MPS = 1.0  # slip angles are taken as if at least this fast
+_SLIP_FLOOR_MPS = 1.0  # slip angles are computed for at least this speed
 _HOLD_MPS = 0.2  # brakes fade below this speed: they hold and do not push back
-_LEAST_GRIP = 0.1  # of the grip, left across however hard a tyre brakes
+_LEAST_GRIP = 0.1  # share of the grip that is left sideways, however hard a tyre brakes
 
 
 class CommandedVehicle(Vehicle):
-    """Follows its plan like any other until it is told what to do instead, and again when it is told nothing."""
+    """Follows its plan like any other vehicle while it has no command, and otherwise does what the last command
+    says."""
 
     __slots__ = ("_brake", "_step_s", "_throttle", "_wanted")
 
@@ -43,7 +44,7 @@ class CommandedVehicle(Vehicle):
         self._wanted: Pedals | None = None
 
     def command(self, wanted: Pedals | None) -> None:
-        """What is to be done from now on; None follows the plan."""
+        """Set the command from now on; None follows the plan."""
         if self._wanted is None:
             self._throttle, self._brake = self.pedals  # taken over where they are
         self._wanted = wanted

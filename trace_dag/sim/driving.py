@@ -1,7 +1,7 @@
-"""Someone else at the wheel: what a back-end asks of a driver that takes a participant over from its plan.
+"""Another driver at the wheel: the interface for drivers that take over a participant from its plan.
 
-Belongs here: the contract between back-ends and drivers, in the vehicle's own terms. What a driver knows and wants
-(agents, their observations) is :mod:`trace_dag.evaluation`'s.
+Belongs here: the contract between back-ends and drivers, in the vehicle's own terms. Agents and their observations are
+in :mod:`trace_dag.evaluation`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """A participant now: centre of its body (m, local frame), heading (rad), velocity (m/s), yaw rate (rad/s)."""
+    """The present state of a participant: centre of its body (m, local frame), heading (rad), velocity (m/s), yaw rate
+    (rad/s)."""
 
     number: int
     x_m: float
@@ -35,7 +36,7 @@ class BodyState:
 class Pedals:
     """What a driver does: angle of the front wheels (rad, positive to the left), throttle and brake from 0 to 1.
 
-    A vehicle does of it what its tyres, its power and its steering allow. ``reverse`` selects the reverse gear.
+    The vehicle follows as far as its tyres, its power and its steering allow. ``reverse`` selects the reverse gear.
     """
 
     steer_rad: float = 0.0
@@ -45,10 +46,11 @@ class Pedals:
 
 
 class Driver(Protocol):
-    """Drives one participant until its first contact; after that nobody does."""
+    """Drives one participant until its first contact; after that it is not driven."""
 
     period_s: float
     """How often it is asked; what it does is held until the next time."""
 
     def drive(self, time_s: float, states: Mapping[int, BodyState]) -> Pedals | None:
-        """What it does now, given the true state of every participant by number; None keeps to the plan."""
+        """The pedals and steering for now, given the true state of every participant by number; None keeps to the
+        plan."""

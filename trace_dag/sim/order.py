@@ -1,4 +1,4 @@
-"""Contacts of a simulation beside the pairs that are to touch, in order, as both estimates and verdicts ask."""
+"""Contacts of a simulation compared with the pairs that should touch, in order; used by estimates and verdicts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from trace_dag.sim.types import Contact
 
 @dataclass(frozen=True)
 class ContactOrder:
-    """``matched``: for each expected pair the contact that is it, None where it does not come in its turn. ``strange``:
-    contacts of pairs that are not expected at all or not yet, in order."""
+    """``matched``: for each expected pair its contact, None if it does not happen in its turn. ``strange``: contacts of
+    pairs that are not expected at all or not yet, in order."""
 
     matched: tuple[Contact | None, ...]
     strange: tuple[Contact, ...]
 
     @property
     def happened(self) -> int:
-        """How many of the expected contacts came in their turn."""
+        """How many of the expected contacts happened in their turn."""
         return sum(contact is not None for contact in self.matched)
 
 

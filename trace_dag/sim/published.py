@@ -1,4 +1,4 @@
-"""Scenarios in the published benchmark's layout (``simulation_<stateCase>.json``) as estimates of our own kind.
+"""Scenarios in the published benchmark's layout (``simulation_<stateCase>.json``) as estimates of this program.
 
 The layout: ``vehicle1`` and ``vehicle2``, each with ``start_position``, ``yaw``, ``speed_kmh`` and ``trajectory``, a
 list of waypoints some 5 m apart; ``crash_point``. In CARLA's frame, degrees and km/h. What the vehicles did is their
@@ -41,7 +41,7 @@ SPAWN_HEIGHT_M = 0.5
 _STEP_S = 0.1
 _PATH_STEP_M = 1.0
 _SMOOTHING_M = (0.0, 1.25, 2.5, 5.0)
-_GRIP_MPS2 = 0.75 * GRAVITY_MPS2  # across the way: tyres on dry asphalt
+_GRIP_MPS2 = 0.75 * GRAVITY_MPS2  # lateral: tyres on dry asphalt
 _TIGHTEST_M = 5.0  # radius
 _SAME_PLACE_M = 1e-3
 _HEIGHT_M, _MASS_KG = 1.44, 1845.0
@@ -68,7 +68,8 @@ class PublishedScenario:
 
 
 def read_published(data: bytes, *, name: str) -> PublishedScenario:
-    """Read a published scenario; :class:`UserError` naming ``name`` and what is missing or no number."""
+    """Read a published scenario. Raises :class:`UserError`, which names the file ``name`` and what is missing or not a
+    number."""
     try:
         content = json.loads(data)
         crash = content["crash_point"]
@@ -141,8 +142,8 @@ def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
     """Along the waypoints at the vehicle's speed; without speed it stands at the first one.
 
     Published waypoints jump between lanes by metres over a few metres, up to fifteen times what tyres can follow at the
-    speeds given. Those that cannot be driven as they are are smoothed (Gaussian), as any driver who looks ahead would,
-    by as little as makes them drivable and at most over their own spacing.
+    speeds given. Waypoints that cannot be driven are smoothed (Gaussian), as a driver who looks ahead would do, just
+    enough to make them drivable and at most over their own spacing.
     """
     points = vehicle.waypoints_m
     points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_PLACE_M])]
@@ -169,7 +170,7 @@ def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
 
 
 def _smoothed(points_m: FloatArray) -> Iterator[FloatArray]:
-    """The points as they are, then smoothed more and more."""
+    """The points unchanged, then smoothed more and more."""
     return (points_m if sigma_m == 0 else _smooth(points_m, sigma_m) for sigma_m in _SMOOTHING_M)
 
 

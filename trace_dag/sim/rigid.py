@@ -1,8 +1,8 @@
 """MuJoCo's part: rigid bodies in the plane, upright.
 
 Each has three joints (x, y, yaw) through its centre of gravity, at the height of the road under it; there is no
-gravity, since the road carries it. Vehicles do not touch in MuJoCo, whose contact gives back what it takes: what they
-do to each other is :mod:`trace_dag.sim.crush`'s, and comes as a force.
+gravity, since the road carries it. Vehicles do not touch in MuJoCo, whose contacts return the energy: the forces
+between them are computed in :mod:`trace_dag.sim.crush`.
 """
 
 from __future__ import annotations
