@@ -13,6 +13,7 @@ What is kept of the lines is :mod:`trace_dag.osm.collecting`'s task, cutting the
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import shutil
 import tempfile
@@ -53,7 +54,7 @@ def read_header(path: Path) -> FileHeader:
     """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file."""
     import osmium
 
-    with _reading(path), osmium.io.Reader(str(path), osmium.osm.NOTHING) as reader:
+    with _reading(path), osmium.io.Reader(str(path), osmium.osm.NOTHING, thread_pool=_threads(os.getpid())) as reader:
         header = reader.header()
         box = header.box()
         timestamp = header.get("osmosis_replication_timestamp") or header.get("timestamp")
@@ -129,7 +130,8 @@ def _one_pass(
 
         def copy_roads(name: str, kinds: Any) -> Path:
             copy = Path(folder) / name
-            threads = osmium.io.ThreadPool(os.cpu_count() or 1)  # left to itself libosmium spares two cores
+            threads = _threads(os.getpid())
+            reader = osmium.io.Reader(str(path), kinds, thread_pool=threads)
             writer = osmium.SimpleWriter(
                 osmium.io.File(str(copy), opl.WRITING), bufsz=_WRITTEN_AT_ONCE, thread_pool=threads
             )
@@ -137,7 +139,7 @@ def _one_pass(
             # every node is located before most of them are dropped.
             try:
                 osmium.apply(
-                    osmium.io.Reader(str(path), kinds, thread_pool=threads),
+                    reader,
                     _only_with(kept_ways, osmium.osm.WAY),
                     _only_with(("restriction",), osmium.osm.RELATION),
                     locations,
@@ -146,8 +148,10 @@ def _one_pass(
                 )
                 writer.close()
             except BaseException:
-                _keep_for_ever(writer)
+                _end(writer)
                 raise
+            finally:
+                reader.close()
             return copy
 
         collector.read(copy_roads("first.opl", osmium.osm.ALL))
@@ -158,9 +162,25 @@ def _one_pass(
         return collector.found(), collector.negative
 
 
-def _keep_for_ever(writer: Any) -> None:
-    """libosmium ends the whole process where a writer that has failed is destructed, so that it must never be."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer))
+@functools.cache
+def _threads(process: int) -> Any:
+    """One pool for all files of a process (a forked one has none of its parent's threads): a writer that failed keeps
+    its pool, which then is no loss."""
+    import osmium
+
+    return osmium.io.ThreadPool(os.cpu_count() or 1)  # left to itself libosmium spares two cores
+
+
+def _end(writer: Any) -> None:
+    """Close it, with its thread and its file, after something else has failed.
+
+    One that has itself failed cannot be closed, and libosmium ends the whole process where such a one is destructed,
+    so that it is kept for ever.
+    """
+    try:
+        writer.close()
+    except (RuntimeError, ValueError, IndexError):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer))
 
 
 def _check_room(path: Path) -> None:
