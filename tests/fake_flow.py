@@ -1,10 +1,10 @@
 """A flow of tiny stages whose behaviour is written in the report itself, one word per line.
 
 ``reject:<stage>``, ``fail:<stage>``, ``flaky:<stage>``, ``die:<stage>`` (kills its worker), ``stop:<stage>`` (stops
-it), ``slow:<stage>``, ``hang:<stage>`` (in Python), ``freeze:<stage>`` (in a library that holds Python); at the
-first, the second or all later calls alone ``fail-once``, ``fail-second``, ``die-once``, ``die-later``. Each stage
-appends its name to what it was given, so an artefact tells which stages it went through, and each call is counted in a
-file, so a test can see what was really computed.
+it), ``slow:<stage>``, ``hang:<stage>`` (in Python), ``sleep:<stage>`` (in a library), ``freeze:<stage>`` (in one that
+holds Python); at the first, the second or all later calls alone ``fail-once``, ``fail-second``, ``die-once``,
+``die-later``. Each stage appends its name to what it was given, so an artefact tells which stages it went through, and
+each call is counted in a file, so a test can see what was really computed.
 """
 
 from __future__ import annotations
@@ -70,8 +70,7 @@ def calls(root: Path) -> dict[tuple[str, str], int]:
 def _behave(key: str, services: Services, stage: Stage, content: bytes) -> StageProduct:
     times = count_call(key, services, stage)
     words = content.decode().splitlines()
-    if f"slow:{stage}" in words:
-        time.sleep(0.2)
+    time.sleep(600.0 if f"sleep:{stage}" in words else 0.2 if f"slow:{stage}" in words else 0.0)
     while f"hang:{stage}" in words:
         # As code does that catches whatever comes: a time limit has to end this stage all the same.
         try:

@@ -171,6 +171,8 @@ def test_only_verified_crashes_are_exported(root: Path) -> None:
     assert rejected
     with pytest.raises(UserError, match=f"{rejected[0]}: not verified"):
         verified_keys(workspace, only=[rejected[0]])
+    with pytest.raises(UserError, match="is not a crash key"):
+        verified_keys(workspace, only=["2023-319003/../../x"])
 
 
 def test_the_published_layout_gives_the_same_verdicts(root: Path, packages: dict[str, Path], tmp_path: Path) -> None:

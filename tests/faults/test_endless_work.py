@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import signal
 from dataclasses import replace
+from pathlib import Path
 
+import fake_flow
 import pytest
 
 import trace_dag.flow.time_limit as time_limit
 from trace_dag.flow.batch import run_stages
-from trace_dag.flow.executors import ProcessExecutor
+from trace_dag.flow.executors import DaskExecutor, ProcessExecutor
 from trace_dag.flow.records import read_records
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
@@ -39,6 +41,26 @@ def test_a_stage_that_never_ends_fails_its_crash(make_workspace, stage, executor
     failed = run_beside_good_ones(make_workspace, f"hang:{stage}", executor)
     assert failed.stage is stage
     assert failed.detail.startswith(f"{stage} of {BAD}: not done after 0.5 s (execution.stage_time_limit_s)")
+
+
+def test_on_dask_too_a_stage_that_never_ends_fails_its_crash(make_workspace, monkeypatch):
+    pytest.importorskip("distributed")
+    from distributed import LocalCluster
+
+    monkeypatch.setenv("PYTHONPATH", str(Path(fake_flow.__file__).parent))
+    endless = {"2023-510020": "hang:road_map", "2023-510021": "sleep:road_map", "2023-510022": "hang:osm_extract"}
+    settings = {"stage_time_limit_s": 0.5, "retry_wait_s": 0}
+    workspace = make_workspace({**dict.fromkeys(GOOD, ""), **endless}, execution=settings)
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        executor = DaskExecutor(cluster.scheduler_address)
+        events = list(run_stages(replace(workspace, executor=executor), workspace.registry.keys(), run_id="x"))
+        executor.close()
+    assert {event.key for event in events if event.failed} == set(endless)
+    records = read_records(workspace.storage, workspace.registry.keys())
+    for key, behaviour in endless.items():
+        stage = Stage(behaviour.partition(":")[2])
+        assert records[key][stage].detail.startswith(f"{stage} of {key}: not done after 0.5 s")
+    assert all(len(records[key]) == len(Stage) for key in GOOD)
 
 
 def test_a_worker_that_never_comes_back_to_python_ends_itself(make_workspace, monkeypatch):

@@ -44,8 +44,9 @@ def main() -> None:
             until_s = began + 60 * given.minutes
             run = fuzz_long(all_targets[name], given.inputs, Path(folder), beginning=given.seed, until_s=until_s)
         outcomes = ", ".join(f"{count:,} {what}" for what, count in run.found.most_common())
+        took_s = time.monotonic() - began
         print(
-            f"{name}: {sum(run.found.values()):,} inputs in {time.monotonic() - began:.0f} s ({run.cpu_s:.0f} s of CPU): "
+            f"{name}: {sum(run.found.values()):,} inputs in {took_s:.0f} s ({run.cpu_s:.0f} s of CPU): "
             f"{outcomes}; slowest {run.slowest_s:.2f} s"
         )
         for number, (what, data) in enumerate(run.faults.items()):

@@ -19,7 +19,6 @@ from hypothesis import HealthCheck, given, seed, settings
 from tests.fuzz.damage import damaged, damaged_at_random
 from tests.fuzz.targets import Target, with_right_checksums
 
-
 _OF_ONE_PROCESS = 500
 _FORK = multiprocessing.get_context("fork")  # what a target holds need not be picklable
 

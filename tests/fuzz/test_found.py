@@ -93,3 +93,16 @@ def test_a_package_that_zipfile_does_not_know_how_to_read(
     path.write_bytes(data)
     with pytest.raises(error):
         ArchiveFiles.of(path, "package.zip").read("map.xodr")
+
+
+def test_maps_that_break_off_leave_nothing_open(tmp_path: Path) -> None:
+    whole = (SAMPLE / "osm" / "quill.osm").read_bytes()
+    path = tmp_path / "map.osm"
+    path.write_bytes(whole[: len(whole) // 2])
+
+    def held() -> tuple[int, int]:
+        with pytest.raises(UnreadableMapError):
+            extract_raw(path, read_header(path), [], service_roads=True)
+        return len(list(Path("/proc/self/task").iterdir())), len(list(Path("/proc/self/fd").iterdir()))
+
+    assert held() == held()

@@ -254,15 +254,27 @@ STAR = [node(1, 0, 0), *(node(k, 50 * math.cos(k), 50 * math.sin(k)) for k in ra
 STAR += [way(1000 + k, [1, k]) for k in range(2, 102)]
 
 
+SPIRAL = [node(k, k / 80 * math.cos(k / 40), k / 80 * math.sin(k / 40)) for k in range(1, 20_001)]
+SPIRAL += [way(30_000 + k, list(range(k, k + 1_001))) for k in range(1, 19_000, 1_000)]
+GRID = [node(100 * x + y, 10 * x - 205, 10 * y - 205) for x in range(1, 41) for y in range(1, 41)]
+GRID += [way(10_000 + k, [100 * k + y for y in range(1, 41)]) for k in range(1, 41)]
+GRID += [way(20_000 + k, [100 * x + k for x in range(1, 41)]) for k in range(1, 41)]
+LEVELS = [node(k, 250 * math.cos(k * math.pi / 400), 250 * math.sin(k * math.pi / 400)) for k in range(1, 801)]
+LEVELS += [way(1_000 + k, [k, k + 400], layer=str(k)) for k in range(1, 401)]
+
+
 @pytest.mark.parametrize(
     ("elements", "said"),
     [
+        (SPIRAL, "nodes of roads per square kilometre around the crash; the densest towns have less than 20000"),
+        (GRID, "places where roads meet per square kilometre"),
+        (LEVELS, "metres of road per square kilometre"),
         (STAR, "100 roads meet at node 1"),
         ([*(node(k, k / 50, k % 2) for k in range(1, 5001)), way(9, list(range(1, 5001)))], "way 9 has 5000 nodes"),
         ([*CROSSROADS, way(10**20, [1, 2])], "cannot be read as OSM data"),
         ([*CROSSROADS, way(12, [1, 2], name="x" * 100_000)], "cannot be read as OSM data"),
     ],
-    ids=["star", "zigzag", "id beyond 64 bits", "long name"],
+    ids=["spiral", "grid", "levels", "star", "zigzag", "id beyond 64 bits", "long name"],
 )
 def test_what_no_map_is_like_fails_with_its_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
     file = save(tmp_path / "town.osm", *elements)

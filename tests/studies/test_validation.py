@@ -156,6 +156,7 @@ def test_a_delta_v_from_a_tree_of_a_multiple_of_the_speed_is_another_events(tmp_
     ("content", "said"),
     [
         ("no json", "cannot be read as JSON"),
+        ("[" * 100_000, "cannot be read as JSON"),
         ("{}", "found an object"),
         ("[]", "found an empty list"),
         ('[{"lat": 1}]', "case 0 has the keys lat"),

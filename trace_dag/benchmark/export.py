@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.ledgers import Complaint, raised
@@ -28,8 +29,10 @@ def verified_keys(
     """Keys of the verified crashes, of a cohort or among those named, in order.
 
     ``complain`` is called for damaged records: whether their crash is verified cannot be told. Raises
-    :class:`UserError` if there is none, or if one of those named is not verified.
+    :class:`UserError` if there is none, or if one of those named is no key or not verified.
     """
+    for key in only:
+        parse_key(key)  # a path would lead elsewhere
     asked = list(only) or list(workspace.registry.keys(cohort))
     found = [
         key

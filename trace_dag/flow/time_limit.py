@@ -1,60 +1,95 @@
 """A limit on the time a stage may take for a crash.
 
-An alarm interrupts Python code. If the main thread hangs inside a library and never returns to Python, a worker of a
-pool ends itself a while later, by a thread that needs no interpreter; its crash is then treated like that of any lost
-worker. There is no limit in other threads than the main one (those of a Dask worker), nor on Windows.
+In the main thread an alarm interrupts Python code. Other threads (those of a Dask worker) hear no alarm: there the
+stage has a thread of its own, which is interrupted when it is next in Python, and not waited for if that is never.
+If a library hangs that lets no Python run, a worker ends itself a while later, by a thread that needs no interpreter;
+its crash is then treated like that of any lost worker.
 """
 
 from __future__ import annotations
 
+import contextvars
+import ctypes
 import faulthandler
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 from trace_dag.errors import Failure
+
+T = TypeVar("T")
 
 _AGAIN_S = 5.0  # the alarm goes off again, should somebody have swallowed it
 _LATER = 1.5  # a worker ends itself after this share of the limit
 GRACE_S = 10.0  # and so much
+_TO_STOP_S = 1.0  # for a thread to notice that it was interrupted; then it is left to itself
 
 
 class _TimeIsUpError(BaseException):
     """Not a subclass of ``Exception``: a stage's own ``except Exception`` must not catch it."""
 
 
-@contextmanager
-def at_most(limit_s: float, what: str) -> Iterator[None]:
-    """Raise :class:`Failure` where the block takes longer than ``limit_s``; ``what`` begins its sentence."""
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
-
-    def ring(_signal: int, _frame: FrameType | None) -> None:
-        raise _TimeIsUpError
-
-    before: Any = signal.signal(signal.SIGALRM, ring)
-    in_worker = multiprocessing.parent_process() is not None
+def within(limit_s: float, what: str, function: Callable[[], T]) -> T:
+    """Call a function. Raises :class:`Failure` where it takes longer than ``limit_s``; ``what`` begins its sentence."""
+    alarms = threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
     try:
-        signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
-        if in_worker:
-            with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - kept by its number
-                faulthandler.dump_traceback_later(limit_s * _LATER + GRACE_S, exit=True, file=nowhere)
-                yield
-        else:
-            yield
+        with _ending_a_hung_worker(limit_s):
+            return _with_an_alarm(limit_s, function) if alarms else _in_its_own_thread(limit_s, function)
     except _TimeIsUpError:
         raise Failure(
             f"{what}: not done after {limit_s:g} s (execution.stage_time_limit_s); look at what it is made from, or "
             "raise the limit"
         ) from None
+
+
+def _with_an_alarm(limit_s: float, function: Callable[[], T]) -> T:
+    def ring(_signal: int, _frame: FrameType | None) -> None:
+        raise _TimeIsUpError
+
+    before: Any = signal.signal(signal.SIGALRM, ring)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+        return function()
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-        if in_worker:
+
+
+@contextmanager
+def _ending_a_hung_worker(limit_s: float) -> Iterator[None]:
+    """Of a process; where threads share one, that of the last stage to begin."""
+    if multiprocessing.parent_process() is None:
+        yield
+        return
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - kept by its number
+        faulthandler.dump_traceback_later(limit_s * _LATER + GRACE_S, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
             faulthandler.cancel_dump_traceback_later()
+
+
+def _in_its_own_thread(limit_s: float, function: Callable[[], T]) -> T:
+    answer: Future[T] = Future()
+    context = contextvars.copy_context()
+
+    def call() -> None:
+        try:
+            answer.set_result(context.run(function))
+        except BaseException as error:
+            if not answer.done():
+                answer.set_exception(error)
+
+    thread = threading.Thread(target=call, name="stage", daemon=True)
+    thread.start()
+    if not wait([answer], timeout=limit_s).done:
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(_TimeIsUpError))
+        wait([answer], timeout=_TO_STOP_S)
+        raise _TimeIsUpError
+    return answer.result()

@@ -35,7 +35,7 @@ from trace_dag.flow.tasks import (
     made_record,
     provenance_of,
 )
-from trace_dag.flow.time_limit import at_most
+from trace_dag.flow.time_limit import within
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
 from trace_dag.provenance import (
@@ -172,8 +172,9 @@ class _CrashWorker:
 
     def _make(self, definition: StageDefinition) -> StageProduct:
         limit_s = self.work.settings.execution.stage_time_limit_s
-        with at_work(self.task.key, definition.stage), at_most(limit_s, f"{definition.stage} of {self.task.key}"):
-            return self.work.flow.make(definition, self.files)
+        what = f"{definition.stage} of {self.task.key}"
+        with at_work(self.task.key, definition.stage):
+            return within(limit_s, what, lambda: self.work.flow.make(definition, self.files))
 
     def _say_trying_again(self, definition: StageDefinition, state: RetryCallState) -> None:
         error = state.outcome.exception() if state.outcome else None
@@ -332,8 +333,9 @@ def _call_for_several(
     try:
         keys = [worker.task.key for worker, _ in crashes]
         what = f"{definition.stage} of {keys[0]}" + (f" and {len(keys) - 1} others" if keys[1:] else "")
-        with at_most(work.settings.execution.stage_time_limit_s, what):
-            products = work.flow.make_for_several(definition, [worker.files for worker, _ in crashes])
+        files = [worker.files for worker, _ in crashes]
+        limit_s = work.settings.execution.stage_time_limit_s
+        products = within(limit_s, what, lambda: work.flow.make_for_several(definition, files))
     except Exception as error:
         if len(crashes) > 1:  # find the one it broke on
             for crash in crashes:

@@ -120,7 +120,8 @@ class MapCatalog:
                 for index, site in enumerate(wanted):
                     extract = _cut(file, found, index, boxes[site.key])
                     try:
-                        check_roads(extract, file.path)
+                        length_m = _road_length_m(extract)
+                        check_roads(extract, file.path, area_km2=(2e-3 * settings.radius_m) ** 2, length_m=length_m)
                     except UnreadableMapError as error:
                         missing[site.key].append(_with_remedy(error, file.path))
                         continue

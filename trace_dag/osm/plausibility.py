@@ -30,6 +30,8 @@ _MAX_WAY_NODES: Final = 2_000
 """Nodes of a way, by OSM's own limit (API 0.6, capabilities)."""
 _MAX_ROADS_AT_NODE: Final = 24
 """Ends of roads at one node, a road that goes through counting twice; the largest known junctions have 12."""
+_MAX_PER_KM2: Final = {"nodes of roads": 20_000, "places where roads meet": 3_000, "metres of road": 200_000}
+"""In the box around a crash. Of 198 boxes in the United States the fullest had 2,400, 670 and 40,000 of them."""
 _BLOCK: Final = 2**20
 _SPECIAL: Final = re.compile(rb"<!--|<!|<\?")
 _NEGATIVE: Final = re.compile(rb"""(\b(?:id|ref)\s*=\s*["'])-([0-9]{1,15})(?=["'])""")
@@ -91,8 +93,11 @@ def _longest(block: bytes, begun: int, ends: bytes) -> tuple[int, bytes]:
     return begun, ends
 
 
-def check_roads(extract: OsmExtract, path: Path) -> None:
-    """Raise :class:`UnreadableMapError` for roads that no road network has."""
+def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: float) -> None:
+    """Raise :class:`UnreadableMapError` for roads that no road network has.
+
+    ``length_m`` is that of all roads of the extract, within ``area_km2``.
+    """
     for way in extract.ways:
         if len(way.node_ids) > _MAX_WAY_NODES:
             raise UnreadableMapError(
@@ -104,6 +109,13 @@ def check_roads(extract: OsmExtract, path: Path) -> None:
         if count > _MAX_ROADS_AT_NODE:
             raise UnreadableMapError(
                 f"{path}: {count} roads meet at node {node}; in the largest junctions there are a dozen"
+            )
+    measured = (len(ends), sum(count > 2 for count in ends.values()), length_m)
+    for (what, most), found in zip(_MAX_PER_KM2.items(), measured, strict=True):
+        if found > most * area_km2:
+            raise UnreadableMapError(
+                f"{path}: {found / area_km2:.0f} {what} per square kilometre around the crash; the densest towns have "
+                f"less than {most}"
             )
 
 

@@ -6,7 +6,9 @@ Plane geometry only, on plain floats: thousands of pieces per map.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trace_dag.roads.map.arcs import along_arc
@@ -50,11 +52,7 @@ def plan_pose(plan: PlanView, s_m: float) -> PlanPose:
     >>> plan_pose(connect(PlanPose(0.0, 0.0, 0.0), PlanPose(100.0, 0.0, 0.0)), 25.0)
     PlanPose(x_m=25.0, y_m=0.0, heading_rad=0.0)
     """
-    found = plan.elements[0]
-    for element in plan.elements:
-        if element.s_m > s_m:
-            break
-        found = element
+    found = plan.elements[max(bisect_right(plan.elements, s_m, key=lambda element: element.s_m) - 1, 0)]
     return element_pose(found, s_m - found.s_m)
 
 
@@ -194,16 +192,43 @@ def without_slivers(plan: PlanView) -> PlanView:
     It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
     or drops what is shorter than its tolerance would lose the heading that such an element adds.
     """
+    if plan.length_m < 2 * SHORTEST_ELEMENT_M:
+        return plan
+    elements, at, found = list(plan.elements), 0, False
     for _ in plan.elements:  # fewer are left after each round
-        sliver = next((e for e in plan.elements if e.length_m < SHORTEST_ELEMENT_M), None)
-        if sliver is None or plan.length_m < 2 * SHORTEST_ELEMENT_M:
+        at = next((i for i in range(at, len(elements)) if elements[i].length_m < SHORTEST_ELEMENT_M), len(elements))
+        if at == len(elements):
             break
-        begin_m = _snapped(plan, sliver.s_m - _AROUND_SLIVER_M)
-        end_m = _snapped(plan, sliver.s_m + sliver.length_m + _AROUND_SLIVER_M)
-        curve = _biarc(plan_pose(plan, begin_m), plan_pose(plan, end_m))
-        pieces = cut_plan(plan, 0.0, begin_m), curve, cut_plan(plan, end_m, plan.length_m)
-        plan = join_plans([piece for piece in pieces if piece.elements])
-    return plan
+        found = True
+        # Nothing but what is near changes, so that a line of many slivers does not take the square of their number.
+        first = _index_beyond(elements, at, -1)
+        last = _index_beyond(elements, at, 1)
+        near = _one_after_the_other(elements[first : last + 1])
+        sliver = near.elements[at - first]
+        begin_m = _snapped(near, sliver.s_m - _AROUND_SLIVER_M)
+        end_m = _snapped(near, sliver.s_m + sliver.length_m + _AROUND_SLIVER_M)
+        curve = _biarc(plan_pose(near, begin_m), plan_pose(near, end_m))
+        pieces = cut_plan(near, 0.0, begin_m), curve, cut_plan(near, end_m, near.length_m)
+        elements[first : last + 1] = join_plans([piece for piece in pieces if piece.elements]).elements
+        at = first
+    return _one_after_the_other(elements) if found else plan
+
+
+def _index_beyond(elements: Sequence[PlanElement], at: int, step: int) -> int:
+    """Index of the element before (``step`` -1) or after (1) another that is out of reach of what replaces a sliver."""
+    away_m = 0.0
+    while 0 <= at + step < len(elements) and away_m < _AROUND_SLIVER_M + 2 * SHORTEST_ELEMENT_M:
+        at += step
+        away_m += elements[at].length_m
+    return at
+
+
+def _one_after_the_other(elements: Sequence[PlanElement]) -> PlanView:
+    s_m, placed = 0.0, []
+    for element in elements:
+        placed.append(replace(element, s_m=s_m))
+        s_m += element.length_m
+    return PlanView(tuple(placed), s_m)
 
 
 def _snapped(plan: PlanView, s_m: float) -> float:

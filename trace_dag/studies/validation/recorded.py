@@ -108,7 +108,7 @@ def read_recorded_crashes(path: Path) -> list[RecordedCrash]:
     wanted = "a JSON list of CIREN cases, each an object with the keys ciren, ev and V"
     try:
         cases = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path}: cannot be read as JSON ({error}); expected {wanted}") from None
     if not isinstance(cases, list) or not cases:
         raise UserError(f"{path}: found {_kind(cases)}; expected {wanted}")
