@@ -2,8 +2,8 @@
 trailer follows, and the clock positions of both together.
 
 A combination vehicle is one vehicle of the report: its front is that of what pulls, its rear that of the trailer, and
-areas of impact (``IMPACT1``, ``AOI``) go around both, as the clock diagrams of the FARS Coding and Validation Manual do
-around the whole outline of a vehicle. Who runs into the rear of a trailer strikes 6 o'clock of the combination.
+areas of impact (``IMPACT1``, ``AOI``) go around both. The codes have one clock per vehicle and none of a trailer's own;
+in the reports at hand all four combinations that were struck from behind, at their trailer, have 6 o'clock.
 """
 
 from __future__ import annotations
