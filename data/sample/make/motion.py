@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ LEAD_TIME_S = 5.0
 TOUCH_M = 0.002
 # What crushes within the first instant: faces this near to each other belong to one contact.
 CRUSH_M = 0.06
-TRAILS_M = 120.0
+TRAILS_M = 400.0
 
 
 @dataclass(frozen=True)
@@ -133,20 +134,29 @@ class Driving:
         return State(x, y, math.remainder(heading, math.tau), v, self._trailer_rad(s, heading))
 
     def _trailer_rad(self, s: float, heading_rad: float) -> float:
-        """The trailer follows the path of its kingpin without sliding sideways: found from far enough behind."""
-        pulled = self.body.pulled
-        if pulled is None:
+        if self.body.pulled is None:
             return heading_rad
+        return float(np.interp(s, *self._trailing))
+
+    @cached_property
+    def _trailing(self) -> tuple[FloatArray, FloatArray]:
+        """Stations of the path, and where the trailer points there: it follows the path of its kingpin without sliding
+        sideways, from far behind."""
+        pulled = self.body.pulled
+        assert pulled is not None
         behind, drawbar = pulled.coupled_m - self.body.length_m / 2, pulled.axle_m - pulled.kingpin_m
+        stations = np.arange(self.anchor_s - TRAILS_M, self.anchor_s + TRAILS_M, 0.25)
         axle: FloatArray | None = None
-        for at in np.arange(s - TRAILS_M, s + 0.1, 0.25):
+        points = []
+        for at in stations:
             course = self.path.heading(min(max(at, 0.0), self.path.length))
             pin = np.array(self.path.point(at)) - behind * np.array([math.cos(course), math.sin(course)])
             if axle is None:
                 axle = pin - drawbar * np.array([math.cos(course), math.sin(course)])
             way = pin - axle
             axle = pin - way * drawbar / math.hypot(*way)
-        return math.atan2(way[1], way[0])
+            points.append(math.atan2(way[1], way[0]))
+        return stations, np.unwrap(points)
 
 
 def outline(state: State, body: Body) -> shapely.Geometry:
