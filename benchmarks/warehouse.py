@@ -1,132 +1,130 @@
-"""Time and memory that rebuilding the warehouse of a large cohort takes while a reader holds the old one open.
+"""What a stored year takes: building the warehouse, bringing it up to date, ``status``, ``verify``.
 
-    python benchmarks/warehouse.py ROOT FOLDER [--crashes 15000]
+    python -m benchmarks.warehouse ROOT FOLDER [--crashes 36000] [--dagster]
 
-The crashes of ROOT that were judged (a storage root on which real crashes have been run) are copied into FOLDER under
-as many new keys as it takes: their reports, records and JSON artefacts are rewritten with the new key and their outcome
-records with the new digests, the other files are linked. FOLDER is kept, and used again if it is there.
+The stored crashes of ROOT are multiplied into FOLDER (:mod:`benchmarks.multiplied`), which is kept, and used again if
+it is there. The warehouse is built anew while a reader holds the old one open, then brought up to date after 100
+crashes have changed, and ``status`` and ``verify`` look at all of it. ``verify`` has Dagster's records of all crashes
+to compare with if ``--dagster`` asks for them, which takes some minutes the first time. Times are CPU seconds of all
+processes together; a machine with two free cores takes between half and all of that.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 import os
 import resource
+import subprocess
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from trace_dag.cohorts.registry import Registry, ReportSource
-from trace_dag.flow.records import Records, read_records, write_record
-from trace_dag.flow.standing import valid_records
-from trace_dag.stage import Stage
-from trace_dag.storage import Storage, StoredFile
+from benchmarks.kills import command
+from benchmarks.measuring import Figure
+from benchmarks.multiplied import multiply
+from benchmarks.results import PAGE, append, page
+from trace_dag.cohorts.registry import Registry
+from trace_dag.definitions.launch import dagster_records
+from trace_dag.flow.records import read_records, write_record
+from trace_dag.flow.verify import Disagreement, DisagreementKind
+from trace_dag.flow.workspace import WAREHOUSE_FILE, Workspace
+from trace_dag.storage import Storage
 from trace_dag.warehouse.build import BuildReport, build_warehouse
 from trace_dag.warehouse.query import open_warehouse
 
-_FIRST_YEAR = 1975  # the first of FARS
-_LIMIT_S, _LIMIT_BYTES = 60.0, 4 * 2**30
+_CHANGED = 100
+_Taken = tuple[float, float]  # CPU seconds, and the most memory, MB
 
 
 def main() -> None:
-    """Make the cohort if need be, build, and rebuild beside a reader."""
+    """Make the cohort if need be, measure, print and keep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--crashes", type=int, default=15_000)
+    parser.add_argument("--crashes", type=int, default=36_000)
+    parser.add_argument("--dagster", action="store_true", help="tell Dagster of all crashes first")
+    parser.add_argument("--no-keep", action="store_true", help="print only")
     options = parser.parse_args()
     if not (options.folder / "cohorts").is_dir():
-        started = time.monotonic()
-        make_cohort(Storage(options.root), Storage.open(options.folder), options.crashes)
-        print(f"{options.crashes} crashes made in {time.monotonic() - started:.0f} s")
-    first, _, _ = build(options.folder)
-    print(f"first build    {first.duration_s:6.1f} s, {first.size / 1e6:.0f} MB")
-    with reader(options.folder / "warehouse.duckdb") as counts:
-        again, processor_s, peak_bytes = build(options.folder)
-    print(f"rebuild        {again.duration_s:6.1f} s of {_LIMIT_S:.0f} s allowed, {again.rows['crashes']} crashes")
-    print(f"processor      {processor_s:6.1f} s on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    print(f"peak memory    {peak_bytes / 2**30:6.2f} GiB of {_LIMIT_BYTES / 2**30:.0f} GiB allowed")
-    print(f"reader         {len(counts)} queries meanwhile, all answered with {set(counts)} crashes")
+        multiply(options.root, options.folder, options.crashes)
+    workspace = Workspace.open(str(options.folder))
+    keys = workspace.registry.keys()
+    if options.dagster:
+        began = time.monotonic()
+        tell_dagster(workspace)
+        print(f"Dagster told in {time.monotonic() - began:.0f} s", flush=True)
+    figures: list[Figure] = []
 
-
-def make_cohort(source: Storage, target: Storage, crashes: int) -> None:
-    """Copies of the judged crashes of ``source`` under new keys."""
-    stored = read_records(source, Registry(source).keys())
-    judged = {key: valid for key, each in stored.items() if Stage.VERDICT in (valid := valid_records(each))}
-    reports = {}
-    for new, old in zip(new_keys(judged, crashes), _repeated(list(judged)), strict=False):
-        reports[new] = copy_crash(source, target, old, new, judged[old])
-    Registry(target).register("copies", reports)
-
-
-def new_keys(judged: dict[str, Records], crashes: int) -> Iterator[str]:
-    """Keys of the same length as the old ones, in the same states; round after round over the old keys."""
-    for number in range(crashes):
-        turn, position = divmod(number, len(judged))
-        state = int(list(judged)[position].partition("-")[2]) // 10000
-        yield f"{_FIRST_YEAR + turn}-{state * 10000 + position}"
-
-
-def _repeated(keys: list[str]) -> Iterator[str]:
-    while True:
-        yield from keys
-
-
-def copy_crash(source: Storage, target: Storage, old: str, new: str, records: Records) -> ReportSource:
-    """One crash under a new key; its report as a source."""
-    digests: dict[str, str] = {}  # of inputs, as later records name them
-    report = ReportSource("stored", f"{Stage.RAW_REPORT}/{new}.xml")
-    for stage, record in records.items():
-        files = []
-        for file in record.artefacts:
-            name = file.name.replace(old, new)
-            extension = name.partition(".")[2]
-            copied = _copy(source, target, file, name, old, new)
-            digests[f"{stage}.{extension}"] = copied.sha256
-            files.append(copied)
-        inputs = {name: digests.get(name, digest) for name, digest in record.provenance.inputs.items()}
-        provenance = replace(record.provenance, inputs=inputs)
-        write_record(
-            target,
-            replace(record, key=new, provenance=provenance, fingerprint=provenance.fingerprint, artefacts=tuple(files)),
+    def measured(what: str, taken: _Taken, goal_s: float) -> None:
+        figures.append(
+            Figure(f"{len(keys):,} crashes: {what}", taken[0], "CPU s", goal=goal_s, note=f"at most {taken[1]:.0f} MB")
         )
-    return replace(report, sha256=digests[f"{Stage.RAW_REPORT}.xml"])
+        print(f"{figures[-1].name}: {taken[0]:.1f} CPU s, goal {goal_s:.0f}, {taken[1]:.0f} MB", flush=True)
+
+    (options.folder / "cache" / "warehouse.json").unlink(missing_ok=True)
+    if (options.folder / WAREHOUSE_FILE).exists():
+        with reader(options.folder / WAREHOUSE_FILE) as counts:
+            built, taken = build(options.folder)
+        print(f"a reader asked {len(counts)} times meanwhile and was always told of {set(counts)} crashes")
+    else:
+        built, taken = build(options.folder)
+    measured("building the warehouse", taken, 60.0)
+    change(workspace.storage, keys[:: len(keys) // _CHANGED][:_CHANGED])
+    updated, taken = build(options.folder)
+    measured(f"warehouse after {_CHANGED} changed", taken, 5.0)
+    if updated.rows != built.rows:
+        raise SystemExit(f"other rows after the update: {updated.rows}, {built.rows}")
+    measured("status", called(options.folder, "status"), 5.0)
+    measured("verify", called(options.folder, "verify"), 60.0)
+    if not options.no_keep:
+        PAGE.write_text(page(append(figures)))
 
 
-def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: str, new: str) -> StoredFile:
-    if name.endswith(".json"):
-        return target.write(name, source.read(file.name).replace(old.encode(), new.encode()))
-    if name.startswith(f"{Stage.CRASH_RECORD}/"):
-        table = pq.read_table(source.path(file.name))
-        year, case = new.split("-")
-        for column, value in {"key": new, "case_year": int(year), "state_case": int(case)}.items():
-            field = table.schema.field(column)
-            index = table.schema.get_field_index(column)
-            table = table.set_column(index, field, pa.array([value], field.type))
-        sink = pa.BufferOutputStream()
-        pq.write_table(table, sink, compression="zstd", write_statistics=False, use_dictionary=False)  # as it is stored
-        return target.write(name, sink.getvalue().to_pybytes())
-    path = Path(target.path(name))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.hardlink_to(source.path(file.name))
-    return StoredFile(name, file.size, file.sha256)
+def change(storage: Storage, keys: Sequence[str]) -> None:
+    """Let the last stage of some crashes have been begun at another time."""
+    for of_crash in read_records(storage, keys).values():
+        record = of_crash[max(of_crash, key=lambda stage: stage.position)]
+        write_record(storage, replace(record, attempts=record.attempts + 1))
 
 
-def build(folder: Path) -> tuple[BuildReport, float, int]:
-    """Build in a process of its own; the report, its processor time in s, and the most memory it held, bytes."""
+def tell_dagster(workspace: Workspace) -> None:
+    """What ``verify --repair`` tells Dagster where its folder was lost."""
+    from trace_dag.assets.verify import repair_dagster, verify_dagster
+
+    keys = Registry(workspace.storage).keys()
+    records = read_records(workspace.storage, keys)
+    with dagster_records(workspace) as instance:
+        missing = [Disagreement(DisagreementKind.NO_PARTITION, "", key) for key in keys]
+        repair_dagster(instance, workspace.storage, records, missing)
+        repair_dagster(instance, workspace.storage, records, verify_dagster(instance, records))
+
+
+def called(root: Path, name: str) -> _Taken:
+    """A command to its end: CPU time of it and its children, and the most memory one of them held."""
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(command(root, name, "--json"), stdout=said)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        found = len(json.load(said).get("disagreements", ()))
+    print(f"{name}: exit code {process.returncode}, {found} disagreements", flush=True)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
+def build(folder: Path) -> tuple[BuildReport, _Taken]:
+    """Build in a process of its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(_build, (folder,))
 
 
-def _build(folder: Path) -> tuple[BuildReport, float, int]:
+def _build(folder: Path) -> tuple[BuildReport, _Taken]:
     started_s = time.process_time()
     report = build_warehouse(Storage(folder), folder)
-    return report, time.process_time() - started_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return report, (time.process_time() - started_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 class reader:  # noqa: N801 - used as a function

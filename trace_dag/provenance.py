@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
@@ -53,7 +53,12 @@ class Provenance:
     @property
     def fingerprint(self) -> str:
         """SHA-256 (hexadecimal) over all of it."""
-        parts = asdict(self)
+        parts = {
+            "code": self.code,
+            "settings": self.settings,
+            "inputs": self.inputs,
+            "libraries": self.libraries,
+        }  # by hand: asdict copies all of it, and a year has 250,000
         return hashlib.sha256(json.dumps(parts, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
     def changed_to(self, other: Provenance) -> tuple[str, ...]:

@@ -201,11 +201,14 @@ class Storage:
         return name in self.sizes([name])
 
     # --- many files ------------------------------------------------------------------------------------------
-    def list(self, folder: str) -> dict[str, Entry]:
-        """The files of one folder ("" is the root itself) by their names below the root, in one listing."""
+    def list(self, folder: str, endings: tuple[str, ...] = ("",)) -> dict[str, Entry]:
+        """The files of one folder ("" is the root itself) by their names below the root, in one listing.
+
+        Only those whose name ends in one of ``endings``, where not all are wanted.
+        """
         path, prefix = (self.path(folder), f"{folder}/") if folder else (self.root, "")
         if self.local_root is not None:
-            return _on_disk(lambda: _list_folder(Path(path), prefix), path)
+            return _on_disk(lambda: _list_folder(Path(path), prefix, endings), path)
         try:
             rows = _remotely(lambda: self._filesystem.ls(path, detail=True, refresh=True), path)
         except FileNotFoundError:
@@ -213,7 +216,9 @@ class Storage:
         return {
             f"{prefix}{row['name'].rsplit('/', 1)[-1]}": Entry(int(row["size"]), _remote_version(row), _remote_md5(row))
             for row in rows
-            if row["type"] == "file" and not row["name"].rsplit("/", 1)[-1].startswith(".")
+            if row["type"] == "file"
+            and not row["name"].rsplit("/", 1)[-1].startswith(".")
+            and row["name"].endswith(endings)
         }
 
     def sizes(self, names: Collection[str]) -> dict[str, int]:
@@ -225,7 +230,7 @@ class Storage:
             found = {}
             for name in names:
                 try:
-                    found[name] = Path(self.path(name)).stat().st_size
+                    found[name] = os.stat(self.path(name)).st_size  # noqa: PTH116 - a path object costs more than it
                 except OSError as error:
                     if error.errno not in (errno.ENOENT, errno.ENOTDIR, *_OF_ONE_FILE):
                         raise
@@ -329,13 +334,13 @@ def _write_beside_and_rename(path: Path, data: bytes) -> None:
         raise
 
 
-def _list_folder(path: Path, prefix: str) -> dict[str, Entry]:
+def _list_folder(path: Path, prefix: str, endings: tuple[str, ...]) -> dict[str, Entry]:
     found = {}
     try:
         with os.scandir(path) as entries:
             for entry in entries:
                 try:
-                    if entry.name.startswith(".") or not entry.is_file():
+                    if not entry.name.endswith(endings) or entry.name.startswith(".") or not entry.is_file():
                         continue
                     status = entry.stat()
                 except OSError as error:  # replaced or deleted since it was listed, or links that lead in a circle

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from waiting import eventually
 
+from tests.waiting import eventually
 from trace_dag.storage import Storage
 
 BUCKET = "crashes"

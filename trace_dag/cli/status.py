@@ -29,8 +29,9 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
     workspace = Workspace.open(root)
     storage, registry = workspace.storage, workspace.registry
     keys = registry.keys(cohort)
-    crashes = standings(read_records(storage, keys))
-    stale = {each.key: each for each in stale_results(workspace, keys)}
+    records = read_records(storage, keys)
+    crashes = standings(records)
+    stale = {each.key: each for each in stale_results(workspace, records)}
     if as_json:
         cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
         write_json(

@@ -114,7 +114,7 @@ def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
     from trace_dag.flow.batch import stale_results
 
     try:
-        stale = stale_results(workspace, list(report.records))
+        stale = stale_results(workspace, report.records)
     except DamagedFile:
         return []  # of the registry, which is listed
     damaged = {(each.key, each.stage) for each in report.disagreements}

@@ -11,6 +11,7 @@ import hashlib
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -63,8 +64,14 @@ class CrashSource:
     @property
     def maps_digest(self) -> str:
         """One SHA-256 for all map files and the service beside them."""
-        files = {file.sha256: Path(file.location).name for file in self.maps}
-        return combined_digest(files | ({"service": self.map_service} if self.map_service else {}))
+        return _maps_digest(self.maps, self.map_service)
+
+
+@lru_cache(maxsize=64)
+def _maps_digest(maps: tuple[RegisteredMap, ...], map_service: str | None) -> str:
+    """Thousands of crashes share their maps."""
+    files = {file.sha256: Path(file.location).name for file in maps}
+    return combined_digest(files | ({"service": map_service} if map_service else {}))
 
 
 @dataclass(frozen=True)

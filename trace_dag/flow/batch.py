@@ -59,7 +59,8 @@ def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) ->
 
 def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
     """For each crash that is not up to date, the first stage that would have to run."""
-    crashes = _Crashes(work_of(workspace, ""), keys, workspace.registry.sources(keys))
+    records = read_records(workspace.storage, keys)
+    crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
     first = {key: crashes.first_to_run(crash, tuple(Stage)) for key, crash in crashes.by_key.items()}
     return {key: stage for key, stage in first.items() if stage is not None}
 
@@ -73,12 +74,13 @@ class StaleResult:
     changed: tuple[str, ...]
 
 
-def stale_results(workspace: Workspace, keys: Sequence[str]) -> list[StaleResult]:
+def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
     """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
 
-    Results that were never made, or that a run tried to make again without success, are not listed.
+    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
+    without success, are not listed.
     """
-    crashes = _Crashes(work_of(workspace, ""), keys, workspace.registry.sources(keys))
+    crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(records))
     found = []
     for key, crash in crashes.by_key.items():
         stage = crashes.first_to_run(crash, tuple(Stage))
@@ -129,10 +131,9 @@ def run_stages(
 class _Crashes:
     """Some crashes as they are stored, and what a run would have to do for each."""
 
-    def __init__(self, work: Work, keys: Sequence[str], sources: Mapping[str, CrashSource]) -> None:
+    def __init__(self, work: Work, records: Mapping[str, Records], sources: Mapping[str, CrashSource]) -> None:
         self.work = work
-        records = read_records(work.storage, keys)
-        self.by_key = {key: _Crash(key, sources[key], records[key]) for key in keys}
+        self.by_key = {key: _Crash(key, sources[key], of_crash) for key, of_crash in records.items()}
         self._whole = intact(work.storage, [record for each in records.values() for record in each.values()])
 
     def has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
@@ -164,7 +165,7 @@ class _Batch:
         self.work = work
         self.executor = executor
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
-        self._stored = _Crashes(work, keys, sources)
+        self._stored = _Crashes(work, read_records(work.storage, keys), sources)
         self.crashes = self._stored.by_key
 
     def to_run(self) -> set[Stage]:

@@ -12,6 +12,8 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
+from typing import Any
 
 from trace_dag.code_versions import CodeVersion
 from trace_dag.cohorts.registry import CrashSource
@@ -57,6 +59,20 @@ class StageEvent:
 
 
 @dataclass(frozen=True)
+class Recipe:
+    """What a stage's results are made from that is the same for all crashes, and what else enters.
+
+    ``sources`` are "report" and "maps"; ``artefacts`` those of earlier stages, each with its stage and extension.
+    """
+
+    code: str
+    settings: dict[str, Any]
+    libraries: dict[str, str]
+    sources: frozenset[str]
+    artefacts: tuple[tuple[Stage, str], ...]
+
+
+@dataclass(frozen=True)
 class Work:
     """What is the same for every chunk of a run; travels to the workers."""
 
@@ -71,6 +87,22 @@ class Work:
     def code_versions(flow: Flow, settings: Settings) -> dict[Stage, CodeVersion]:
         """Code version of every stage of a flow, as this process has it."""
         return {definition.stage: flow.code(definition, settings) for definition in flow.stages}
+
+    @cached_property
+    def recipes(self) -> Mapping[Stage, Recipe]:
+        """What each stage of the flow is made from."""
+        return {definition.stage: self._recipe(definition) for definition in self.flow.stages}
+
+    def _recipe(self, definition: StageDefinition) -> Recipe:
+        code, section = self.code[definition.stage], definition.section(self.settings)
+        inputs = self.flow.inputs(definition).values()
+        return Recipe(
+            code.digest,
+            settings_of(section),
+            libraries_of(code, section),
+            definition.sources,
+            tuple((artefact.stage, extension) for artefact in inputs for extension in artefact.extensions),
+        )
 
 
 @dataclass(frozen=True)
@@ -104,19 +136,18 @@ def provenance_of(
     definition: StageDefinition, work: Work, source: CrashSource, records: Mapping[Stage, OutcomeRecord]
 ) -> Provenance:
     """What the stage's result would be made from now."""
+    recipe = work.recipes[definition.stage]
     inputs = {}
-    if "report" in definition.sources:
+    if "report" in recipe.sources:
         report = source.report
         inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
-    if "maps" in definition.sources:
+    if "maps" in recipe.sources:
         inputs["maps"] = source.maps_digest
-    for artefact in work.flow.inputs(definition).values():
-        record = records.get(artefact.stage)
-        for extension in artefact.extensions:
-            file = record.artefact(extension) if record else None
-            inputs[f"{artefact.stage}.{extension}"] = file.sha256 if file else ""
-    code, section = work.code[definition.stage], definition.section(work.settings)
-    return Provenance(code.digest, settings_of(section), inputs, libraries_of(code, section))
+    for stage, extension in recipe.artefacts:
+        record = records.get(stage)
+        file = record.artefact(extension) if record else None
+        inputs[f"{stage}.{extension}"] = file.sha256 if file else ""
+    return Provenance(recipe.code, recipe.settings, inputs, recipe.libraries)
 
 
 def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:

@@ -3,8 +3,8 @@
 Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters
 objects, locates their nodes and copies them to a file of lines, all in C++, without a call into Python. Arrow then
 reads the places of tens of thousands of ways at once, an index finds those near a site, and only their lines become
-objects. So the time is close to that of reading the file and hardly depends on the number of sites. Memory holds the
-locations of nodes (16 bytes each), the nodes with tags that matter, and the ways around the sites.
+objects. So the time is close to that of reading the file and hardly depends on the number of sites. Memory holds what
+lies around the sites, and the locations of nodes: 16 bytes each, of large files in a file of the temporary folder.
 
 What is kept of the lines is :mod:`trace_dag.osm.collecting`'s task, cutting the ways at the boxes
 :mod:`trace_dag.osm.cutting`'s, choosing the file :mod:`trace_dag.osm.catalog`'s.
@@ -37,6 +37,8 @@ from trace_dag.osm.types import BoundingBox
 
 _SAID: Final = 300  # characters of what libosmium says, which quotes what it does not like
 _COPY_TO_FILE: Final = 4  # size of the copy to that of the file; 2 is usual for the densest kind, .osm.pbf
+_LARGE: Final = 10**9  # bytes of a file whose nodes, a hundred million or more, are located in a file
+_LOCATED_TO_FILE: Final = 3  # size of that file to that of the map; 1.7 is usual for the densest kind, .osm.pbf
 _WRITTEN_AT_ONCE: Final = 2**20  # bytes: little enough for threads to write while the file is still being read
 
 
@@ -125,7 +127,8 @@ def _one_pass(
         collector = Collector(boxes, nearer, measure_bounds=header.box is None, service_roads=service_roads)
         kept_ways = ("highway", *WAY_KEYS) if nearer else road_tags(service_roads=service_roads)
         kept_nodes = tuple({*ROAD_NODE_KEYS, *NODE_KEYS} if nearer else ROAD_NODE_KEYS)
-        locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
+        kept_in = f"sparse_file_array,{folder}/locations" if _is_large(path) else "flex_mem"
+        locations = osmium.NodeLocationsForWays(osmium.index.create_map(kept_in))
         locations.ignore_errors()
 
         def copy_roads(name: str, kinds: Any) -> Path:
@@ -183,10 +186,15 @@ def _end(writer: Any) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer))
 
 
+def _is_large(path: Path) -> bool:
+    return path.stat().st_size >= _LARGE
+
+
 def _check_room(path: Path) -> None:
     """libosmium ends the whole process when a disk is full, so that is found out before."""
     folder = Path(tempfile.gettempdir())
-    needed, free = path.stat().st_size * _COPY_TO_FILE, shutil.disk_usage(folder).free
+    times = _COPY_TO_FILE + (_LOCATED_TO_FILE if _is_large(path) else 0)
+    needed, free = path.stat().st_size * times, shutil.disk_usage(folder).free
     if free < needed:
         raise UserError(
             f"{folder}: {free / 1e6:.0f} MB free, but copying the roads of {path} may take {needed / 1e6:.0f} MB; "

@@ -1,7 +1,8 @@
 """The DuckDB warehouse, built from the stored artefacts.
 
 One ``.sql`` file per table and view, in ``sql/``, run in the order below. The database is built beside the old one and
-then put in its place, so readers of the old one go on undisturbed and there is never half a warehouse. Only artefacts
+then put in its place, so readers of the old one go on undisturbed and there is never half a warehouse. Where few
+crashes have changed since, it begins as a copy of the old one (:mod:`trace_dag.warehouse.updating`). Only artefacts
 that still count enter: those listed by a record whose inputs are what the records before it list.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping
@@ -36,6 +38,7 @@ from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
+from trace_dag.warehouse.updating import changed_since_built, listed, note_built, update_tables
 
 if TYPE_CHECKING:
     import duckdb
@@ -133,7 +136,9 @@ def is_built_by_this_code(path: Path) -> bool:
 
 
 def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint = log_complaint) -> BuildReport:
-    """Build ``ROOT/warehouse.duckdb`` anew. ``local_folder`` is where it is built (the root itself, if local).
+    """Build ``ROOT/warehouse.duckdb``, or bring it up to date.
+
+    ``local_folder`` is where that is done (the root itself, if local).
 
     A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. What is
     damaged is left out, which ``complain`` hears of. The warehouse enters a ledger, so that its readers can tell
@@ -166,6 +171,11 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     cohorts = Registry(storage).cohorts().values()
     cohort_of = {key: cohort.name for cohort in cohorts for key in cohort.reports}
     path = folder / WAREHOUSE_FILE
+    now = listed(storage, cohorts)
+    changed = changed_since_built(target, now) if is_built_by_this_code(target) else None
+    if changed is not None:
+        shutil.copyfile(target, path)
+        cohort_of = {key: name for key, name in cohort_of.items() if key in changed}
     damaged: dict[str, DamagedFile] = {}
 
     def complain(failure: Failure) -> None:
@@ -194,18 +204,25 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         for name, rows_of_agents in evaluation_tables(storage, complain).items():
             connection.register(name, rows_of_agents)
         connection.execute("SET VARIABLE code_version = $code", {"code": warehouse_code()})
-        for table in TABLES:
-            execute_sql(connection, table)
+        connection.execute("RESET threads")  # the tables are made of a few large ones
+        if changed is None:
+            for table in TABLES:
+                execute_sql(connection, table)
+        else:
+            update_tables(connection, changed, TABLES, execute_sql)
         rows = {table: _count(connection, table) for table in TABLES}
         connection.execute("CHECKPOINT")
-    built = path.read_bytes()
     if storage.local_root is None:
-        storage.write(WAREHOUSE_FILE, built)
+        storage.write(WAREHOUSE_FILE, path.read_bytes())
+    with path.open("rb") as built:
+        digest = hashlib.file_digest(built, "sha256").hexdigest()
+    file = StoredFile(WAREHOUSE_FILE, path.stat().st_size, digest)
     stray_log(target).unlink(missing_ok=True)  # of whoever wrote into the old one: DuckDB would add it to the new
     path.replace(target)
-    file = StoredFile(WAREHOUSE_FILE, len(built), hashlib.sha256(built).hexdigest())
     write_ledger(Storage(target.parent), WAREHOUSE_SUBJECT, [file])
-    return BuildReport(rows, len(built), time.monotonic() - started, tuple(damaged.values()))
+    report = BuildReport(rows, file.size, time.monotonic() - started, tuple(damaged.values()))
+    note_built(target, digest, now, report.incomplete_crashes)
+    return report
 
 
 def _read(

@@ -47,9 +47,12 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
     return connection
 
 
-def check_warehouse(path: Path) -> None:
-    """Raise :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built."""
-    agreed(lambda: _check(path), remedy=_BUILT_AGAIN)
+def check_warehouse(path: Path) -> str:
+    """The SHA-256 of a warehouse that is as it was built.
+
+    Raises :class:`UserError` if there is no warehouse yet, :class:`DamagedFile` if it is not as it was built.
+    """
+    return agreed(lambda: _check(path), remedy=_BUILT_AGAIN)
 
 
 def stray_log(path: Path) -> Path:
@@ -57,7 +60,7 @@ def stray_log(path: Path) -> Path:
     return path.with_name(f"{path.name}.wal")
 
 
-def _check(path: Path) -> None:
+def _check(path: Path) -> str:
     if not path.is_file():
         raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
     file = read_ledger(Storage(path.parent), WAREHOUSE_SUBJECT).files.get(path.name)
@@ -68,6 +71,7 @@ def _check(path: Path) -> None:
     status = path.stat()
     if _digest(path, status.st_ino, status.st_size, status.st_mtime_ns) != file.sha256:
         raise DamagedFile(str(path), "its content is not what was built")
+    return file.sha256
 
 
 @lru_cache(maxsize=4)

@@ -2,7 +2,7 @@
 CREATE TABLE evaluations AS
 SELECT evaluation.*
 FROM evaluation
-JOIN outcome
+JOIN stage_outcomes AS outcome
     ON outcome.key = evaluation.key
     AND outcome.stage = 'verdict'
     AND outcome.fingerprint = evaluation.verdict_fingerprint

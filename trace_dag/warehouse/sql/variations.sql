@@ -2,7 +2,7 @@
 CREATE TABLE variations AS
 SELECT variation.*
 FROM variation
-JOIN outcome
+JOIN stage_outcomes AS outcome
     ON outcome.key = variation.key
     AND outcome.stage = 'verdict'
     AND outcome.fingerprint = variation.verdict_fingerprint

@@ -1,0 +1,198 @@
+"""A map file of any size: copies of small ones beside each other, with ids and places of their own.
+
+Works on the blocks of the PBF format (https://wiki.openstreetmap.org/wiki/PBF_Format): a block of nodes is moved by its
+offsets of latitude and longitude and the first of its ids, which all others are differences to; of each way and
+relation the first ids are written anew. So a gigabyte takes a minute or two. Files that are not sorted by type are left
+out: nodes have to come before ways.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from trace_dag.osm.extraction import read_header
+from trace_dag.osm.types import BoundingBox
+
+_IDS = 2**34  # more than OpenStreetMap has of any type
+_NANODEGREES = 10**9
+_EAST_DEG, _NORTH_DEG = 2.0, 2.0  # from each copy to the next; the extracts are smaller than that
+_ROWS = 12
+_PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET = 2, 19, 20  # PrimitiveBlock
+_DENSE, _WAYS, _RELATIONS = 2, 3, 4  # PrimitiveGroup
+_REFS = {_WAYS: 8, _RELATIONS: 9}  # packed ids, each the difference to the one before
+_ID = 1
+
+_Field = tuple[int, int, bytes]  # number, wire type, value as it stands (with its length where it has one)
+
+
+def multiply_map(files: Sequence[Path], target: Path, least_bytes: int) -> list[BoundingBox]:
+    """Write ``target`` with as many copies of all the files as make it that large; where each copy lies."""
+    sources = [(file, header.box) for file in files if (header := read_header(file)).sorted_by_type and header.box]
+    copies = -(-least_bytes // sum(file.stat().st_size for file, _ in sources))
+    places = []
+    with target.open("wb") as out:
+        _write_blob(out, b"OSMHeader", _header())
+        for kind in (_DENSE, _WAYS, _RELATIONS):
+            for copy in range(copies):
+                for number, (file, box) in enumerate(sources):
+                    at = copy * len(sources) + number
+                    north_deg, east_deg = _moved(at, box)
+                    if kind == _DENSE:
+                        places.append(_box_moved(box, north_deg, east_deg))
+                    for block in _blocks(file, kind):
+                        _write_blob(out, b"OSMData", block((at + 1) * _IDS, north_deg, east_deg))
+    return places
+
+
+def _moved(at: int, box: BoundingBox) -> tuple[float, float]:
+    """How far to the north and east a copy has to go for its place on a chessboard."""
+    column, row = divmod(at, _ROWS)
+    south_deg, west_deg = -12.0 + row * _NORTH_DEG, -179.0 + column * _EAST_DEG
+    return round(south_deg - box.south_deg, 6), round(west_deg - box.west_deg, 6)
+
+
+def _box_moved(box: BoundingBox, north_deg: float, east_deg: float) -> BoundingBox:
+    return BoundingBox(
+        box.south_deg + north_deg, box.west_deg + east_deg, box.north_deg + north_deg, box.east_deg + east_deg
+    )
+
+
+_Moving = Callable[[int, float, float], bytes]
+_parsed: dict[tuple[Path, int], list[_Moving]] = {}
+
+
+def _blocks(file: Path, kind: int) -> list[_Moving]:
+    """The blocks of a file that hold one type, as functions of ids to add and degrees north and east."""
+    if (file, kind) not in _parsed:
+        _parsed[file, kind] = [
+            _moving(fields) for data in _data_blobs(file) if _kind(fields := list(_fields(data))) == kind
+        ]
+    return _parsed[file, kind]
+
+
+def _kind(fields: Sequence[_Field]) -> int:
+    group = next(_content(value) for number, _, value in fields if number == _PRIMITIVE_GROUP)
+    return next(number for number, _, _ in _fields(group))
+
+
+def _moving(fields: Sequence[_Field]) -> _Moving:
+    groups = [_content(value) for number, _, value in fields if number == _PRIMITIVE_GROUP]
+    offsets = {number: _varint(value, 0)[0] for number, _, value in fields if number in (_LAT_OFFSET, _LON_OFFSET)}
+    others = b"".join(
+        _tag(number, wire) + value
+        for number, wire, value in fields
+        if number not in (_PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET)
+    )
+    parts = [[(number, _template(number, _content(value))) for number, _, value in _fields(group)] for group in groups]
+
+    def moved(ids: int, north_deg: float, east_deg: float) -> bytes:
+        body = [others]
+        for of_group in parts:
+            made = b"".join(_long(number, template(ids)) for number, template in of_group)
+            body.append(_long(_PRIMITIVE_GROUP, made))
+        for number, degrees in ((_LAT_OFFSET, north_deg), (_LON_OFFSET, east_deg)):
+            offset = offsets.get(number, 0) + round(degrees * _NANODEGREES)
+            body.append(_tag(number, 0) + _written(offset % 2**64))
+        return b"".join(body)
+
+    return moved
+
+
+def _template(kind: int, message: bytes) -> Callable[[int], bytes]:
+    """A message of a group as a function of the number that is added to its ids."""
+    if kind == _DENSE:
+        packed = next(_content(value) for number, _, value in _fields(message) if number == _ID)
+        others = b"".join(_tag(number, wire) + value for number, wire, value in _fields(message) if number != _ID)
+        first, at = _varint(packed, 0)
+        return lambda ids: _long(_ID, _written(_zigzag(_unzigzag(first) + ids)) + packed[at:]) + others
+    fields = list(_fields(message))
+    own = next(_varint(value, 0)[0] for number, _, value in fields if number == _ID)
+    refs = next((_content(value) for number, _, value in fields if number == _REFS[kind]), b"")
+    others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number not in (_ID, _REFS[kind]))
+    if not refs:
+        return lambda ids: _tag(_ID, 0) + _written(own + ids) + others
+    first, at = _varint(refs, 0)
+    return lambda ids: (
+        _tag(_ID, 0)
+        + _written(own + ids)
+        + others
+        + _long(_REFS[kind], _written(_zigzag(_unzigzag(first) + ids)) + refs[at:])
+    )
+
+
+def _header() -> bytes:
+    """That the blocks are as they are, and sorted; not what they cover, which is scattered."""
+    features = [(4, b"OsmSchema-V0.6"), (4, b"DenseNodes"), (5, b"Sort.Type_then_ID"), (16, b"trace-dag benchmarks")]
+    return b"".join(_long(number, text) for number, text in features)
+
+
+def _write_blob(out: BinaryIO, kind: bytes, data: bytes) -> None:
+    blob = _tag(2, 0) + _written(len(data)) + _long(3, zlib.compress(data, 2))
+    header = _long(1, kind) + _tag(3, 0) + _written(len(blob))
+    out.write(struct.pack(">I", len(header)) + header + blob)
+
+
+def _data_blobs(file: Path) -> Iterator[bytes]:
+    with file.open("rb") as stream:
+        while size := stream.read(4):
+            header = {number: value for number, _, value in _fields(stream.read(struct.unpack(">I", size)[0]))}
+            blob = {number: value for number, _, value in _fields(stream.read(_varint(header[3], 0)[0]))}
+            if _content(header[1]) == b"OSMData":
+                yield zlib.decompress(_content(blob[3])) if 3 in blob else _content(blob[1])
+
+
+# --- Protocol buffers (https://protobuf.dev/programming-guides/encoding) ---------------------------------------------
+def _fields(message: bytes) -> Iterator[_Field]:
+    at = 0
+    while at < len(message):
+        tag, at = _varint(message, at)
+        start = at
+        value, at = _varint(message, at)
+        if tag & 7 == 2:
+            at += value
+        yield tag >> 3, tag & 7, message[start:at]
+
+
+def _content(value: bytes) -> bytes:
+    return value[_varint(value, 0)[1] :]
+
+
+def _long(number: int, content: bytes) -> bytes:
+    return _tag(number, 2) + _written(len(content)) + content
+
+
+def _tag(number: int, wire: int) -> bytes:
+    return _written(number << 3 | wire)
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """A number and where it ends."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        at += 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value, at
+        shift += 7
+
+
+def _written(value: int) -> bytes:
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def _zigzag(value: int) -> int:
+    return value << 1 if value >= 0 else (-value << 1) - 1
+
+
+def _unzigzag(value: int) -> int:
+    return value >> 1 if not value & 1 else -(value + 1 >> 1)

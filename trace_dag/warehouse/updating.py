@@ -1,0 +1,137 @@
+"""Which crashes have changed since a warehouse was built, and putting these alone into it.
+
+A build notes beside the warehouse how each crash's records and documents were listed (``cache/warehouse.json`` of the
+local folder). The next one lists them again and reads only the crashes that are listed differently: their rows leave
+the tables that have rows for each crash, and are made anew by the same SQL, in a schema of their own. Everything else
+in the warehouse is made anew at every build. Nothing but time depends on the note: where it is missing, or is about
+another warehouse, everything is read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trace_dag.cohorts.registry import Cohort
+from trace_dag.errors import DamagedFile, UserError
+from trace_dag.sealing import is_sealed, sealed, unsealed
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+from trace_dag.warehouse.documents import DOCUMENTS
+from trace_dag.warehouse.query import check_warehouse
+
+if TYPE_CHECKING:
+    import duckdb
+
+PER_CRASH = (
+    "crashes",
+    "vehicles",
+    "events",
+    "non_motorists",
+    "stage_outcomes",
+    "stage_history",
+    "artefacts",
+    "maps",
+    "map_checks",
+    "estimates",
+    "estimated_states",
+    "simulations",
+    "contacts",
+    "estimate_intervals",
+    "verdict_criteria",
+    "support",
+    "failures",
+)
+"""Tables whose rows each belong to one crash and say nothing of others."""
+
+_NOTE = "cache/warehouse.json"
+_MOST = 0.1  # of the crashes; where more have changed, building anew takes hardly longer and leaves no gaps
+_READ = {stage: (".outcome.json", *(f".{ext}" for of, ext in DOCUMENTS if of is stage)) for stage in Stage}
+_SCHEMA = "changed"
+
+Listed = Mapping[str, str]
+"""For each crash a digest of how all that a warehouse reads of it is listed."""
+
+
+def listed(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
+    """How the registered crashes are listed now."""
+    files: dict[str, list[str]] = defaultdict(list)
+    for stage, wanted in _READ.items():
+        start = len(stage.value) + 1
+        for name, entry in storage.list(stage.value, wanted).items():
+            files[name[start : name.index(".", start)]].append(f"{name} {entry.version}")
+    return {
+        key: hashlib.sha256(
+            "\n".join([cohort.name, report.location, report.sha256, *sorted(files.get(key, ()))]).encode()
+        ).hexdigest()
+        for cohort in cohorts
+        for key, report in cohort.reports.items()
+    }
+
+
+def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
+    """The crashes that came, went or changed since a warehouse was built; None where it has to be built anew.
+
+    That it was built by the present code is for the caller to say.
+    """
+    note = _noted(warehouse)
+    if note is None or note.get("warehouse") != _digest_of_built(warehouse):
+        return None
+    before: dict[str, str] = note["crashes"]
+    changed = {key for key in now.keys() | before.keys() if now.get(key) != before.get(key)}
+    return changed if len(changed) <= _MOST * len(now) else None
+
+
+def note_built(warehouse: Path, sha256: str, crashes: Listed, unsettled: Collection[str]) -> None:
+    """Note what a warehouse was built from; ``unsettled`` crashes are read again by the next build."""
+    settled = {key: digest for key, digest in crashes.items() if key not in unsettled}
+    note = json.dumps({"warehouse": sha256, "crashes": settled}, sort_keys=True).encode()
+    Storage(warehouse.parent).write(_NOTE, sealed(note))
+
+
+def _noted(warehouse: Path) -> dict[str, dict[str, str]] | None:
+    try:
+        data = Storage(warehouse.parent).read(_NOTE)
+        return json.loads(unsealed(data, name=_NOTE)) if is_sealed(data) else None
+    except (FileNotFoundError, DamagedFile, ValueError):
+        return None
+
+
+def _digest_of_built(warehouse: Path) -> str | None:
+    """SHA-256 of a warehouse that is as it was built."""
+    try:
+        return check_warehouse(warehouse)
+    except (DamagedFile, UserError):
+        return None
+
+
+def update_tables(
+    connection: duckdb.DuckDBPyConnection,
+    changed: Collection[str],
+    tables: Sequence[str],
+    run_sql: Callable[[duckdb.DuckDBPyConnection, str], None],
+) -> None:
+    """Bring an earlier warehouse up to date, with what was read of the ``changed`` crashes registered as for a build.
+
+    ``tables`` are all tables and views in the order in which ``run_sql`` makes each.
+    """
+    views = {name for (name,) in connection.sql("SELECT view_name FROM duckdb_views() WHERE NOT internal").fetchall()}
+    for name in tables:
+        if name not in PER_CRASH:
+            connection.execute(f"DROP {'VIEW' if name in views else 'TABLE'} {name}")
+    connection.execute("CREATE TEMP TABLE changed_crash AS SELECT unnest($keys) AS key", {"keys": sorted(changed)})
+    connection.execute(f"CREATE SCHEMA {_SCHEMA}")
+    for name in tables:
+        if name not in PER_CRASH:
+            run_sql(connection, name)
+            continue
+        connection.execute(f"SET search_path = '{_SCHEMA},main'")
+        run_sql(connection, name)
+        connection.execute("SET search_path = 'main'")
+        connection.execute(f"DELETE FROM {name} WHERE key IN (SELECT key FROM changed_crash)")  # noqa: S608 - ours
+        connection.execute(f"INSERT INTO {name} SELECT * FROM {_SCHEMA}.{name}")  # noqa: S608 - names of ours
+    connection.execute(f"DROP SCHEMA {_SCHEMA} CASCADE")
