@@ -60,7 +60,7 @@ def _measured(work: Callable[..., str], arguments: Sequence[object]) -> tuple[fl
     looking.join()
     cpu_s = after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
     print(f"{work.__name__}: {said}{cpu_s:.0f} CPU s, {wall_s:.0f} s, {most[0]:.0f} MB, {most[1]:.0f} MB", flush=True)
-    return cpu_s, wall_s, *most
+    return cpu_s, wall_s, most[0], most[1]
 
 
 def bare(file: Path) -> str:

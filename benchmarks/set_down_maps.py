@@ -88,6 +88,8 @@ def _anchors(files: Sequence[Path], draw: random.Random) -> dict[tuple[str, bool
         roads: list[tuple[dict[str, str], list[tuple[int, float, float]]]] = []
         filtered = osmium.FileProcessor(str(file)).with_locations().with_filter(osmium.filter.KeyFilter("highway"))
         for way in filtered.with_filter(osmium.filter.EntityFilter(osmium.osm.WAY)):
+            if not isinstance(way, osmium.osm.Way):
+                continue
             tags = dict(way.tags)
             if tags.get("highway") in _CLASSES and (tags.get("name") or tags.get("ref")):
                 roads.append((tags, [(node.ref, node.lat, node.lon) for node in way.nodes if node.location.valid()]))
@@ -173,11 +175,11 @@ def _write(pieces: Sequence[tuple[MadeCrash, Anchor, OsmExtract]], file: Path) -
                 )
             later.append((own_ways, own_relations))
         for own_ways, _ in later:
-            for way in own_ways:
-                writer.add_way(way)
+            for each_way in own_ways:
+                writer.add_way(each_way)
         for _, own_relations in later:
-            for relation in own_relations:
-                writer.add_relation(relation)
+            for each_relation in own_relations:
+                writer.add_relation(each_relation)
 
 
 class _Down:

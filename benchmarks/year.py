@@ -31,6 +31,7 @@ from trace_dag.warehouse.query import query
 
 _LOOK_EVERY_S = 2.0
 _LONGEST_MORE_S = 20.0
+_RECORDS = 6  # of a crash, more or less
 _FUNNEL = "SELECT kind, registered, complete, mapped, estimated, collided, verified FROM funnel_by_kind"
 _REASONS = """
 SELECT stage_reached AS stage, reason, count(*) AS crashes FROM crashes
@@ -59,9 +60,9 @@ def through(folder: Path, crashes: int, kills: int, seed: int) -> int:
         prepare(folder, root, crashes, seed)
     began, draw = time.monotonic(), random.Random(seed)
     for number in range(kills):
-        if not killed_after(root, crashes * (number + 0.5) / kills, draw):
+        if not killed_after(root, _RECORDS * crashes * (number + 0.5) / kills, draw):
             break
-        print(f"kill {number + 1}: {begun(root)} of {crashes} crashes begun, {_minutes(began)}", flush=True)
+        print(f"kill {number + 1}: {stored(root)} records of {crashes} crashes, {_minutes(began)}", flush=True)
     last = subprocess.run(command(root, "run"), capture_output=True, text=True, check=False)
     print(f"run: exit code {last.returncode}, {_minutes(began)}, {_cpu_minutes():.0f} CPU min", flush=True)
     print("\n".join(last.stdout.splitlines()[-12:]), flush=True)
@@ -99,11 +100,11 @@ def prepare(folder: Path, root: Path, crashes: int, seed: int) -> None:
 
 
 def killed_after(root: Path, wanted: float, draw: random.Random) -> bool:
-    """Run until that many crashes are begun and a random time more, and kill the tree; False if it ended before."""
+    """Run until that many records are stored and a random time more, and kill the tree; False if it ended before."""
     with (root / "run.log").open("ab") as log:
         process = subprocess.Popen(command(root, "run"), stdout=log, stderr=log, start_new_session=True)
     while process.poll() is None:
-        if begun(root) >= wanted:
+        if stored(root) >= wanted:
             time.sleep(draw.uniform(0.0, _LONGEST_MORE_S))
             os.killpg(process.pid, signal.SIGKILL)
             return process.wait() == -signal.SIGKILL
@@ -111,9 +112,9 @@ def killed_after(root: Path, wanted: float, draw: random.Random) -> bool:
     return False
 
 
-def begun(root: Path) -> int:
-    """Crashes of which a report is stored."""
-    return sum(1 for _ in (root / Stage.RAW_REPORT.value).glob("*.outcome.json"))
+def stored(root: Path) -> int:
+    """Records of all stages."""
+    return sum(1 for stage in Stage for _ in (root / stage.value).glob("*.outcome.json"))
 
 
 def _minutes(since: float) -> str:

@@ -78,10 +78,9 @@ def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
 
     That it was built by the present code is for the caller to say.
     """
-    note = _noted(warehouse)
-    if note is None or note.get("warehouse") != _digest_of_built(warehouse):
+    before = _noted(warehouse, _digest_of_built(warehouse))
+    if before is None:
         return None
-    before: dict[str, str] = note["crashes"]
     changed = {key for key in now.keys() | before.keys() if now.get(key) != before.get(key)}
     return changed if len(changed) <= _MOST * len(now) else None
 
@@ -93,12 +92,14 @@ def note_built(warehouse: Path, sha256: str, crashes: Listed, unsettled: Collect
     Storage(warehouse.parent).write(_NOTE, sealed(note))
 
 
-def _noted(warehouse: Path) -> dict[str, dict[str, str]] | None:
+def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
+    """How the crashes of a warehouse with that content were listed; None if nothing says so."""
     try:
         data = Storage(warehouse.parent).read(_NOTE)
-        return json.loads(unsealed(data, name=_NOTE)) if is_sealed(data) else None
+        note = json.loads(unsealed(data, name=_NOTE)) if is_sealed(data) else {}
     except (FileNotFoundError, DamagedFile, ValueError):
         return None
+    return note["crashes"] if note and note["warehouse"] == sha256 else None
 
 
 def _digest_of_built(warehouse: Path) -> str | None:

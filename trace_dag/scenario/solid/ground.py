@@ -259,6 +259,8 @@ def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
 def _walls(area: shapely.Geometry, heights: Heights, low_m: float, high_m: float) -> Iterator[Mesh]:
     """Upright walls around an area, facing away from it."""
     for polygon in shapely.get_parts(area):
+        if not isinstance(polygon, shapely.Polygon):
+            continue  # a line along which two surfaces meet in all but the last digit
         for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
             corners = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(ring)))[:-1]
             z = heights.at(corners)
