@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from trace_dag.cohorts.registry import CrashSource, Registry, ReportSource
 from trace_dag.crash.keys import parse_key
 from trace_dag.flow.batch import work_of
+from trace_dag.flow.compression import content_of, kept
 from trace_dag.flow.records import Records, read_records, write_record
 from trace_dag.flow.standing import valid_records
 from trace_dag.flow.tasks import Work, provenance_of
@@ -95,8 +96,9 @@ def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Record
 
 
 def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: str, new: str) -> StoredFile:
-    if name.endswith(".json"):
-        return target.write(name, source.read(file.name).replace(old.encode(), new.encode()))
+    if name.endswith((".json", ".json.gz")):
+        renamed = content_of(file.name, source.read(file.name)).replace(old.encode(), new.encode())
+        return target.write(name, kept(name, renamed))
     if name.startswith(f"{Stage.CRASH_RECORD}/"):
         table = pq.read_table(source.path(file.name))
         year, case = parse_key(new)
@@ -105,7 +107,10 @@ def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: st
             index = table.schema.get_field_index(column)
             table = table.set_column(index, field, pa.array([value], field.type))
         sink = pa.BufferOutputStream()
-        pq.write_table(table, sink, compression="zstd", write_statistics=False, use_dictionary=False)  # as it is stored
+        # as it is stored
+        pq.write_table(
+            table, sink, compression="zstd", write_statistics=False, use_dictionary=False, store_schema=False
+        )
         return target.write(name, sink.getvalue().to_pybytes())
     _link(Path(source.path(file.name)), target, name)
     return StoredFile(name, file.size, file.sha256)

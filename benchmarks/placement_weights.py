@@ -12,6 +12,7 @@ measured so.
 from __future__ import annotations
 
 import argparse
+import gzip
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -74,9 +75,10 @@ def main() -> None:
     parser.add_argument("roots", nargs="+", type=Path, metavar="ROOT")
     counts: dict[bool, Counter[tuple[str, str]]] = {True: Counter(), False: Counter()}
     crashes = others = 0
-    for path in sorted(path for root in parser.parse_args().roots for path in (root / "road_map").glob("*.xodr")):
-        record = record_from_parquet((path.parents[1] / "crash_record" / f"{path.stem}.parquet").read_bytes())
-        network = read_opendrive(path.read_bytes(), name=path.name)
+    for path in sorted(path for root in parser.parse_args().roots for path in (root / "road_map").glob("*.xodr.gz")):
+        key = path.name.partition(".")[0]
+        record = record_from_parquet((path.parents[1] / "crash_record" / f"{key}.parquet").read_bytes())
+        network = read_opendrive(gzip.decompress(path.read_bytes()), name=path.name)
         named: list[tuple[float, Road]] = []
         for road_id, distance_m in roads_near(network, record).items():
             road = network.road_by_id[road_id]

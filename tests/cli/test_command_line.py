@@ -127,12 +127,12 @@ def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_says(finished_
 def test_artefacts_lie_where_they_are_said_to(finished_root):
     key = KEYS[0]
     for name in (
-        f"raw_report/{key}.xml",
+        f"raw_report/{key}.xml.gz",
         f"crash_record/{key}.parquet",
-        f"osm_extract/{key}.osm",
-        f"road_map/{key}.xodr",
+        f"osm_extract/{key}.osm.gz",
+        f"road_map/{key}.xodr.gz",
         f"road_map/{key}.json",
-        f"state_estimate/{key}.json",
+        f"state_estimate/{key}.json.gz",
         f"simulation_log/{key}.parquet",
         f"simulation_log/{key}.json",
         f"verdict/{key}.json",

@@ -106,7 +106,7 @@ def test_a_damaged_ledger_lets_nothing_out(tmp_path: Path, damage: Damage) -> No
 @DAMAGES
 def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, damage: Damage) -> None:
     workspace = Workspace.open(str(root), FLOW)
-    damage(root / f"road_map/{KEY}.xodr")
+    damage(root / f"road_map/{KEY}.xodr.gz")
     heard: list[str] = []
     others = [key for key in verified_keys(workspace) if key != KEY]
     export(workspace, [KEY, others[0]], tmp_path / "out", "packages", complain=lambda each: heard.append(str(each)))
@@ -114,22 +114,22 @@ def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, 
     rows = negative_controls(workspace, "sample", most=2, complain=lambda each: heard.append(str(each)))
     assert all(row.key != KEY for row in rows)
     assert all(f"--only {KEY} --from road_map" in said for said in heard)
-    with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr: damaged"):
+    with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr.gz: damaged"):
         replay(stored_crash(workspace, KEY), "html")
 
 
 def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Path, tmp_path: Path) -> None:
-    whole = (root / f"road_map/{KEY}.xodr").read_bytes()
-    flip(root / f"road_map/{KEY}.xodr")
+    whole = (root / f"road_map/{KEY}.xodr.gz").read_bytes()
+    flip(root / f"road_map/{KEY}.xodr.gz")
     done = trace_dag(root, "export", "--output", str(tmp_path / "out"))
     assert done.returncode == 1
     (said,) = [line for line in done.stderr.splitlines() if line.startswith("failed:")]
-    assert f"road_map/{KEY}.xodr: damaged" in said
+    assert f"road_map/{KEY}.xodr.gz: damaged" in said
     assert "Traceback" not in done.stderr
     remedy = said.rpartition("trace-dag ")[2].removesuffix(" makes it again").split()
     assert remedy == ["run", "--only", KEY, "--from", "road_map"]
     assert trace_dag(root, *remedy).returncode == 0
-    assert (root / f"road_map/{KEY}.xodr").read_bytes() == whole
+    assert (root / f"road_map/{KEY}.xodr.gz").read_bytes() == whole
     assert KEY in verified_keys(Workspace.open(str(root), FLOW))
     assert trace_dag(root, "verify", "--contents").returncode == 0
 
@@ -205,11 +205,11 @@ def test_both_remedies_for_a_corrupt_warehouse_work(root: Path, remedy: tuple[st
 
 # --- verify --------------------------------------------------------------------------------------------------------
 EVERYTHING = (
-    (f"raw_report/{KEY}.xml", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"raw_report/{KEY}.xml.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"crash_record/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"osm_extract/{KEY}.osm", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"osm_extract/{KEY}.osm.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"road_map/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"state_estimate/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"state_estimate/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"simulation_log/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{OTHER}.outcome.json", DisagreementKind.UNREADABLE_RECORD),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from trace_dag.sim.log_io import logs_from_files
 @pytest.fixture(scope="module", params=["2023-319022", "2023-319024"])
 def crash(request):
     root, key = sample_runs.finished(), request.param
-    network = read_opendrive((root / f"road_map/{key}.xodr").read_bytes(), name=key)
+    network = read_opendrive(gzip.decompress((root / f"road_map/{key}.xodr.gz").read_bytes()), name=key)
     files = [Path(root, "simulation_log", f"{key}.{extension}").read_bytes() for extension in ("parquet", "json")]
     return network, next(log for log in logs_from_files(*files) if log.first_contact)
 

@@ -30,6 +30,7 @@ class Artefact(Generic[T]):
     """An artefact of a stage. ``reader`` (``module:function``) is given the bytes of each of its files.
 
     Without a reader it is the bytes themselves. A ``named`` reader is told the file's name too, for its messages.
+    What ends with ``.gz`` is stored compressed; stages, readers and whoever loads it have the content.
     """
 
     stage: Stage
@@ -55,30 +56,32 @@ class CrashArtefacts(Protocol):
         """The log that the verdict is about, the first one without a verdict; None where nothing was simulated."""
 
 
-REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))
+REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml.gz",))
 RECORD: Final[Artefact[CrashRecord]] = Artefact(
     Stage.CRASH_RECORD, ("parquet",), "trace_dag.crash.tables:record_from_parquet"
 )
-OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm",))
-EXTRACT: Final[Artefact[OsmExtract]] = Artefact(Stage.OSM_EXTRACT, ("osm",), "trace_dag.osm.xml:read_osm", named=True)
-SURROUNDINGS: Final[Artefact[tuple[OsmFeature, ...]]] = Artefact(
-    Stage.OSM_EXTRACT, ("geojson",), "trace_dag.osm.surroundings:surroundings_from_geojson"
+OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm.gz",))
+EXTRACT: Final[Artefact[OsmExtract]] = Artefact(
+    Stage.OSM_EXTRACT, ("osm.gz",), "trace_dag.osm.xml:read_osm", named=True
 )
-XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr",))
+SURROUNDINGS: Final[Artefact[tuple[OsmFeature, ...]]] = Artefact(
+    Stage.OSM_EXTRACT, ("geojson.gz",), "trace_dag.osm.surroundings:surroundings_from_geojson"
+)
+XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr.gz",))
 ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
-    Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
+    Stage.ROAD_MAP, ("xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
     Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
 )
 REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
+    Stage.ROAD_MAP, ("rejected.xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
     Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
-    Stage.STATE_ESTIMATE, ("json",), "trace_dag.states.json_io:estimate_from_json"
+    Stage.STATE_ESTIMATE, ("json.gz",), "trace_dag.states.json_io:estimate_from_json"
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
     Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"

@@ -98,7 +98,13 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
 
     table = steps_table(logs)
     buffer = io.BytesIO()
-    pq.write_table(table, buffer, compression="zstd", use_dictionary=["hypothesis", "vehicle_number"])
+    pq.write_table(
+        table,
+        buffer,
+        compression="zstd",
+        use_dictionary=["hypothesis", "vehicle_number"],
+        use_byte_stream_split=list(_SCALAR_NAMES),  # the first bytes of all numbers, then the second ones: a sixth less
+    )
     summaries = tuple(
         _RunSummary(
             hypothesis=i,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 JSON_DOCUMENTS = {
     "map_report": (Stage.ROAD_MAP, "json"),
-    "estimate": (Stage.STATE_ESTIMATE, "json"),
+    "estimate": (Stage.STATE_ESTIMATE, "json.gz"),
     "simulation": (Stage.SIMULATION_LOG, "json"),
     "sampled": (Stage.SIMULATION_LOG, "samples.json"),
     "verdict": (Stage.VERDICT, "json"),

@@ -56,8 +56,8 @@ def _product(extract: OsmExtract) -> StageProduct:
         "attribution": extract.attribution,
     }
     files = {
-        "osm": write_osm(extract),
-        "geojson": surroundings_to_geojson(extract.surroundings, extract.attribution),
+        "osm.gz": write_osm(extract),
+        "geojson.gz": surroundings_to_geojson(extract.surroundings, extract.attribution),
     }
     return StageProduct(files, figures)
 

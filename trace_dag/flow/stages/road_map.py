@@ -25,8 +25,8 @@ def road_map(
     try:
         built = build_road_map(replace(extract, surroundings=surroundings), record, settings)
     except RejectedRoadMap as rejected:
-        kept = {"rejected.xodr": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
-        read_back = {"rejected.xodr": rejected.network, "rejected.json": rejected.report}
+        kept = {"rejected.xodr.gz": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
+        read_back = {"rejected.xodr.gz": rejected.network, "rejected.json": rejected.report}
         return StageProduct(kept, {"converter": rejected.report.converter}, rejected, parsed=read_back)
     report = built.report
     figures: dict[str, Figure] = {
@@ -40,5 +40,5 @@ def road_map(
         "things_beside_road": len(report.things),
         "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
     }
-    files = {"xodr": built.stored.xodr, "json": map_report_to_json(report)}
-    return StageProduct(files, figures, parsed={"xodr": built.stored.network})
+    files = {"xodr.gz": built.stored.xodr, "json": map_report_to_json(report)}
+    return StageProduct(files, figures, parsed={"xodr.gz": built.stored.network})
