@@ -69,15 +69,15 @@ def fuzz_long(target: Target, inputs: int, folder: Path, *, beginning: int, unti
         if time.monotonic() > until_s:
             break
         rng = random.Random(f"{beginning} {first}")
-        run.add(_in_a_process(target, min(_OF_ONE_PROCESS, inputs - first), folder, rng))
+        run.add(_in_a_process(target, min(_OF_ONE_PROCESS, inputs - first), folder, rng, until_s))
     return run
 
 
-def _in_a_process(target: Target, inputs: int, folder: Path, rng: random.Random) -> LongRun:
+def _in_a_process(target: Target, inputs: int, folder: Path, rng: random.Random, until_s: float) -> LongRun:
     ours, theirs = _FORK.Pipe(duplex=False)
     last, place = folder / "last", folder / "place"
     place.mkdir(exist_ok=True)
-    child = _FORK.Process(target=lambda: theirs.send(_one_after_the_other(target, inputs, place, last, rng)))
+    child = _FORK.Process(target=lambda: theirs.send(_one_after_the_other(target, inputs, place, last, rng, until_s)))
     child.start()
     theirs.close()
     try:
@@ -89,9 +89,13 @@ def _in_a_process(target: Target, inputs: int, folder: Path, rng: random.Random)
         child.join()
 
 
-def _one_after_the_other(target: Target, inputs: int, place: Path, last: Path, rng: random.Random) -> LongRun:
+def _one_after_the_other(
+    target: Target, inputs: int, place: Path, last: Path, rng: random.Random, until_s: float
+) -> LongRun:
     run = LongRun()
     for _ in range(inputs):
+        if time.monotonic() > until_s:
+            break
         began = time.process_time()
         data = damaged_at_random(target.seeds, rng)
         last.write_bytes(data)
