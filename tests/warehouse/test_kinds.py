@@ -17,7 +17,7 @@ from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import query, rows
 
-JUDGED = {"two_vehicles", "multi_vehicle", "parked", "fixed_object", "overturn", "pedestrian", "cyclist"}
+JUDGED = {"two_vehicles", "multi_vehicle", "parked", "fixed_object", "overturn", "pedestrian", "cyclist", "animal"}
 CONTACTS = {12, 14, 45, 55}
 NO_HARM = {*range(60, 72), 79, 98, 99}
 MALFORMED = ("crash_510030", "crash_510108", "crash_510150")
