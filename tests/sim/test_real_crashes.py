@@ -90,7 +90,9 @@ def test_vehicles_follow_their_plans_up_to_the_impact(cohort: list[Ours]) -> Non
     for crash in cohort:
         for hypothesis, log in zip(crash.estimate.hypotheses, crash.logs, strict=True):
             until_s = log.first_contact.time_s if log.first_contact else hypothesis.impact_time_s
-            for state, vehicle in zip(hypothesis.participants, log.vehicles, strict=True):
+            logged = {vehicle.number: vehicle for vehicle in log.vehicles}  # trailers, which follow, among them
+            for state in hypothesis.participants:
+                vehicle = logged[state.vehicle_number]
                 distance, speed_error = tracking_errors(state.trajectory, vehicle, until_s)
                 planned = np.interp(
                     vehicle.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps

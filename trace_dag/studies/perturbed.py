@@ -26,6 +26,7 @@ from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import DamagedFile, Failure, Reason, Rejection, UserError
 from trace_dag.flow.artefacts import MAP_REPORT, OSM_XML, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
 from trace_dag.flow.batch import work_of
+from trace_dag.flow.compression import kept
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import Complaint, raised
@@ -371,13 +372,13 @@ class _Perturbation:
         for segment in work.flow.segments(tuple(Stage)):
             for definition in segment:
                 stage = definition.stage
-                kept = self._kept(stage, records, storage)
-                if kept is None:
+                outcome = self._kept(stage, records, storage)
+                if outcome is None:
                     (event,) = work_on_chunk(Chunk(work, (replace(task, records=records),), (stage,), last=False))
-                    kept = event.record
-                if kept is not None:
-                    records = {**records, stage: kept}
-                if kept is None or kept.outcome is not Outcome.ACCEPTED:
+                    outcome = event.record
+                if outcome is not None:
+                    records = {**records, stage: outcome}
+                if outcome is None or outcome.outcome is not Outcome.ACCEPTED:
                     return records
         return records
 
@@ -401,7 +402,7 @@ class _Perturbation:
     def _copied(self, stage: Stage, storage: Storage) -> OutcomeRecord | None:
         outcome = self._crash.records.get(stage)
         for file in outcome.artefacts if outcome else ():
-            storage.write(file.name, self._crash.read(stage, file.name.partition(".")[2]))
+            storage.write(file.name, kept(file.name, self._crash.read(stage, file.name.partition(".")[2])))
         return outcome
 
     def _record(self, records: Records, storage: Storage) -> CrashRecord:
