@@ -60,7 +60,7 @@ def main() -> None:
 
 def _a_package() -> Path:
     root = Path(tempfile.mkdtemp(prefix="trace-dag-fuzz-"))
-    subprocess.run(["trace-dag", "--root", str(root), "demo"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.executable, "-m", "trace_dag.cli", "--root", str(root), "demo"], check=True, stdout=subprocess.DEVNULL)
     return root / "benchmark/packages/2023-319003.zip"
 
 
