@@ -60,7 +60,8 @@ def main() -> None:
 
 def _a_package() -> Path:
     root = Path(tempfile.mkdtemp(prefix="trace-dag-fuzz-"))
-    subprocess.run([sys.executable, "-m", "trace_dag.cli", "--root", str(root), "demo"], check=True, stdout=subprocess.DEVNULL)
+    demo = [sys.executable, "-m", "trace_dag.cli", "--root", str(root), "demo"]
+    subprocess.run(demo, check=True, stdout=subprocess.DEVNULL)
     return root / "benchmark/packages/2023-319003.zip"
 
 
