@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from trace_dag.sim import quadrupeds
 from trace_dag.sim.anthropometry import ridden_kg
+from trace_dag.sim.figure_parts import FigureParts
 from trace_dag.sim.quadrupeds import Stance
 from trace_dag.sim.types import Body, BodyKind
 from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
@@ -148,20 +149,8 @@ def _person_mjcf(name: str, stature_m: float, mass_kg: float) -> str:
     head_m = 0.040 * h + 0.042  # children's heads are bigger for their stature
     thigh_m, trunk_m = 0.045 * h * girth, 0.085 * h * girth
 
-    def joint(damping: float, reach_rad: float, stiffness: float = 0.0) -> str:
-        return (
-            f'<joint type="ball" range="0 {reach_rad!r}" limited="true" damping="{damping * stiff!r}" '
-            f'stiffness="{stiffness * stiff!r}" armature="{0.04 * stiff!r}" solreflimit="0.02 1"/>'
-        )
-
-    def capsule(part: str, mass: float, radius_m: float, start: str, end: str) -> str:
-        return (
-            f'<geom name="{name}_{part}" type="capsule" size="{radius_m!r}" fromto="{start} {end}" '
-            f'mass="{mass * m!r}" contype="0" conaffinity="0"/>'
-        )
-
-    def site(part: str, at: str) -> str:
-        return f'<site name="{name}_at_{part}" pos="{at}"/>'
+    parts = FigureParts(name, m, stiff)
+    joint, capsule, site = parts.joint, parts.capsule, parts.site
 
     def arm(side: str, sign: float) -> str:
         end = f"0 0 {-_ARM_LENGTH * h!r}"

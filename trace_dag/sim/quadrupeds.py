@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from trace_dag.sim.figure_parts import FigureParts
 from trace_dag.sim.types import Body
 from trace_dag.states.animals import HIP
 from trace_dag.units import GRAVITY_MPS2
@@ -119,20 +120,8 @@ def figure_mjcf(name: str, body: Body) -> tuple[str, list[str]]:
     b, h, m = build(body), body.height_m, body.mass_kg
     stiff = m * h * h / _REFERENCE_KGM2
 
-    def joint(damping: float, reach_rad: float, stiffness: float = 0.0) -> str:
-        return (
-            f'<joint type="ball" range="0 {reach_rad!r}" limited="true" damping="{damping * stiff!r}" '
-            f'stiffness="{stiffness * stiff!r}" armature="{0.04 * stiff!r}" solreflimit="0.02 1"/>'
-        )
-
-    def capsule(part: str, share: float, radius_m: float, start: str, end: str) -> str:
-        return (
-            f'<geom name="{name}_{part}" type="capsule" size="{radius_m!r}" fromto="{start} {end}" '
-            f'mass="{share * m!r}" contype="0" conaffinity="0"/>'
-        )
-
-    def site(part: str, at: str) -> str:
-        return f'<site name="{name}_at_{part}" pos="{at}"/>'
+    parts = FigureParts(name, m, stiff)
+    joint, capsule, site = parts.joint, parts.capsule, parts.site
 
     poll, nose = (
         f"{0.16 * body.length_m!r} 0 {0.30 * h!r}",
