@@ -14,8 +14,8 @@ import argparse
 import importlib
 import sys
 
-from benchmarks.measuring import Figure
-from benchmarks.results import PAGE, append, page
+from benchmarks.measuring import Figure, exit_code
+from benchmarks.results import keep
 
 SUITES = ("cold_start", "stages", "orchestration", "growth", "throughput", "mask_and_predict")
 
@@ -36,8 +36,8 @@ def main() -> int:
             figures.append(figure)
             print(_line(figure), flush=True)
             if not options.no_keep:
-                PAGE.write_text(page(append([figure])))
-    return 1 if any(figure.reached is False for figure in figures) else 0
+                keep([figure])
+    return exit_code(figures)
 
 
 def _line(figure: Figure) -> str:

@@ -23,10 +23,10 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benchmarks.measuring import SHARED, Figure
+from benchmarks.measuring import SHARED, Figure, exit_code
 from benchmarks.multiplied_map import multiply_map
 from benchmarks.osm_extraction import bare_pass
-from benchmarks.results import PAGE, append, page
+from benchmarks.results import keep
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.settings import OsmSettings
@@ -104,8 +104,8 @@ def main() -> int:
     for figure in figures:
         print(f"{figure.name}: {figure.value:.0f} {figure.unit}, {figure.ratio:.2f} times the bare pass {figure.note}")
     if not options.no_keep:
-        PAGE.write_text(page(append(figures)))
-    return 1 if any(figure.reached is False for figure in figures) else 0
+        keep(figures)
+    return exit_code(figures)
 
 
 if __name__ == "__main__":

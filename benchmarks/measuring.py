@@ -10,7 +10,7 @@ import os
 import resource
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,3 +71,8 @@ def medians(runs: int, *works: Work, clock: Callable[[], float] = cpu_s) -> list
 def wall_s() -> float:
     """The clock on the wall."""
     return time.perf_counter()
+
+
+def exit_code(figures: Iterable[Figure]) -> int:
+    """What a command that measured figures ends with: 1 if a goal is missed."""
+    return 1 if any(figure.reached is False for figure in figures) else 0

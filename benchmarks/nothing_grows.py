@@ -24,8 +24,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.cohorts import MAPS, SAMPLE
-from benchmarks.measuring import Figure
-from benchmarks.results import PAGE, append, page
+from benchmarks.measuring import Figure, exit_code
+from benchmarks.results import keep
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.workspace import Workspace
@@ -114,8 +114,8 @@ def main() -> int:
     for figure in figures:
         print(f"{figure.name}: {figure.value:.3g} {figure.unit} {figure.note}")
     if not options.no_keep:
-        PAGE.write_text(page(append(figures)))
-    return 1 if any(figure.reached is False for figure in figures) else 0
+        keep(figures)
+    return exit_code(figures)
 
 
 if __name__ == "__main__":

@@ -44,6 +44,11 @@ def append(figures: Sequence[Figure], path: Path = RESULTS) -> list[dict[str, An
     return measurements
 
 
+def keep(figures: Sequence[Figure]) -> None:
+    """Add a measurement to those before, and write the page anew."""
+    PAGE.write_text(page(append(figures)))
+
+
 def page(measurements: Sequence[dict[str, Any]]) -> str:
     """The figures of the latest versions as Markdown, the newest on the right."""
     shown = measurements[-_SHOWN:]

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from benchmarks.cohorts import MAPS, repeated_sample
 from benchmarks.measuring import Figure
-from benchmarks.results import PAGE, append, page
+from benchmarks.results import keep
 from tests.faults.cluster import BUCKET, free_port
 
 _LINE = re.compile(r'"(GET|HEAD|PUT|POST|DELETE) ([^ ]+) HTTP')
@@ -38,7 +38,7 @@ def main() -> None:
         folder = Path(name)
         figures = measured(folder, options.crashes)
     if not options.no_keep:
-        PAGE.write_text(page(append(figures)))
+        keep(figures)
 
 
 def measured(folder: Path, crashes: int) -> list[Figure]:

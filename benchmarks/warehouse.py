@@ -26,7 +26,7 @@ from pathlib import Path
 from benchmarks.kills import command
 from benchmarks.measuring import Figure
 from benchmarks.multiplied import multiply
-from benchmarks.results import PAGE, append, page
+from benchmarks.results import keep
 from trace_dag.cohorts.registry import Registry
 from trace_dag.definitions.launch import dagster_records
 from trace_dag.flow.records import read_records, write_record
@@ -81,7 +81,7 @@ def main() -> None:
     measured("status", called(options.folder, "status"), 5.0)
     measured("verify", called(options.folder, "verify"), 60.0)
     if not options.no_keep:
-        PAGE.write_text(page(append(figures)))
+        keep(figures)
 
 
 def change(storage: Storage, keys: Sequence[str]) -> None:
