@@ -18,7 +18,7 @@ _PATH_ENDS_MPS2 = 4.0  # deceleration after the end of the planned path, of a dr
 
 
 class DriverAfterStrike:
-    """What the driver wants, step by step, from the strike on. ``rows`` are a plan's, see
+    """The driver's wanted motion, step by step, from the strike on. ``rows`` are those of a plan, see
     :class:`trace_dag.sim.plan.SampledTrajectory`."""
 
     def __init__(self, rows: list[tuple[float, ...]], step: int, response: AfterStriking, step_s: float) -> None:

@@ -1,4 +1,4 @@
-"""The back-end that the settings name, among those that installed packages offer."""
+"""Find and connect the simulator back-end that the settings name, among those that installed packages register."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def backend_factory(settings: SimSettings) -> BackendFactory:
 
 @lru_cache(maxsize=1)
 def backend(settings: SimSettings) -> Backend:
-    """The back-end, connected once per process; only that one is loaded."""
+    """The back-end, connected once per process. Other back-ends are not imported."""
     return backend_factory(settings)(settings)

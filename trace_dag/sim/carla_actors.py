@@ -1,4 +1,4 @@
-"""A vehicle or bicycle in CARLA's world: spawned, carried along its plan, let go, watched."""
+"""A vehicle or bicycle in CARLA: spawned, moved along its plan, released at the first contact, and logged."""
 
 from __future__ import annotations
 
@@ -153,17 +153,17 @@ class CarlaActor:
         return self.rows[tick][4], self.rows[tick][5]
 
     def plan_is_over(self, tick: int) -> bool:
-        """Whether nothing is planned any more at a tick."""
+        """Whether the plan has ended at a tick."""
         return tick >= len(self.plan.rows) and self.plan.end_s > 0
 
     def at_rest(self, tick: int) -> bool:
-        """Whether it no longer moves and nothing will move it."""
+        """Whether it stands still and no plan will move it again."""
         undriven = self.crashed or tick >= min(len(self.plan.rows), self.brakes_from_tick)
         return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
     # --- control ---------------------------------------------------------------------------------------------
     def hold(self) -> None:
-        """Stand on all brakes."""
+        """Brake with all wheels."""
         self.actor.apply_control(self.carla.VehicleControl(brake=1.0, hand_brake=True))
 
     def put_at_start(self) -> None:
@@ -187,13 +187,13 @@ class CarlaActor:
         self.carry(0)
 
     def _climb_mps(self, tick: int) -> float:
-        """How fast the road under the plan rises from a tick to the next."""
+        """Vertical speed of the planned position from a tick to the next, m/s, positive uphill."""
         last = len(self.plan.rows) - 1
         here, there = min(tick, last), min(tick + 1, last)
         return (self.plan.rows[there][9] - self.plan.rows[here][9]) / self.step_s
 
     def carry(self, tick: int) -> None:
-        """Target velocities for the plan at a tick, and wheels that match them.
+        """Set the target velocities of the plan at a tick, and steer the wheels to match them.
 
         The vertical one is the road's: a target velocity without it would hold the vehicle up where the road falls.
         """
@@ -221,7 +221,7 @@ class CarlaActor:
         )
 
     def obey(self, pedals: Pedals) -> None:
-        """Do what a driver wants, through CARLA's own steering, engine and brakes."""
+        """Apply a driver's pedals and steering through CARLA's own vehicle control."""
         self.steer = max(-self.max_steer_rad, min(self.max_steer_rad, pedals.steer_rad))
         self.throttle = max(0.0, min(1.0, pedals.throttle))
         self.brake = max(0.0, min(1.0, pedals.brake))
@@ -235,13 +235,13 @@ class CarlaActor:
         )
 
     def let_go(self, brake: float) -> None:
-        """Brakes only, by that share."""
+        """Release the vehicle: from now on it only brakes, with this share of full brakes."""
         self.steer = self.throttle = 0.0
         self.brake = brake
         self.actor.apply_control(self.carla.VehicleControl(brake=self.brake))
 
     def dispose(self) -> list[Any]:
-        """The calls, in order, that remove everything of it."""
+        """The calls that remove the actor and its sensors, in order."""
         sensor = [] if self.sensor is None else [self.sensor.stop, self.sensor.destroy]
         return [*sensor, self.actor.destroy]
 

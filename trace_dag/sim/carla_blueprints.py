@@ -1,7 +1,7 @@
 """Which of CARLA's vehicles, walkers and bicycles stands for a reported one.
 
-A blueprint's size is only known once it is spawned, so that it has to be tabulated to choose by: lengths and widths
-of the bounding boxes in CARLA 0.9.15, rounded. What was spawned is recorded in the log with its own box.
+CARLA tells a blueprint's size only once it is spawned. So this table has the lengths and widths of the bounding boxes
+in CARLA 0.9.15, rounded, to choose by. The log records the box of the actor that was spawned.
 """
 
 from __future__ import annotations

@@ -21,13 +21,13 @@ class CarlaContact:
     impulse_ns: float = 0.0
 
     def add(self, tick: int, impulse_ns: float, step_s: float) -> None:
-        """Another report of the first one's sensor."""
+        """Add another report of the first actor's sensor."""
         self.last_tick = max(self.last_tick, tick)
         if (tick - self.first_tick) * step_s <= PULSE_S:
             self.impulse_ns += impulse_ns
 
     def contact(self, step_s: float) -> Contact:
-        """The contact, its place from the two boxes between the tick before it and its own."""
+        """The contact. Its place is computed from the two boxes between the tick before it and that of the report."""
         one, two = self.one, self.two
         last = len(one.rows) - 1
         after = min(self.first_tick, last)

@@ -35,7 +35,7 @@ _ON_FOOT = (BodyKind.PEDESTRIAN, BodyKind.CONVEYANCE)
 
 @contextmanager
 def server_errors(doing: str) -> Iterator[None]:
-    """CARLA raises RuntimeError for whatever goes wrong between client and server."""
+    """Turn RuntimeError, which CARLA raises for every fault between client and server, into a transient failure."""
     try:
         yield
     except RuntimeError as error:
@@ -44,7 +44,7 @@ def server_errors(doing: str) -> Iterator[None]:
 
 @dataclass
 class _Collision:
-    """What a sensor said: which two actors, in which frame, with what impulse."""
+    """One report of a collision sensor: the two actors, the frame, the impulse."""
 
     frame: int
     own_id: int
@@ -123,7 +123,7 @@ class CarlaSimulation:
         self._world.apply_settings(settings)
 
     def _watch(self, participants: tuple[Participant, ...]) -> None:
-        """Put the spectator above the middle between the plans' ends."""
+        """Put the server's camera above the middle of the plans' ends."""
         x = float(np.mean([p.trajectory.x_m[-1] for p in participants]))
         y = float(np.mean([p.trajectory.y_m[-1] for p in participants]))
         x, y = location_to_carla(x, y)
@@ -219,7 +219,7 @@ class CarlaSimulation:
     def _ask(
         self, drivers: Mapping[int, Driver], actors: list[CarlaActor], wanted: dict[int, Pedals | None], tick: int
     ) -> None:
-        """What each driver whose turn it is wants from now on, from what was seen after a tick."""
+        """Ask the drivers whose step has come for new commands, given the states seen after a tick."""
         for actor in actors:
             driver = drivers.get(actor.number)
             if driver is not None and not actor.crashed and tick % max(1, round(driver.period_s / self._step_s)) == 0:
@@ -257,7 +257,7 @@ class CarlaSimulation:
         return actor.participant.after_striking or default
 
     def _answer(self, vehicle: CarlaActor, tick: int) -> None:
-        """A driver who has struck a person drives on for the reaction time."""
+        """The answer of a driver who has struck a person: drive on for the reaction time, then brake."""
         if math.isinf(vehicle.brakes_from_tick):
             vehicle.brakes_from_tick = tick + self._response(vehicle).reaction_s / self._step_s
 
@@ -267,7 +267,7 @@ class CarlaSimulation:
 
     # --- after -----------------------------------------------------------------------------------------------
     def _leave(self, actors: list[CarlaActor], original: Any) -> RuntimeError | None:
-        """Destroy everything and give the settings back, whatever state the server is in; what went wrong last."""
+        """Destroy all actors and restore the server's settings, whatever its state. Returns the last error, if any."""
         problem: RuntimeError | None = None
         steps = [step for actor in actors for step in actor.dispose()]
         for step in (*steps, lambda: self._world.apply_settings(original)):

@@ -1,4 +1,4 @@
-"""Two vehicles that crush each other: the force over crush, what is lost in it, and what comes back.
+"""Two vehicles that crush each other: the force over the depth of crush, the energy it absorbs, and the rebound.
 
 Both keep their outlines, which overlap: the overlap is what is crushed. The force is the overlap's area times the
 stiffness of both faces in series, N per metre of crush and metre of width. It acts at the middle of the area, so that
@@ -87,7 +87,7 @@ def front_stiffness_npm2(body: Body) -> float:
 
 
 def stiffness_npm2(body: Body, ahead: float, left: float) -> float:
-    """The same where a body is pressed from outside, the direction outward as a unit vector ahead and to the left."""
+    """The stiffness of the face that a direction points to: a unit vector in the body's axes, ahead and left."""
     end = 1.0 if ahead >= 0 else _REAR
     return front_stiffness_npm2(body) * (end * ahead * ahead + _SIDE * left * left)
 
@@ -145,7 +145,7 @@ class Crush:
         return self._pressed((px + shift_m * tx, py + shift_m * ty), (nx, ny), normal_n, part_s)
 
     def _part(self, area_m2: float) -> None:
-        """They no longer press: what overlaps is dent now, and who comes on again presses beyond it."""
+        """End the contact: the overlap is a dent from now on, and only overlap beyond it presses again."""
         self._settled_rad, self._deepest_m2 = None, 0.0
         if self._last_s > -math.inf:
             self._dent_m2 = min(self._dent_m2, area_m2) if self._apart else area_m2
@@ -154,7 +154,7 @@ class Crush:
     def _pressed(
         self, point: tuple[float, float], normal: tuple[float, float], normal_n: float, part_s: float
     ) -> Pressed:
-        """A normal force at a point, and the friction that goes with it: as much as stops the sliding."""
+        """A normal force at a point with its friction, which is limited by Coulomb's law and to what stops sliding."""
         one, two, (nx, ny), (px, py) = self._one, self._two, normal, point
         tx, ty = -ny, nx
         past_x, past_y = self._past(px, py)
@@ -177,7 +177,7 @@ class Crush:
         return nx, ny
 
     def _yielding(self, point: tuple[float, float], along: tuple[float, float]) -> float:
-        """How much velocity of the one past the other a newton second at a point changes, in one direction, per kg."""
+        """Relative velocity at a point per unit of impulse in a direction, 1/kg (the inverse of the effective mass)."""
         (px, py), (ux, uy) = point, along
         total = 0.0
         for vehicle in (self._one, self._two):
@@ -186,7 +186,7 @@ class Crush:
         return total
 
     def _forces_n(self, stiffness: float, area_m2: float) -> tuple[float, float]:
-        """The normal force where an area is crushed now, and where from now on it comes back."""
+        """The normal force at an overlap: as it deepens, and as it would be if it came back from now on."""
         energy = self._restitution**2
         back = max(energy, _SPRINGS_BACK)
         if area_m2 >= self._deepest_m2:
@@ -196,7 +196,7 @@ class Crush:
         return returned_n, returned_n
 
     def _past(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Velocity of the second vehicle past the first, at a point."""
+        """Velocity of the second vehicle relative to the first, at a point."""
         one, two = self._one, self._two
         return (
             two.vx - two.yaw_rate * (y_m - two.y) - one.vx + one.yaw_rate * (y_m - one.y),
@@ -257,7 +257,7 @@ def _is_corner(point: tuple[float, float], outline: Outline) -> bool:
 
 
 def _facing(outline: Outline, vehicle: Vehicle, nx: float, ny: float) -> float:
-    """Stiffness of a vehicle in a direction outward from it."""
+    """Stiffness of a vehicle's face in a direction outward from it."""
     c, s = outline.ahead
     return stiffness_npm2(vehicle.model.body, nx * c + ny * s, ny * c - nx * s)
 

@@ -1,4 +1,4 @@
-"""Another driver at the wheel: the interface for drivers that take over a participant from its plan.
+"""The interface for drivers that take over a participant from its plan, such as agents under test.
 
 Belongs here: the contract between back-ends and drivers, in the vehicle's own terms. Agents and their observations are
 in :mod:`trace_dag.evaluation`.
@@ -34,7 +34,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class Pedals:
-    """What a driver does: angle of the front wheels (rad, positive to the left), throttle and brake from 0 to 1.
+    """A driver's command: angle of the front wheels (rad, positive to the left), throttle and brake from 0 to 1.
 
     The vehicle follows as far as its tyres, its power and its steering allow. ``reverse`` selects the reverse gear.
     """

@@ -1,4 +1,4 @@
-"""What a person meets of a vehicle: bumper, leading edge of the hood, hood, windscreen and roof, as boxes.
+"""The parts of a vehicle that strike a person: bumper, leading edge of the hood, hood, windscreen and roof, as boxes.
 
 The shape decides where a person is struck and so how: a front lower than the person's centre of gravity wraps the
 person over the hood, a higher one throws the person forward. The measures are those by which front shapes are
@@ -104,8 +104,8 @@ def profile(body: Body) -> list[tuple[float, float]]:
 
 
 def shell(body: Body) -> list[ShellBox]:
-    """The vehicle as people meet it: boxes whose outer faces are the profile's lines, a core, the cabin, and the wheels
-    of vehicles under which someone can lie. All as wide as the body."""
+    """The vehicle's shape for strikes: boxes whose outer faces are the profile's lines, a core, the cabin, and the
+    wheels of vehicles under which someone can lie. All as wide as the body."""
     points = profile(body)
     side_m, tail_m = body.width_m / 2, -body.length_m / 2
     boxes = [_behind(one, two, side_m) for one, two in pairwise(points) if math.dist(one, two) > 0]

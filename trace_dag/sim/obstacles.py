@@ -1,4 +1,4 @@
-"""What a fixed object does to a vehicle that strikes it: the crush of the vehicle, and what the object bears.
+"""The force of a fixed object on a vehicle that strikes it: the crush of the vehicle, and the load the object bears.
 
 MuJoCo moves the vehicle; the force of the object is added here, since a contact of MuJoCo's gives back what it takes
 and knows no crush that stays. The body is pressed in along the face that was struck first, with a stiffness by class,

@@ -19,7 +19,7 @@ class ContactOrder:
 
     @property
     def happened(self) -> int:
-        """How many of the expected contacts happened in their turn."""
+        """Number of expected contacts that happened in their turn."""
         return sum(contact is not None for contact in self.matched)
 
 

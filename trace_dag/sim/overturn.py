@@ -48,7 +48,7 @@ _SETTLED_RAD: Final = 0.03
 
 @dataclass(frozen=True)
 class RollModel:
-    """What a body has to tip over: height of its centre of gravity, half its track, radius of gyration (m)."""
+    """What decides when a body tips: height of its centre of gravity, half its track, radius of gyration (m)."""
 
     height_m: float
     half_track_m: float

@@ -1,7 +1,7 @@
-"""A person or an animal in a run: moves along the plan until touched, then is what MuJoCo makes of the figure.
+"""A person or an animal in a run: moved along its plan until a vehicle touches it, and a MuJoCo figure from then on.
 
-Belongs here: what a person or animal is to the run, whoever moves it. The figure's segments are
-:mod:`trace_dag.sim.figures`', their physics :mod:`trace_dag.sim.scene`'s.
+Belongs here: the state of a person or animal in a run. The figure's segments are in :mod:`trace_dag.sim.figures`,
+their physics in :mod:`trace_dag.sim.scene`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _REST_S = 0.1
 
 @dataclass(frozen=True)
 class PersonModel:
-    """A person's or animal's body, and where its centre of mass is: in its middle."""
+    """A person's or animal's body; its centre of mass is in the middle of it."""
 
     body: Body
     cg_ahead_m: float = 0.0
@@ -104,7 +104,7 @@ class Person:
         return root_height(self.model.body, posture)
 
     def look_for_rest(self, speed_mps: float, fastest_joint: float, now_s: float) -> None:
-        """Note whether a touched person moves."""
+        """Record whether a touched person still moves, to tell later when the person came to rest."""
         if speed_mps > _REST_MPS or fastest_joint > _REST_RATE:
             self._still_since_s = math.inf
         else:

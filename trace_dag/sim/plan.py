@@ -1,4 +1,4 @@
-"""The planned motion on the simulation's clock, as the driver reads it: one row per step, and how well it was kept."""
+"""The planned motion with one row per simulation step, as the driver follows it, and the errors of following it."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
 
 
 def _smoothed(points_m: FloatArray) -> Iterator[FloatArray]:
-    """The points unchanged, then smoothed more and more."""
+    """The points unchanged, then with more and more smoothing."""
     return (points_m if sigma_m == 0 else _smooth(points_m, sigma_m) for sigma_m in _SMOOTHING_M)
 
 

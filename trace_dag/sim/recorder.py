@@ -1,4 +1,4 @@
-"""What is kept of a run: states on the log's clock, and contacts as they begin, go on and end."""
+"""What a run records: states at the times of the log, and contacts as they begin, go on and end."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class StateRecorder:
 
 @dataclass
 class ContactEpisode:
-    """A contact of two bodies under way: as it began, and what it has done so far."""
+    """A contact of two bodies that is under way: its first moment, and its impulse and crush so far."""
 
     one: Vehicle
     two: Vehicle | Person

@@ -1,4 +1,4 @@
-"""MuJoCo's part: rigid bodies in the plane, upright.
+"""The vehicles in MuJoCo: upright rigid bodies that move in the plane.
 
 Each has three joints (x, y, yaw) through its centre of gravity, at the height of the road under it; there is no
 gravity, since the road carries it. Vehicles do not touch in MuJoCo, whose contacts return the energy: the forces

@@ -1,4 +1,4 @@
-"""From an estimate to logs: every kept hypothesis in one back-end."""
+"""Simulate an estimate: every kept hypothesis in one back-end, one log each."""
 
 from __future__ import annotations
 

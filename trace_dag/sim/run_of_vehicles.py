@@ -46,7 +46,7 @@ BodyStates = tuple[list[float], list[float]]
 
 
 class VehicleRun:
-    """A run of motor vehicles alone."""
+    """A run in which only motor vehicles take part."""
 
     def __init__(
         self,
@@ -235,7 +235,7 @@ class VehicleRun:
         return None
 
     def _no_contact_reason(self) -> str:
-        """Says how near those who could have met came to each other, from the logged states."""
+        """A sentence on how near the vehicles that could have met came to each other, from the logged states."""
         nearest, when, numbers = math.inf, 0.0, (0, 0)
         logs = {logged.number: logged for logged in self._recorder.logs()}
         for mover, other in self._could_meet():
@@ -344,13 +344,13 @@ class VehicleRun:
         return total
 
     def _held(self, forces: list[float], part_s: float) -> list[float]:
-        """The forces on the vehicles with those of the hitches."""
+        """The given forces on the vehicles, and those of the hitches added."""
         for hitch in self._hitches:
             hitch.hold(forces, part_s)
         return forces
 
     def _place_people(self, time_s: float) -> None:
-        """Put everybody whom no vehicle has touched where the plan has them."""
+        """Move every person whom no vehicle has touched to the planned place."""
 
     def _step_in_parts(self, step: int, forces: list[float], parts: int) -> None:
         part_s = self._step_s / parts

@@ -136,7 +136,7 @@ class PeopleRun(VehicleRun):
         return any(two < len(self._vehicles) for _, two in self._open)
 
     def _strike_parts(self, step: int) -> int:
-        """In how many parts the next step is to be taken because a vehicle may come to touch a person in it, or goes on
+        """The number of parts to take the next step in because a vehicle may come to touch a person in it, or goes on
         to; 0 if none can."""
         if step < self._people_apart_until_step:
             return 0
@@ -161,7 +161,7 @@ class PeopleRun(VehicleRun):
         return parts
 
     def _parts_near(self, pair: tuple[int, int], now_s: float, closing_mps: float) -> int:
-        """In how many parts a step is to be taken by a vehicle and a person who are near each other."""
+        """The number of parts to take a step in for a vehicle and a person who are near each other."""
         episode = self._open.get(pair)
         if episode is None:
             return self._strikes_in_parts

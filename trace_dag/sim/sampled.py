@@ -1,4 +1,4 @@
-"""The draws of an estimate simulated, weighed by the report, and what they come to: intervals.
+"""Simulate the draws of an estimate, weigh them by the report, and compute intervals from them.
 
 Every draw (:mod:`trace_dag.states.samples`) is run from shortly before its first contact to the end of that contact's
 pulse. A run counts as much as its contact is likely by the report: the areas that were struck, the manner of collision
@@ -82,7 +82,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampledRuns:
-    """What the draws of a crash came to. ``effective`` says how many draws of equal weight they are worth."""
+    """The results of the draws of a crash. ``effective`` is the number of draws of equal weight that they are worth."""
 
     drawn: int
     effective: float
@@ -243,7 +243,7 @@ def _log_likelihood(record: CrashRecord, seen: SampledContact, place_xy_m: tuple
 
 
 def _with_weights(weighed: Sequence[tuple[SampledContact, float]]) -> tuple[SampledContact, ...]:
-    """The contacts with their weights, without those that hardly count."""
+    """The contacts with their weights, without those of negligible weight."""
     if not weighed:
         return ()
     likeliest = max(log_likelihood for _, log_likelihood in weighed)

@@ -1,4 +1,4 @@
-"""MuJoCo's part where there are people: the vehicles of :mod:`trace_dag.sim.rigid` and jointed figures in space.
+"""Vehicles and people in MuJoCo: the vehicles of :mod:`trace_dag.sim.rigid`, and jointed figures in space.
 
 Vehicles stay upright bodies in the plane, with the boxes of :mod:`trace_dag.sim.fronts` for people to meet; figures
 fall under gravity on the road's tangent plane. A person who has not been touched is put where the plan has it before
@@ -127,7 +127,7 @@ class Scene(RigidBodies):
 
     # --- people ------------------------------------------------------------------------------------------------
     def carry(self, time_s: float) -> None:
-        """Put everybody who has not been touched where the plan has them at a time."""
+        """Move every person who has not been touched to the planned place at a time."""
         for figure, person in zip(self._figures, self._people, strict=True):
             if not person.crashed:
                 person.walk(time_s)
@@ -143,13 +143,13 @@ class Scene(RigidBodies):
             self._model.pair_friction[self._meetings(pair[0], tree), :2] = _CARRIED_FRICTION
 
     def follow(self) -> None:
-        """Give touched people their state, roughly: the pelvis's."""
+        """Update the state of touched people roughly: it is the pelvis's."""
         for figure, person in zip(self._figures, self._people, strict=True):
             if person.crashed:
                 figure.follow(person)
 
     def look(self, time_s: float) -> None:
-        """Give everybody their exact state and posture, as of now."""
+        """Update everybody's state and posture exactly."""
         if self._data.warning[self._bad].number:
             raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
         self._measure()
@@ -158,7 +158,7 @@ class Scene(RigidBodies):
 
     # --- contact -----------------------------------------------------------------------------------------------
     def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
-        """As that of vehicles alone, with the forces on people among them."""
+        """Advance a step as with vehicles alone, with people and the forces on them."""
         self.touches, self.seen = {}, set()
         if step_s != self._last_step_s:
             self._last_step_s = step_s
@@ -179,7 +179,7 @@ class Scene(RigidBodies):
         }
 
     def _note_touches(self) -> None:
-        """Keep what vehicles and the road do to people in this step."""
+        """Record the forces of vehicles and the road on people in this step."""
         contacts: Any = self._data.contact
         over_s = self._last_step_s
         forces, frames, points = self._data.efc_force, contacts.frame, contacts.pos
@@ -347,7 +347,7 @@ class _Tree:
 
 
 class _Figure:
-    """Where a person's figure is in MuJoCo's memory."""
+    """The places of a person's figure in MuJoCo's arrays."""
 
     def __init__(self, mujoco: Any, model: Any, data: Any, index: int, person: Person) -> None:
         body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"p{index}"))

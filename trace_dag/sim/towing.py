@@ -1,4 +1,4 @@
-"""A trailer behind a vehicle: a second rigid body, and the hitch that holds both together.
+"""A trailer behind a vehicle: a second rigid body, and the hitch that couples the two.
 
 The hitch is a hinge about the vertical. Its force is solved for at every step, so that at the step's end both bodies
 have one velocity where they are coupled (two equations for a force along and across); what they are apart by rounding
@@ -78,7 +78,7 @@ class Towed(Vehicle):
 
     @property
     def crashed(self) -> bool:
-        """Whether what pulls it is out of control."""
+        """Whether the vehicle that pulls it is out of control."""
         return self.puller.crashed
 
     @crashed.setter
@@ -91,16 +91,16 @@ class Towed(Vehicle):
         return self.puller.stops
 
     def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
-        """It has struck a person: the driver answers."""
+        """Note that the trailer has struck a person: the driver of the vehicle that pulls it reacts."""
         self.puller.strike(step, response, step_s)
 
     @property
     def pedals(self) -> tuple[float, float]:
-        """No throttle, and the brake of what pulls it."""
+        """No throttle, and the brake of the vehicle that pulls it."""
         return 0.0, self.puller.pedals[1]
 
     def log_row(self) -> tuple[float, ...]:
-        """The state as the recorder keeps it; a semitrailer is tilted as its tractor is."""
+        """The state as the recorder keeps it. A semitrailer has the roll of its tractor."""
         state = super().log_row()
         roll = self.puller.roll
         if roll is None or not self.trailer.is_semitrailer:
@@ -114,7 +114,7 @@ class Towed(Vehicle):
 
 
 def whole_kg(vehicle: Vehicle) -> float:
-    """Mass of a vehicle with what it pulls, or of a trailer with what pulls it."""
+    """Mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it."""
     puller = vehicle.puller if isinstance(vehicle, Towed) else vehicle
     return puller.model.body.mass_kg + puller.model.pulled_kg
 

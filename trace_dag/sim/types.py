@@ -87,7 +87,7 @@ class Body:
 
 
 def party_name(body: Body, number: int) -> str:
-    """What messages call a participant: vehicle 1, pedestrian 1001, the trailer of vehicle 1."""
+    """The name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1."""
     if body.kind is BodyKind.MOTOR_VEHICLE:
         return party_in_words(number)
     return f"{body.kind} {number}"
@@ -212,7 +212,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Moment:
-    """What a simulation is about: when (s) and where (m) it happened, and whom it concerns."""
+    """The crash in a simulation: time (s) and place (m), and the parties concerned."""
 
     time_s: float
     x_m: float

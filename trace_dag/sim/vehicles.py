@@ -1,4 +1,4 @@
-"""What a vehicle class is dynamically: axles, centre of gravity, tyres, limits. One rigid body each; a trailer is one.
+"""The dynamic properties of each vehicle class (a trailer is one): axles, centre of gravity, tyres, limits.
 
 Dimensions and mass come from the report; the proportions below are those of typical vehicles of the class (wheelbase
 and axle positions from manufacturers' drawings, cornering stiffness per load after Pacejka, Tyre and Vehicle
