@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import json
+import os
 import re
 import struct
 import tempfile
@@ -28,6 +30,7 @@ from trace_dag.evaluation.agents import AgentFault, Motion
 from trace_dag.evaluation.wire import AnswerReader, AnswerWriter, problem_of
 from trace_dag.flow import artefacts
 from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
+from trace_dag.osm.first_reading import FirstReader
 from trace_dag.osm.types import BoundingBox
 from trace_dag.osm.xml import read_osm
 from trace_dag.reading.opening import open_place
@@ -88,7 +91,14 @@ def _osm_xml(data: bytes, folder: Path) -> None:
 def _osm_pbf(data: bytes, folder: Path) -> None:
     path = folder / "map.osm.pbf"
     path.write_bytes(data)
+    _first_reader(os.getpid()).read(path)
     _extract(path)
+
+
+@functools.cache
+def _first_reader(process: int) -> FirstReader:
+    """One for all maps of a process, ended with it; a forked process has none of its parent's."""
+    return FirstReader()
 
 
 def _extract(path: Path) -> None:

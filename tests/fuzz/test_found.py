@@ -16,6 +16,7 @@ from trace_dag.errors import DamagedFile, UserError
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.wire import AnswerReader
 from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
+from trace_dag.osm.first_reading import FirstReader
 from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
@@ -48,6 +49,29 @@ def test_a_map_with_text_that_is_none_does_not_end_the_process(tmp_path: Path, k
     header = read_header(path)
     with pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
         extract_raw(path, header, [], service_roads=True)
+
+
+def test_a_map_that_ends_the_process_that_reads_it_ends_no_other(tmp_path: Path) -> None:
+    """A zero byte within a key or a value leaves libosmium with one text too few, and it reads on for the next."""
+    whole = pbf((SAMPLE / "osm" / "quill.osm").read_bytes())
+    for name, data in (
+        ("key", whole.replace(b"highway", b"h\0ghway")),
+        ("value", whole.replace(b"residential", b"reside\0tial")),
+        ("whole", whole),
+    ):
+        (tmp_path / f"{name}.osm.pbf").write_bytes(data)
+    with FirstReader() as reader:
+        for name in ("key", "value"):
+            with pytest.raises(UnreadableMapError, match=rf"{name}.osm.pbf: damaged, .*SIGSEGV.*fetch it again"):
+                reader.read(tmp_path / f"{name}.osm.pbf")
+        reader.read(tmp_path / "whole.osm.pbf")
+
+
+def test_a_map_that_is_never_read_to_its_end_is_given_up(tmp_path: Path) -> None:
+    path = tmp_path / "map.osm.pbf"
+    path.write_bytes(pbf((SAMPLE / "osm" / "quill.osm").read_bytes()))
+    with FirstReader(limit_s=0.0) as reader, pytest.raises(UnreadableMapError, match=r"map\.osm\.pbf: not read after"):
+        reader.read(path)
 
 
 def test_a_number_with_two_points_in_a_geo_reference_is_no_number() -> None:

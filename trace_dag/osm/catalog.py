@@ -15,7 +15,8 @@ from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.collecting import FilePass
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.extraction import FileHeader, extract_raw, read_header
-from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text
+from trace_dag.osm.first_reading import FirstReader
+from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text, xml_opener
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.settings import OsmSettings
 
@@ -81,10 +82,14 @@ class MapCatalog:
         return cls(tuple(files), tuple(unreadable))
 
     def check(self) -> None:
-        """Read each file to its end. Raises :class:`UnreadableMapError` for one that cannot be read."""
-        for file in self.files:
-            check_text(file.path)
-            extract_raw(file.path, file.header, [], service_roads=True)
+        """Read each file to its end. Raises :class:`UserError` for one that cannot be read."""
+        with FirstReader() as reader:
+            for file in self.files:
+                if xml_opener(file.path) is None:
+                    reader.read(file.path)
+                else:
+                    check_text(file.path)
+                    extract_raw(file.path, file.header, [], service_roads=True)
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         """The roads in a box of ``settings.radius_m`` around each site, by site key, in one pass over each file.
