@@ -109,7 +109,7 @@ def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: st
         sink = pa.BufferOutputStream()
         # as it is stored
         pq.write_table(
-            table, sink, compression="zstd", write_statistics=False, use_dictionary=False, store_schema=False
+            table, sink, compression="none", write_statistics=False, use_dictionary=False, store_schema=False
         )
         return target.write(name, sink.getvalue().to_pybytes())
     _link(Path(source.path(file.name)), target, name)

@@ -17,6 +17,7 @@ class Request:
     path: str
     query: dict[str, str]
     body: bytes = b""
+    method: str = "GET"
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def serving(respond: Respond) -> Iterator[Loopback]:
             body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
             address = urlsplit(self.path)
             query = {name: values[0] for name, values in parse_qs(address.query).items()}
-            request = Request(address.path, query, body)
+            request = Request(address.path, query, body, self.command)
             answer = respond(request, len(requests))
             requests.append(request)
             stop.wait(answer.delay_s)
@@ -65,13 +66,14 @@ def serving(respond: Respond) -> Iterator[Loopback]:
                     self.send_header(name, value)
                 self.send_header("Content-Length", str(answer.declared_length or len(answer.body)))
                 self.end_headers()
-                self.wfile.write(answer.body)
+                if self.command != "HEAD":
+                    self.wfile.write(answer.body)
             except ConnectionError:
                 pass  # the client gave up, as it should
             if answer.declared_length is not None:
                 self.close_connection = True
 
-        do_GET = do_POST = _answer
+        do_GET = do_POST = do_HEAD = _answer
 
         def log_message(self, *_: object) -> None:
             """Say nothing."""

@@ -14,6 +14,7 @@ import fsspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loopback import Answer, serving
 
 from trace_dag.errors import Failure, TransientFailure, UserError
 from trace_dag.processes import this_process
@@ -147,3 +148,11 @@ def test_object_store_errors_are_waited_out_but_not_for_ever(monkeypatch):
     storage.__dict__["_filesystem"] = _Flaky(99)
     with pytest.raises(TransientFailure, match="after 4 attempts"):
         storage.read("a/b")
+
+
+def test_a_file_of_an_object_store_is_read_with_one_request():
+    pytest.importorskip("s3fs")
+    with serving(lambda request, _: Answer(b"content of " + request.path.encode())) as server:
+        storage = Storage("s3://bucket/root", {"endpoint_url": server.url, "key": "test", "secret": "test"})
+        assert storage.read("a/b") == b"content of /bucket/root/a/b"
+    assert [(request.method, request.path) for request in server.requests] == [("GET", "/bucket/root/a/b")]

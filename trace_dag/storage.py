@@ -15,13 +15,14 @@ import errno
 import hashlib
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from trace_dag.disks import remedy_of
 from trace_dag.errors import DamagedFile, Failure, TransientFailure, UserError
@@ -56,8 +57,7 @@ class StoredFile:
         return len(data) == self.size and hashlib.sha256(data).hexdigest() == self.sha256
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A file as listed: size in bytes, and a token that changes whenever the file is replaced.
 
     ``md5`` (hexadecimal) of the content where the object store says it.
@@ -149,7 +149,11 @@ class Storage:
     def _filesystem(self) -> Any:
         import fsspec
 
-        return fsspec.core.url_to_fs(self.root, use_listings_cache=False, **self._options)[0]
+        options = {"use_listings_cache": False, **self._options}
+        if self.root.startswith("s3"):
+            # Files are read in one piece: s3fs would ask for the size of each before it reads it, a request more.
+            options.setdefault("max_concurrency", 1)
+        return fsspec.core.url_to_fs(self.root, **options)[0]
 
     def path(self, name: str) -> str:
         """Where a file lies, as a path or URL."""
@@ -339,15 +343,17 @@ def _list_folder(path: Path, prefix: str, endings: tuple[str, ...]) -> dict[str,
     try:
         with os.scandir(path) as entries:
             for entry in entries:
+                name = entry.name
+                if name.startswith(".") or not name.endswith(endings):
+                    continue
                 try:
-                    if not entry.name.endswith(endings) or entry.name.startswith(".") or not entry.is_file():
-                        continue
                     status = entry.stat()
                 except OSError as error:  # replaced or deleted since it was listed, or links that lead in a circle
                     if error.errno not in (errno.ENOENT, errno.ELOOP):
                         raise
                     continue
-                found[f"{prefix}{entry.name}"] = Entry(status.st_size, f"{status.st_mtime_ns}-{status.st_ino}")
+                if stat.S_ISREG(status.st_mode):
+                    found[prefix + name] = Entry(status.st_size, f"{status.st_mtime_ns}-{status.st_ino}")
     except FileNotFoundError:
         return {}
     return found

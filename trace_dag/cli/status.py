@@ -21,17 +21,15 @@ _FAILED_SHOWN = 20
 @click.pass_obj
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
-    from trace_dag.flow.batch import stale_results
-    from trace_dag.flow.records import read_records
-    from trace_dag.flow.standing import FinalState, funnel, standings
+    from trace_dag.flow.looks import look_at
+    from trace_dag.flow.standing import FinalState, funnel
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root)
     storage, registry = workspace.storage, workspace.registry
-    keys = registry.keys(cohort)
-    records = read_records(storage, keys)
-    crashes = standings(records)
-    stale = {each.key: each for each in stale_results(workspace, records)}
+    looks = look_at(workspace, registry.keys(cohort))
+    crashes = {key: look.standing for key, look in looks.items()}
+    stale = {key: look.stale for key, look in looks.items() if look.stale is not None}
     if as_json:
         cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
         write_json(

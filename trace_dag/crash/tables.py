@@ -193,12 +193,12 @@ def records_to_parquet(records: list[CrashRecord]) -> bytes:
 
     rows = [_row(record) for record in records]
     buffer = io.BytesIO()
-    # Statistics and dictionaries of single rows are ballast that every reader of thousands of files pays for; so is
-    # what each column means, which is three times the size of the record and stands in the documentation.
+    # Statistics, dictionaries and compression of single values are ballast that every reader of thousands of files pays
+    # for; so is what each column means, which is three times the size of the record and stands in the documentation.
     pq.write_table(
         pa.Table.from_pylist(rows, schema=CRASH_RECORD.arrow()),
         buffer,
-        compression="zstd",
+        compression="none",
         write_statistics=False,
         use_dictionary=False,
         store_schema=False,

@@ -38,7 +38,7 @@ from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
-from trace_dag.warehouse.updating import changed_since_built, listed, note_built, update_tables
+from trace_dag.warehouse.updating import changed_since_built, listed_for_build, note_built, update_tables
 
 if TYPE_CHECKING:
     import duckdb
@@ -171,7 +171,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
     cohorts = Registry(storage).cohorts().values()
     cohort_of = {key: cohort.name for cohort in cohorts for key in cohort.reports}
     path = folder / WAREHOUSE_FILE
-    now = listed(storage, cohorts)
+    now = listed_for_build(storage, cohorts)
     changed = changed_since_built(target, now) if is_built_by_this_code(target) else None
     if changed is not None:
         shutil.copyfile(target, path)
@@ -232,12 +232,15 @@ def _read(
     folder: Path,
     complain: Complaint,
 ) -> dict[str, pa.Table]:
-    """Everything stored, chunk by chunk: DuckDB takes one over while the next is read."""
+    """Everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it over."""
     outcomes = OutcomeTables()
     documents = DocumentTables(connection, storage, folder, complain)
-    with ThreadPoolExecutor(max_workers=1) as duckdb_thread:
+    chunks = read_snapshots(storage, list(cohort_of), DOCUMENTS, complain)
+    with ThreadPoolExecutor(max_workers=1) as reader, ThreadPoolExecutor(max_workers=1) as duckdb_thread:
+        reading = reader.submit(next, chunks, None)
         taken: Future[None] | None = None
-        for crashes in read_snapshots(storage, list(cohort_of), DOCUMENTS, complain):
+        while (crashes := reading.result()) is not None:
+            reading = reader.submit(next, chunks, None)
             if taken is not None:
                 taken.result()
             taken = duckdb_thread.submit(documents.add, crashes)

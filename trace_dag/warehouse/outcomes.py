@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from trace_dag.flow.standing import standing_of_valid
 from trace_dag.provenance import EarlierOutcome, Outcome, OutcomeRecord
+from trace_dag.stage import Stage
 from trace_dag.warehouse.snapshot import CrashSnapshot
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class OutcomeTables:
         self._parts: dict[str, list[pa.Table]] = {
             table: [schema.empty_table()] for table, schema in self._schemas.items()
         }
+        self._settings_before: dict[Stage, tuple[dict[str, Any], str]] = {}
 
     def add(self, crashes: Sequence[CrashSnapshot], cohort_of: Mapping[str, str]) -> None:
         """Take over some crashes."""
@@ -64,12 +66,20 @@ class OutcomeTables:
         rows: dict[str, list[Row]] = {table: [] for table in self._schemas}
         for crash in crashes:
             rows["standing"].append(_standing_row(crash, cohort_of[crash.key]))
-            rows["outcome"].extend(_outcome_row(record) for record in crash.valid.values())
+            rows["outcome"].extend(_outcome_row(record, self._settings(record)) for record in crash.valid.values())
             rows["known_outcome"].extend(_known_rows(crash))
             rows["failed_attempt"].extend(_failed_attempts(crash))
             rows["artefact"].extend(_artefact_rows(crash))
         for table, schema in self._schemas.items():
             self._parts[table].append(pa.Table.from_pylist(rows[table], schema=schema))
+
+    def _settings(self, record: OutcomeRecord) -> str:
+        """The settings of a record as JSON; those of a stage are nearly always the same as of the crash before."""
+        settings = record.provenance.settings
+        before = self._settings_before.get(record.stage)
+        if before is None or before[0] != settings:
+            before = self._settings_before[record.stage] = (settings, json.dumps(settings, sort_keys=True))
+        return before[1]
 
     def finished(self) -> dict[str, pa.Table]:
         """The tables by name."""
@@ -109,7 +119,7 @@ def _failed_attempts(crash: CrashSnapshot) -> Iterator[Row]:
             }
 
 
-def _outcome_row(record: OutcomeRecord) -> Row:
+def _outcome_row(record: OutcomeRecord, settings: str) -> Row:
     return {
         "key": record.key,
         "stage": record.stage.value,
@@ -129,7 +139,7 @@ def _outcome_row(record: OutcomeRecord) -> Row:
         "artefact_bytes": sum(file.size for file in record.artefacts),
         "fingerprint": record.fingerprint,
         "code_version": record.provenance.code,
-        "settings": json.dumps(record.provenance.settings, sort_keys=True),
+        "settings": settings,
         "transient": record.transient,
     }
 

@@ -9,15 +9,14 @@ another warehouse, everything is read.
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.errors import DamagedFile, UserError
+from trace_dag.flow.looks import listed
 from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
@@ -57,20 +56,14 @@ Listed = Mapping[str, str]
 """For each crash a digest of how all that a warehouse reads of it is listed."""
 
 
-def listed(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
+def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
     """How the registered crashes are listed now."""
-    files: dict[str, list[str]] = defaultdict(list)
-    for stage, wanted in _READ.items():
-        start = len(stage.value) + 1
-        for name, entry in storage.list(stage.value, wanted).items():
-            files[name[start : name.index(".", start)]].append(f"{name} {entry.version}")
-    return {
-        key: hashlib.sha256(
-            "\n".join([cohort.name, report.location, report.sha256, *sorted(files.get(key, ()))]).encode()
-        ).hexdigest()
+    about = {
+        key: f"{cohort.name} {report.location} {report.sha256}\n"
         for cohort in cohorts
         for key, report in cohort.reports.items()
     }
+    return listed(storage, about, _READ)
 
 
 def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
