@@ -17,6 +17,7 @@ from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.map_surfaces import ASPHALT
+from trace_dag.scenario.picture_legend import headline_words, write
 from trace_dag.scenario.pictures import as_png, draw_crash
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
@@ -73,3 +74,22 @@ def test_the_legend_fits_below_the_picture_however_much_there_is_to_say(crash) -
         picture = np.asarray(draw_crash(RECORD, STREET, report, StateEstimate(RECORD.key, (struck,), RUN), log))
         edge = picture[-30:, -4:].reshape(-1, 3)
         assert (edge == edge[0]).all(), "no letter reaches the right edge"
+
+
+def test_a_headline_ends_before_the_picture_does() -> None:
+    """DejaVu's letters are about 0.6 of their size wide: 13 inches hold some 150 letters of 10.5 points, 200 of 8."""
+    line = headline_words(0, " ".join(["course error of person 1 in event 1,"] * 5))  # 188 characters
+    endless = headline_words(1, " ".join(["criterion"] * 100))
+    picture = Image.new("RGB", (1300, 60), "white")
+    write(picture, [line, endless], 100)
+    dark = np.asarray(picture.convert("L")) < 128
+    for rows in (dark[:22], dark[22:]):
+        assert not rows[:, -8:].any()
+        assert rows[:, 1100:].any(), "and the line is used"
+
+
+def test_a_line_that_fits_is_set_as_large_as_any() -> None:
+    pictures = [Image.new("RGB", (width, 60), "white") for width in (400, 800)]
+    for picture in pictures:
+        write(picture, [headline_words(0, "2023-319003   Elm Street")], 100)
+    assert np.array_equal(np.asarray(pictures[0]), np.asarray(pictures[1])[:, :400])

@@ -5,6 +5,7 @@ Letters are set on the finished picture by Pillow: matplotlib takes ten times as
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -31,6 +32,8 @@ _SIZE_PT: Final = 7.5
 _HEADLINE_PT: Final = 10.5
 _HEADLINE_IN: Final = (0.13, 0.32)
 """How far below the top its two lines have their middle."""
+_MARGIN_IN: Final = 0.08
+_SMALLEST: Final = 0.75  # share of its size in which a long line is set; below, it could not be read
 _STROKE_IN, _TEXT_IN = 0.2, 0.28
 _PATH_COLOUR: Final = "#555555"
 
@@ -74,11 +77,23 @@ def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
     draw = ImageDraw.Draw(picture)
     for each in words:
         place = each.x_in * dpi, each.y_in * dpi
-        font = _font(each.size_pt * dpi / 72)
+        room_px = (place[0] if each.anchor == "rm" else picture.width - place[0]) - _MARGIN_IN * dpi
+        text, font = _fitted(each.text, each.size_pt * dpi / 72, room_px)
         if each.backed:
-            left, top, right, bottom = draw.textbbox(place, each.text, font=font, anchor=each.anchor)
+            left, top, right, bottom = draw.textbbox(place, text, font=font, anchor=each.anchor)
             draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill="white")
-        draw.text(place, each.text, fill=INK, font=font, anchor=each.anchor)
+        draw.text(place, text, fill=INK, font=font, anchor=each.anchor)
+
+
+def _fitted(text: str, size_px: float, room_px: float) -> tuple[str, FreeTypeFont]:
+    """A line that ends before the picture does: set smaller, and if that is not enough, cut after a word."""
+    font = _font(size_px)
+    if (length_px := font.getlength(text)) <= room_px:
+        return text, font
+    font = _font(math.floor(max(size_px * room_px / length_px, size_px * _SMALLEST)))
+    while font.getlength(text) > room_px and " " in text:
+        text = text.removesuffix(" …").rpartition(" ")[0] + " …"
+    return text, font
 
 
 @lru_cache(maxsize=8)
@@ -103,7 +118,7 @@ def place_line(record: CrashRecord) -> Words:
 
 def headline_words(line: int, text: str) -> Words:
     """A line of the headline, from 0."""
-    return Words(0.08, _HEADLINE_IN[line], text, _HEADLINE_PT)
+    return Words(_MARGIN_IN, _HEADLINE_IN[line], text, _HEADLINE_PT)
 
 
 def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
