@@ -30,7 +30,11 @@ def sealed(document: bytes) -> bytes:
 
 def unsealed(data: bytes, *, name: str) -> bytes:
     """The document without its seal. One that has none is given back as it is: whether it has to have one, and whether
-    it is JSON at all, is for its reader to say. Raises :class:`DamagedFile` for a broken seal."""
+    it is JSON at all, is for its reader to say. Raises :class:`DamagedFile` for a broken seal.
+
+    >>> unsealed(sealed(b'{"a": 1}'), name="a.json")
+    b'{"a": 1\\n}'
+    """
     start = max(len(data) - _SEAL_BYTES, 0)
     seal = _SEAL.search(data, start)
     if seal is None:
@@ -42,5 +46,9 @@ def unsealed(data: bytes, *, name: str) -> bytes:
 
 
 def is_sealed(data: bytes) -> bool:
-    """Whether a document ends in a seal, broken or not."""
+    """Whether a document ends in a seal, broken or not.
+
+    >>> is_sealed(sealed(b'{"a": 1}')), is_sealed(b'{"a": 1}')
+    (True, False)
+    """
     return _SEAL.search(data, max(len(data) - _SEAL_BYTES, 0)) is not None

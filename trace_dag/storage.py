@@ -72,6 +72,9 @@ def check_name(name: str) -> str:
     """``name`` itself if it is a plain relative path of letters, digits, ``._-`` and ``/``; else ``ValueError``.
 
     No part may begin with a dot or a dash, so no name leads out of the root, hides, or reads as an option.
+
+    >>> check_name("verdict/2023-319003.json")
+    'verdict/2023-319003.json'
     """
     if not _SAFE_NAME.fullmatch(name):
         raise ValueError(f"unsafe name in storage: {name!r} (letters, digits, '.', '_', '-' and '/' only)")

@@ -113,7 +113,11 @@ _COHORTS = TypeAdapter(Cohort)
 
 
 def in_order(keys: Iterable[str]) -> list[str]:
-    """Keys by year, then by state case as a number, each once: the order in which they are registered."""
+    """Keys by year, then by state case as a number, each once: the order in which they are registered.
+
+    >>> in_order(["2023-510010", "2023-40002", "2015-390503", "2023-510010"])
+    ['2015-390503', '2023-40002', '2023-510010']
+    """
     return sorted(set(keys), key=parse_key)
 
 

@@ -250,13 +250,20 @@ def vehicle_trajectory(acc_types: Sequence[int | None]) -> VehicleTrajectory:
 
     A vehicle whose type says nothing about a pair (others) does not outvote one whose type does; of two types that
     name different classes the first party's holds. :func:`trajectories_disagree` tells when that was so.
+
+    >>> str(vehicle_trajectory([98, 86]))  # other, and straight paths that intersect
+    'intersecting'
     """
     named = [crash_type(code).trajectory for code in acc_types]
     return next((each for each in named if each is not VehicleTrajectory.OTHERS), VehicleTrajectory.OTHERS)
 
 
 def trajectories_disagree(acc_types: Sequence[int | None]) -> bool:
-    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes."""
+    """Whether the vehicles' known ``ACC_TYPE`` values fall into different classes.
+
+    >>> trajectories_disagree([86, 87]), trajectories_disagree([86, 50]), trajectories_disagree([86, None])
+    (False, True, False)
+    """
     return len({crash_type(code).trajectory for code in acc_types if code is not None}) > 1
 
 

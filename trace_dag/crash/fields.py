@@ -25,7 +25,11 @@ _UNKNOWN_WORDS: Final = frozenset(
 
 
 def malformed(detail: str) -> Rejection:
-    """The rejection of a report that cannot be read."""
+    """The rejection of a report that cannot be read.
+
+    >>> str(malformed("CrashSet is missing").reason)
+    'malformed_report'
+    """
     return Rejection(Reason.MALFORMED_REPORT, detail)
 
 

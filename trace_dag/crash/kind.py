@@ -58,6 +58,9 @@ def crash_kind(first_harmful: int | None, vehicles: int | None, touched: bool | 
         first_harmful: code of the first harmful event, None if it is not known.
         vehicles: motor vehicles in transport, None if not known.
         touched: whether the events say that two vehicles touched; None where nothing is told of them.
+
+    >>> str(crash_kind(8, 1, None)), str(crash_kind(12, 3, True)), str(crash_kind(42, 1, None))  # 42: a tree
+    ('pedestrian', 'multi_vehicle', 'fixed_object')
     """
     if first_harmful is not None and first_harmful in _BEFORE_ALL:
         return _BEFORE_ALL[first_harmful]

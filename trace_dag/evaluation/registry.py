@@ -48,6 +48,9 @@ def resolve(agent: str) -> str:
     """The ``module:Class`` of an agent given by name or as such, with its arguments. Nothing of it is imported.
 
     Raises :class:`UserError` for a name nobody offers and a module that is not there.
+
+    >>> resolve("json:JSONDecoder?strict=no")  # any module that can be found
+    'json:JSONDecoder?strict=no'
     """
     name, question_mark, arguments = agent.partition("?")
     known = offered()

@@ -34,7 +34,11 @@ _KIND_NUMBERS = {kind: number for number, kind in enumerate(_KINDS)}
 
 # --- messages ---------------------------------------------------------------------------------------------------------
 def framed(message: bytes) -> bytes:
-    """A message with its length before it."""
+    """A message with its length before it.
+
+    >>> length_of(framed(b"abc"))
+    3
+    """
     return _LENGTH.pack(len(message)) + message
 
 
@@ -227,6 +231,10 @@ def described(error: BaseException) -> str:
 
 
 def one_line(text: str) -> str:
-    """Text of an agent as it can be shown anywhere: one line, nothing that moves a terminal's cursor, not too long."""
+    r"""Text of an agent as it can be shown anywhere: one line, nothing that moves a terminal's cursor, not too long.
+
+    >>> one_line("no\nplan \x1b[2J")
+    'no plan ?[2J'
+    """
     shown = "".join(each if each.isprintable() else "?" for each in " ".join(text[: 10 * MESSAGE_CHARACTERS].split()))
     return shown[:MESSAGE_CHARACTERS]

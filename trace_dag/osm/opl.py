@@ -59,7 +59,11 @@ def read_tags(line: bytes) -> dict[str, str]:
 
 
 def read_members(line: bytes) -> tuple[OsmMember, ...]:
-    """The members of a relation."""
+    """The members of a relation.
+
+    >>> [(member.type, member.id, member.role) for member in read_members(b"r7 Ttype=restriction Mw1@from,n2@via\\n")]
+    [('way', 1, 'from'), ('node', 2, 'via')]
+    """
     field = _field(line, 2)
     if not field:
         return ()
@@ -68,7 +72,12 @@ def read_members(line: bytes) -> tuple[OsmMember, ...]:
 
 
 def read_way_nodes(way_lines: Sequence[bytes]) -> WayNodes:
-    """The nodes of ways."""
+    """The nodes of ways.
+
+    >>> nodes = read_way_nodes([b"w7 Thighway=primary Nn1x-77.5y37.25,n2xy"])
+    >>> nodes.counts.tolist(), nodes.ids.tolist(), nodes.longitudes_deg.tolist()
+    ([2], [1, 2], [-77.5, nan])
+    """
     fields = [line[line.rindex(b" ") + 2 :] for line in way_lines]
     counts = np.array([field.count(b"n") for field in fields], dtype=np.int64)
     return WayNodes(counts, *_read_nodes(b"".join(fields)).values())

@@ -135,7 +135,11 @@ def _corners(box: BoundingBox) -> str:
 
 
 def whats_wrong(answer: bytes) -> str | None:
-    """What keeps an answer from being the data asked for, None if nothing does."""
+    """What keeps an answer from being the data asked for, None if nothing does.
+
+    >>> whats_wrong(b"<html>Too many requests</html>")
+    'the answer is not OSM data, or not all of it'
+    """
     if remark := _REMARK.search(answer):
         return f"the query failed: {remark[1].decode(errors='replace').strip()}"
     if not _OSM_ROOT.search(answer[:_HEAD_BYTES]) or b"</osm>" not in answer[-_HEAD_BYTES:]:

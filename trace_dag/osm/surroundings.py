@@ -71,7 +71,11 @@ def is_thing(tags: Mapping[str, str], *, way: bool) -> bool:
 
 
 def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tags: Mapping[str, str]) -> OsmFeature:
-    """A thing that is a node."""
+    """A thing that is a node.
+
+    >>> feature_of_node(5, -77.4, 37.5, {"natural": "tree"}).geometry.wkt
+    'POINT (-77.4 37.5)'
+    """
     return OsmFeature(f"node/{node_id}", shapely.Point(longitude_deg, latitude_deg), tags)
 
 

@@ -16,7 +16,11 @@ OBJECT_COLOUR: Final = "#6B4A2B"
 
 
 def vehicle_colour(index: int) -> str:
-    """The colour of the vehicle that is the ``index``-th by number, from 0."""
+    """The colour of the vehicle that is the ``index``-th by number, from 0.
+
+    >>> vehicle_colour(0), vehicle_colour(6)  # six of them, then from the start
+    ('#0072B2', '#0072B2')
+    """
     return VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]
 
 

@@ -134,6 +134,10 @@ def sun_position(local: datetime.datetime, latitude_deg: float, longitude_deg: f
     ``local`` is by the clocks of the United States there: standard time of the nearest meridian of 15 degrees, and an
     hour more from the second Sunday of March to the first of November. Source: NOAA, General Solar Position
     Calculations (Spencer's series of 1971).
+
+    >>> noon = datetime.datetime(2023, 6, 21, 13)  # an hour later by the clocks, on the meridian of their zone
+    >>> round(math.degrees(sun_position(noon, 40.0, -75.0)[1]))  # 90 - 40 + 23.4
+    73
     """
     zone_h = round(longitude_deg / 15) + _daylight_saving_h(local)
     hours = local.hour + local.minute / 60

@@ -28,7 +28,12 @@ _MAX_SPEED_MPS, _MAX_ACCELERATION_MPS2, _MAX_DECELERATION_MPS2 = 15.0, 2.0, 5.0 
 
 
 def person_reference_ahead_m(body: Body) -> float:
-    """The reference point of OpenSCENARIO 1.2 ahead of the body's middle: of a bicycle negative."""
+    """The reference point of OpenSCENARIO 1.2 ahead of the body's middle: of a bicycle negative.
+
+    >>> from trace_dag.crash.record import VehicleClass
+    >>> person_reference_ahead_m(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # the rear hub
+    -0.52
+    """
     return -_HUB * body.length_m if body.kind is BodyKind.CYCLIST else 0.0
 
 

@@ -66,7 +66,11 @@ def templates() -> Environment:
 
 
 def packed(data: bytes) -> str:
-    """What a page holds for its scripts to unpack: gzip, in base64. The same data gives the same text."""
+    """What a page holds for its scripts to unpack: gzip, in base64. The same data gives the same text.
+
+    >>> gzip.decompress(base64.b64decode(packed(b"a log")))
+    b'a log'
+    """
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode()
 
 

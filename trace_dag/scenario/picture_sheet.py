@@ -66,7 +66,11 @@ class Sheet:
 
 
 def square(centre: tuple[float, float], half_m: float) -> Window:
-    """A window around a place."""
+    """A window around a place.
+
+    >>> square((10.0, 20.0), 5.0)
+    (5.0, 15.0, 15.0, 25.0)
+    """
     x, y = centre
     return x - half_m, y - half_m, x + half_m, y + half_m
 

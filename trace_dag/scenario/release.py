@@ -147,12 +147,20 @@ def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
 
 
 def checksums(sha256_by_name: Mapping[str, str]) -> bytes:
-    """``SHA256SUMS`` as ``sha256sum --check`` reads it."""
+    """``SHA256SUMS`` as ``sha256sum --check`` reads it.
+
+    >>> checksums({"b.zip": "22", "a.zip": "11"})
+    b'11  a.zip\\n22  b.zip\\n'
+    """
     return "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(sha256_by_name.items())).encode()
 
 
 def read_checksums(data: bytes) -> dict[str, str]:
-    """SHA-256 by name of a ``SHA256SUMS``."""
+    """SHA-256 by name of a ``SHA256SUMS``.
+
+    >>> read_checksums(b"11  a.zip\\n22  b.zip\\n")
+    {'a.zip': '11', 'b.zip': '22'}
+    """
     lines = (line.split("  ", 1) for line in data.decode().splitlines() if line)
     return {name: sha256 for sha256, name in lines}
 

@@ -19,7 +19,11 @@ def person_body(kind: BodyKind, age_years: float | None = None, *, female: bool 
 
 
 def ridden_kg(body: Body) -> float:
-    """Mass of what a person rides, part of the body's mass; no more than half of it."""
+    """Mass of what a person rides, part of the body's mass; no more than half of it.
+
+    >>> ridden_kg(Body(BodyKind.CYCLIST, VehicleClass.OTHER, 1.75, 0.6, 1.75, 90.0))  # a bicycle for adults
+    15.0
+    """
     if body.kind is BodyKind.CYCLIST:
         return min(BICYCLE_KG * body.length_m / BICYCLE_LENGTH_M, body.mass_kg / 2)
     if body.kind is BodyKind.CONVEYANCE:

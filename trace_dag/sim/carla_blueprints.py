@@ -66,6 +66,11 @@ def choose_blueprint(body: Body, available: Iterable[str]) -> Blueprint:
     """The blueprint nearest in class, then in length and width, of those the server has.
 
     Raises :class:`Failure` if it has none of them.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> bus = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.BUS, 12.0, 2.5, 3.2, 14000.0)
+    >>> choose_blueprint(bus, ["vehicle.tesla.model3", "vehicle.mitsubishi.fusorosa"]).id
+    'vehicle.mitsubishi.fusorosa'
     """
     present = set(available)
     candidates = [blueprint for blueprint in BLUEPRINTS if blueprint.id in present]
@@ -90,6 +95,10 @@ def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKE
     """The walker for a person on foot, a child for one of a child's stature, of those the server has.
 
     Raises :class:`Failure` if it has no walkers.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> choose_walker(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.4, 1.1, 20.0)) in CHILD_WALKERS
+    True
     """
     present = sorted(name for name in available if name.startswith("walker.pedestrian."))
     wanted = CHILD_WALKERS if body.height_m < _CHILD_STATURE_M else WALKERS
@@ -100,7 +109,11 @@ def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKE
 
 
 def choose_bicycle(available: Iterable[str] = BICYCLES) -> str:
-    """The bicycle, with its rider, of those the server has. Raises :class:`Failure` if it has none."""
+    """The bicycle, with its rider, of those the server has. Raises :class:`Failure` if it has none.
+
+    >>> choose_bicycle(["vehicle.gazelle.omafiets", "vehicle.tesla.model3"])
+    'vehicle.gazelle.omafiets'
+    """
     present = set(available)
     found = next((name for name in BICYCLES if name in present), None)
     if found is None:

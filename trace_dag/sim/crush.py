@@ -81,13 +81,27 @@ def restitution_at(closing_mps: float) -> float:
 
 
 def front_stiffness_npm2(body: Body) -> float:
-    """Of a front: force per metre of crush and metre of width."""
+    """Of a front: force per metre of crush and metre of width.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
+    >>> work_j = front_stiffness_npm2(car) * car.width_m * WALL_CRUSH_M[VehicleClass.CAR] ** 2 / 2  # at its crush
+    >>> math.isclose(work_j, 1500.0 * WALL_TEST_MPS**2 / 2)  # all that the car had
+    True
+    """
     rate = WALL_TEST_MPS / WALL_CRUSH_M[body.vehicle_class]
     return body.mass_kg * rate * rate / body.width_m
 
 
 def stiffness_npm2(body: Body, ahead: float, left: float) -> float:
-    """The stiffness of the face that a direction points to: a unit vector in the body's axes, ahead and left."""
+    """The stiffness of the face that a direction points to: a unit vector in the body's axes, ahead and left.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
+    >>> front, rear, side = (stiffness_npm2(car, *way) for way in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0)))
+    >>> round(rear / front, 6), round(side / front, 6)
+    (0.8, 0.6)
+    """
     end = 1.0 if ahead >= 0 else _REAR
     return front_stiffness_npm2(body) * (end * ahead * ahead + _SIDE * left * left)
 

@@ -83,7 +83,14 @@ DECK_M = 0.10  # top of a conveyance's deck above the road
 
 
 def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
-    """The posture of someone who walks or runs at a speed, after a distance; arms swing against legs."""
+    """The posture of someone who walks or runs at a speed, after a distance; arms swing against legs.
+
+    >>> walking(1.75, 0.0, 3.0) == Posture()  # stands
+    True
+    >>> ahead, behind = walking(1.75, 1.4, 0.0).hips
+    >>> ahead > 0, ahead + behind
+    (True, 0.0)
+    """
     if speed_mps < _STANDS_MPS:
         return Posture()
     step_m = _STEP_LENGTH * stature_m * math.sqrt(speed_mps / _STROLL_MPS)
@@ -94,7 +101,12 @@ def walking(stature_m: float, speed_mps: float, travelled_m: float) -> Posture:
 
 
 def degrees(body: Body) -> tuple[int, int]:
-    """Numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine."""
+    """Numbers in a figure's pose and in its rates: a free root and eight ball joints, of an animal nine.
+
+    >>> from trace_dag.crash.record import VehicleClass
+    >>> degrees(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0))  # 7 + 8 x 4, 6 + 8 x 3
+    (39, 30)
+    """
     return quadrupeds.DEGREES if body.kind is BodyKind.ANIMAL else _DEGREES
 
 

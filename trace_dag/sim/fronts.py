@@ -70,7 +70,13 @@ class ShellBox:
 
 
 def front_shape(body: Body) -> FrontShape:
-    """The front of a vehicle; a body lower or shorter than its class's front gets a front that fits it."""
+    """The front of a vehicle; a body lower or shorter than its class's front gets a front that fits it.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
+    >>> front_shape(car).edge_m
+    0.72
+    """
     shape = _SHAPES[body.vehicle_class]
     down = min(1.0, 0.9 * body.height_m / shape.edge_m)
     short = min(1.0, 0.4 * body.length_m / max(shape.hood_m + shape.lead_m, 1e-6))
@@ -87,7 +93,13 @@ def front_shape(body: Body) -> FrontShape:
 
 def profile(body: Body) -> list[tuple[float, float]]:
     """The front's side view: points (ahead of the body's middle, above the road; m) from the lower edge of the bumper
-    over its top, the hood's leading edge and the hood's end to the roof."""
+    over its top, the hood's leading edge and the hood's end to the roof.
+
+    >>> from trace_dag.sim.types import BodyKind
+    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
+    >>> profile(car)[0], profile(car)[-1][1]  # the bumper's lower edge at half the length; the roof
+    ((2.4, 0.2), 1.45)
+    """
     shape = front_shape(body)
     nose_m = body.length_m / 2
     roof_m = max(body.height_m, shape.edge_m)

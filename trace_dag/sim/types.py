@@ -87,7 +87,11 @@ class Body:
 
 
 def party_name(body: Body, number: int) -> str:
-    """The name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1."""
+    """The name of a participant in messages: vehicle 1, pedestrian 1001, the trailer of vehicle 1.
+
+    >>> party_name(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.5, 1.75, 80.0), 1001)
+    'pedestrian 1001'
+    """
     if body.kind is BodyKind.MOTOR_VEHICLE:
         return party_in_words(number)
     return f"{body.kind} {number}"

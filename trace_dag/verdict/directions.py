@@ -96,6 +96,11 @@ def turn_error_deg(
 
     A turn to the left or right is as wide as the junction makes it: at a Y, a skewed or a five-leg crossing the turns
     to that side which the map offers there (``offered_deg``) are allowed as well as the right angle.
+
+    >>> turn_error_deg(-170.0, frozenset({180.0}))
+    10.0
+    >>> turn_error_deg(60.0, frozenset({90.0})), turn_error_deg(60.0, frozenset({90.0}), frozenset({60.0}))
+    (30.0, 0.0)
     """
     allowed = set(allowed_deg)
     for side in allowed_deg & {90.0, -90.0}:
@@ -106,7 +111,11 @@ def turn_error_deg(
 
 
 def relation_error_deg(measured_deg: float, allowed_deg: frozenset[float]) -> float | None:
-    """Least difference between an angle of approach (0 to 180) and an allowed one; None if nothing is reported."""
+    """Least difference between an angle of approach (0 to 180) and an allowed one; None if nothing is reported.
+
+    >>> relation_error_deg(75.0, frozenset({0.0, 90.0}))
+    15.0
+    """
     return min((abs(measured_deg - allowed) for allowed in allowed_deg), default=None)
 
 

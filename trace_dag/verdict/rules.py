@@ -136,7 +136,11 @@ def at_most(
     number: int | None = None,
     event: int | None = None,
 ) -> Criterion:
-    """A criterion on the size of a value, not evaluated where there is none."""
+    """A criterion on the size of a value, not evaluated where there is none.
+
+    >>> [at_most("contact_distance", each, 5.0, "m", Reason.WRONG_LOCATION).passed for each in (5.0, -6.0, None)]
+    [True, False, None]
+    """
     if value is None:
         return Criterion(name, None, threshold, unit, None, reason, "not reported", number, event)
     return Criterion(name, value, threshold, unit, abs(value) <= threshold, reason, "", number, event)
@@ -183,7 +187,11 @@ def reported_of(vehicle: VehicleMeasures, limits: VerdictSettings, event: int | 
 
 
 def shown(name: str, value: float | None, unit: str, number: int | None = None, event: int | None = None) -> Criterion:
-    """A measure that is shown and judges nothing."""
+    """A measure that is shown and judges nothing.
+
+    >>> shown("closing_speed", 12.0, "mps").passed is None
+    True
+    """
     return Criterion(name, value, None, unit, None, None, "", number, event)
 
 

@@ -17,7 +17,11 @@ _BUDGET = f"{BudgetSpent.__module__}.{BudgetSpent.__qualname__}:"
 
 
 def troubled(final_state: str, outdated: str | None) -> bool:
-    """Whether a crash stands failed, or with a result that could not be made anew."""
+    """Whether a crash stands failed, or with a result that could not be made anew.
+
+    >>> troubled("failed", None), troubled("verified", None)
+    (True, False)
+    """
     return final_state == FinalState.FAILED or outdated is not None
 
 

@@ -68,7 +68,12 @@ def table(
     since: Mapping[int, int] | None = None,
     until: Mapping[int, int] | None = None,
 ) -> CodeTable:
-    """A code table; the ``unknown`` codes need no meaning. ``since`` and ``until`` are case years, inclusive."""
+    """A code table; the ``unknown`` codes need no meaning. ``since`` and ``until`` are case years, inclusive.
+
+    >>> light = table("LGT_COND", "light", {1: "daylight", 2: "dark", 6: "dark"}, unknown=(9,), since={6: 2016})
+    >>> light.holds(6, 2015), light.holds(6, 2016), light.meaning(1), light.meaning(9)
+    (False, True, 'daylight', '')
+    """
     first, last = since or {}, until or {}
     return CodeTable(
         element,
@@ -80,7 +85,11 @@ def table(
 
 
 def ranges(codes: Iterable[int]) -> str:
-    """Codes as "0-3, 5, 98-99"."""
+    """Codes as "0-3, 5, 98-99".
+
+    >>> ranges([98, 0, 1, 2, 3, 5, 99])
+    '0-3, 5, 98-99'
+    """
     parts: list[list[int]] = []
     for code in sorted(codes):
         if parts and parts[-1][-1] == code - 1:

@@ -33,6 +33,9 @@ def read_beside(tags: Mapping[str, str], *, oneway: bool, against_way: bool = Fa
 
     A cycle lane of a one-way road without a side is on the right of its traffic, which goes ``against_way`` for
     ``oneway=-1``. Sidewalks tagged ``separate`` are ways of their own.
+
+    >>> read_beside({"sidewalk": "right", "sidewalk:width": "2 m"}, oneway=False)
+    Beside(sidewalk_left_m=None, sidewalk_right_m=2.0, cycle_left_m=None, cycle_right_m=None)
     """
     if not any(key.startswith(("sidewalk", "cycleway")) for key in tags):
         return NOTHING

@@ -38,6 +38,9 @@ def fit_plan(points: Sequence[Point], min_radius_m: float, *, keep_ends: bool = 
     ``min_radius_m`` is the radius aimed at in sharp bends, as far as there is room and no vertex is missed by more
     than 3 m. Bends drawn with several vertices closer together than that radius allows become one arc. With
     ``keep_ends`` the line begins and ends in the direction of the first and last segment exactly.
+
+    >>> fit_plan([(0.0, 0.0), (30.0, 40.0)], 10.0).length_m
+    50.0
     """
     if len(points) == 2:
         (x0, y0), (x1, y1) = points

@@ -104,7 +104,12 @@ def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> M
 
 
 def bar(start: Sequence[float], end: Sequence[float], radius_m: float, sides: int = 6) -> Mesh:
-    """A round bar from one point to another."""
+    """A round bar from one point to another.
+
+    >>> points = bar((0.0, 0.0, 1.0), (0.0, 4.0, 1.0), 0.5).points_m
+    >>> [float(each.round(6)) for each in (points[:, 1].min(), points[:, 1].max())]
+    [0.0, 4.0]
+    """
     one, two = np.asarray(start, float), np.asarray(end, float)
     length_m = float(np.linalg.norm(two - one))
     return cylinder(radius_m, 0.0, length_m, sides).turned(turned_to((two - one) / length_m)).moved(one.tolist())
@@ -119,7 +124,11 @@ def turned_to(up: FloatArray) -> FloatArray:
 
 
 def about_z(heading_rad: float) -> FloatArray:
-    """The rotation to a heading, shape (3, 3)."""
+    """The rotation to a heading, shape (3, 3).
+
+    >>> (about_z(math.pi / 2) @ (1.0, 0.0, 0.0)).round(6).tolist()  # ahead becomes left
+    [0.0, 1.0, 0.0]
+    """
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     return np.array([(c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)])
 
