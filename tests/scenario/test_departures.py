@@ -18,8 +18,10 @@ from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, in_words, object_category, outline
 from trace_dag.scenario.opendrive_objects import fixed_objects, with_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
+from trace_dag.scenario.openscenario_objects import misc_object
 from trace_dag.scenario.published_layout import write_published
 from trace_dag.scenario.replay import write_html_player
+from trace_dag.scenario.solid.objects import object_parts
 from trace_dag.scenario.thumbnail import moving_thumbnail
 from trace_dag.sim.types import moment_of
 from trace_dag.states.types import Hypothesis
@@ -58,6 +60,20 @@ def test_objects_are_misc_objects_in_a_scenario_but_not_for_carla() -> None:
     assert teleport is not None
     assert (float(teleport.get("x", "")), float(teleport.get("y", ""))) == (6.0, 0.0)
     assert not list(etree.fromstring(scenarios.write(Flavour(carla=True))).iter("MiscObject"))
+
+
+def test_a_ditch_is_below_the_ground_and_as_broad_as_it_slopes() -> None:
+    """It falls by 1V:3H over 1.8 m to its bottom at y = 9.1, and rises again over as much; south of it is the road."""
+    ditch = item(34, 0.0, 10.0)
+    assert outline(ditch)[:, 1].min() == pytest.approx(7.3)
+    assert outline(ditch)[:, 1].max() == pytest.approx(10.9)
+    (placed,) = fixed_objects(STREET, [ditch])
+    assert float(placed.element.get("zOffset")) + float(placed.element.get("height")) == pytest.approx(0.0)
+    (box,) = misc_object(ditch).get_element().iter("Center")
+    assert float(box.get("z")) == pytest.approx(-0.3)
+    ((_, mesh),) = object_parts(ditch)
+    assert mesh.points_m[:, 2].min() == pytest.approx(-0.6)
+    assert mesh.points_m[:, 2].max() == 0.0
 
 
 def test_a_vehicle_that_rolls_rolls_in_the_scenario_and_stays_above_the_road() -> None:

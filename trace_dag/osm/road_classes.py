@@ -56,3 +56,36 @@ def road_class(highway: str) -> RoadClass:
     (2, 1)
     """
     return ROAD_CLASSES.get(highway, _OTHER)
+
+
+HIGH_SPEED_MPS: Final = mph_to_mps(50)
+"""From which limit on a road has shoulders and open sides rather than kerbs: AASHTO calls 50 mph and more high speeds,
+and has no kerb beside roads of such (A Policy on Geometric Design of Highways and Streets, 2018, sections 2.3.6 and
+4.7.3)."""
+_SHOULDERS_M: Final = {0: 3.0, 3: 2.4, 4: 1.5}  # by the lowest class that has them
+_LOCAL_SHOULDER_M: Final = 0.6
+_LEFT_SHOULDER_M: Final = 1.2
+
+
+def is_high_speed(highway: str, limit_mps: float | None) -> bool:
+    """Whether traffic on a road is fast: a freeway, or one with such a limit, where it is posted, else usually.
+
+    >>> is_high_speed("motorway_link", None), is_high_speed("primary", None), is_high_speed("primary", 24.6)
+    (True, False, True)
+    """
+    row = road_class(highway)
+    return row.rank == 0 or (row.public and (limit_mps or row.speed_mps) >= HIGH_SPEED_MPS - 1e-6)
+
+
+def usual_shoulder_m(highway: str, *, left: bool) -> float:
+    """Width of the shoulder that roads of a class commonly have, where they have one, on a side of their traffic.
+
+    AASHTO, ibid., chapters 4 to 8: 3.0 m right of freeways, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local
+    roads; left of one-way carriageways 1.2 m at most.
+
+    >>> usual_shoulder_m("motorway", left=True), usual_shoulder_m("tertiary", left=False)
+    (1.2, 1.5)
+    """
+    rank = road_class(highway).rank
+    width_m = next((width_m for most, width_m in _SHOULDERS_M.items() if rank <= most), _LOCAL_SHOULDER_M)
+    return min(width_m, _LEFT_SHOULDER_M) if left else width_m

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from trace_dag.geometry import FloatArray, rectangle_corners
-from trace_dag.states.objects import FixedObject, PlacedBy
+from trace_dag.states.objects import FixedObject, PlacedBy, Resistance, slope_profile_m
 
 _LEAST_M: Final = 0.5  # nothing thinner is drawn
 _ROUND_M: Final = 1.0  # compact objects smaller than this are drawn round
@@ -16,7 +17,12 @@ OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
 def outline(item: FixedObject) -> FloatArray:
-    """Corners of an object seen from above, shape (n, 2)."""
+    """Corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes."""
+    if item.resistance is Resistance.SLOPE:
+        (near_m, _), *_, (far_m, _) = slope_profile_m(item)
+        middle = item.pose.to_world(np.array([0.0, (near_m + far_m) / 2]))
+        pose = replace(item.pose, x_m=float(middle[0]), y_m=float(middle[1]))
+        return rectangle_corners(pose, item.length_m, far_m - near_m)
     length_m, width_m = max(item.length_m, _LEAST_M), max(item.width_m, _LEAST_M)
     if max(item.length_m, item.width_m) < _ROUND_M:
         angles = np.linspace(0.0, 2 * np.pi, 13)[:-1]

@@ -15,7 +15,7 @@ from lxml import etree
 
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.object_shapes import in_words, object_category
-from trace_dag.states.objects import FixedObject
+from trace_dag.states.objects import FixedObject, base_m
 
 _LOOK_AROUND_M: Final = 100.0
 _PARSER: Final = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
@@ -96,5 +96,6 @@ def _fixed_object(item: FixedObject, s_m: float, t_m: float, turned_rad: float) 
     size_m = {"height": item.height_m, "length": item.length_m, "width": item.width_m}
     number, category = f"fixed_{item.event_number}", object_category(item)
     made = new_object(number, category, in_words(item), (s_m, t_m, turned_rad), size_m)
+    made.set("zOffset", rounded(base_m(item)))
     add_notes(made, {"placedBy": item.placed_by, "osmId": item.osm_id, "event": item.event_number, "soe": item.code})
     return made

@@ -1,7 +1,7 @@
 """Fixed objects as OpenSCENARIO has them: a ``MiscObject`` each, that stands where it is.
 
-ASAM OpenSCENARIO 1.2: its box is given from its reference point, the middle of its base. Whether the program placed it
-is said in a property.
+ASAM OpenSCENARIO 1.2: its box is given from its reference point, the middle of its base; a ditch lies below that.
+Whether the program placed it is said in a property.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from trace_dag.scenario.object_shapes import object_category
 from trace_dag.scenario.openscenario_vehicles import rounded_m
-from trace_dag.states.objects import FixedObject
+from trace_dag.states.objects import FixedObject, base_m
 
 if TYPE_CHECKING:
     from scenariogeneration import xosc
@@ -28,7 +28,7 @@ def misc_object(item: FixedObject) -> xosc.MiscObject:
         rounded_m(item.height_m),
         0.0,
         0.0,
-        rounded_m(item.height_m / 2),
+        rounded_m(base_m(item) + item.height_m / 2),
     )
     category = getattr(xosc.MiscObjectCategory, object_category(item))
     made = xosc.MiscObject(f"{item.name} {item.event_number}".replace(" ", "_"), _MASS_KG, category, box)

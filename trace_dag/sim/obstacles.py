@@ -125,6 +125,8 @@ class Struck:
         self.last_s = now_s + part_s
         if self._gone:
             return 0.0, 0.0, 0.0
+        if self.obstacle.item.resistance is Resistance.SLOPE:
+            return 0.0, 0.0, 0.0  # the ground does it
         if self.obstacle.item.resistance is Resistance.DRIVEN_OVER:
             fx, fy = self._climbing()
             moment = 0.0
@@ -137,6 +139,12 @@ class Struck:
             self._impulse[0] += fx * part_s
             self._impulse[1] += fy * part_s
         return fx, fy, moment
+
+    def pushed(self, now_s: float, x_ns: float, y_ns: float) -> None:
+        """Count an impulse of the ground on the vehicle (Ns)."""
+        if now_s <= self._start_s + PULSE_S:
+            self._impulse[0] += x_ns
+            self._impulse[1] += y_ns
 
     def contact(self) -> Contact:
         """The contact as logged: the vehicle is the first of the two."""

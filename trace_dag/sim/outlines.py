@@ -51,7 +51,8 @@ def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
     return best, nx, ny
 
 
-def _corners(outline: Outline) -> list[tuple[float, float]]:
+def corners(outline: Outline) -> list[tuple[float, float]]:
+    """The corners of a rectangle, one after the other around it."""
     c, s = math.cos(outline.heading_rad), math.sin(outline.heading_rad)
     ax, ay = c * outline.half_length_m, s * outline.half_length_m
     bx, by = -s * outline.half_width_m, c * outline.half_width_m
@@ -66,8 +67,8 @@ def _corners(outline: Outline) -> list[tuple[float, float]]:
 
 def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
     """Corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise; empty if they share none."""
-    polygon = _corners(one)
-    clip = _corners(two)
+    polygon = corners(one)
+    clip = corners(two)
     for (x0, y0), (x1, y1) in zip(clip, clip[1:] + clip[:1], strict=True):
         ex, ey = x1 - x0, y1 - y0
         kept: list[tuple[float, float]] = []

@@ -123,25 +123,49 @@ class Roll:
         self._rate_rps += abs(lateral_mps) * model.height_m / model.inertia_m2
         return lateral_mps * model.height_m**2 / model.inertia_m2
 
-    def advance(self, lateral_mps2: float, lateral_mps: float, speed_mps: float, step_s: float) -> None:
-        """One step under the lateral acceleration of the ground (to the left), at a lateral and a whole speed."""
+    def push(self, left_mps: float, up_mps: float, lateral_mps: float) -> None:
+        """Come onto a slope sideways: an impulse per mass on the leading wheels, to the left and up.
+
+        What goes across tips it, what goes up sets it back: it tips where their ratio is more than its stability.
+        """
+        model = self._model
+        if model is None or self.over:
+            return
+        self._lean(lateral_mps)
+        turning = self._side * left_mps * model.height_m - up_mps * model.half_track_m
+        self._rate_rps += max(turning, 0.0) / model.inertia_m2
+
+    def advance(
+        self,
+        lateral_mps2: float,
+        lateral_mps: float,
+        speed_mps: float,
+        step_s: float,
+        weight_mps2: float = GRAVITY_MPS2,
+    ) -> None:
+        """One step under the lateral acceleration that the tyres give (to the left), at a lateral and a whole speed.
+
+        ``weight_mps2`` is what presses it onto the ground: less than gravity on a slope.
+        """
         if self._model is None:
             self._fall(lateral_mps, step_s)
         elif self.over:
             self._go_on(speed_mps, step_s)
         else:
-            self._tip(self._model, lateral_mps2, lateral_mps, step_s)
+            self._tip(self._model, lateral_mps2, lateral_mps, step_s, weight_mps2)
 
     def _lean(self, lateral_mps: float) -> None:
         if self._tilt_rad == 0.0:
             self._side = 1.0 if lateral_mps < 0 else -1.0  # it tips towards where it slides
 
-    def _tip(self, model: RollModel, lateral_mps2: float, lateral_mps: float, step_s: float) -> None:
+    def _tip(
+        self, model: RollModel, lateral_mps2: float, lateral_mps: float, step_s: float, weight_mps2: float
+    ) -> None:
         # The ground pushes against the sliding: to the left (positive) where it slides and tips to the right.
         self._lean(lateral_mps)
         pushed = max(self._side * lateral_mps2, 0.0)
         angle = math.atan2(model.height_m, model.half_track_m) + self._tilt_rad
-        turning = model.arm_m * (pushed * math.sin(angle) - GRAVITY_MPS2 * math.cos(angle)) / model.inertia_m2
+        turning = model.arm_m * (pushed * math.sin(angle) - weight_mps2 * math.cos(angle)) / model.inertia_m2
         self._rate_rps += turning * step_s
         self._tilt_rad += self._rate_rps * step_s
         if self._tilt_rad <= 0.0:

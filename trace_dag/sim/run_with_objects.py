@@ -10,23 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import shapely
-from shapely import MultiPolygon
-
 from trace_dag.crash.record import VehicleClass
+from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.beyond_edge import LEVEL, Bank, BeyondEdge, onto_slope
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.obstacles import Obstacle, Struck
-from trace_dag.sim.outlines import separation
+from trace_dag.sim.outlines import corners, separation
 from trace_dag.sim.overturn import Roll
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, VehicleRun
 from trace_dag.sim.run_with_people import PeopleRun
-from trace_dag.sim.surface import Surface
+from trace_dag.sim.surface import Ground, Surface
 from trace_dag.sim.towing import Towed
 from trace_dag.sim.types import OVERTURNED_RAD, Contact, Participant, Termination
 from trace_dag.states.objects import FixedObject, Resistance
+from trace_dag.units import GRAVITY_MPS2
 
 _NEAR_M = 1.0
 _CURB = 33  # SOE
@@ -36,7 +36,6 @@ _JOINS_M = 1.5  # who is farther from the plan lost control before it, and slide
 _FURROW_M, _FURROW_GRIP = 2.0, 1.8
 """Wheels that slide sideways on soil dig in within so far, and hold so much of the load then: judgement by tests in
 which cars tripped on soil were slowed down by 1.0 to 2.0 g (Cooperrider, Thomas and Hammoud, SAE 900366)."""
-_PAVED_REACH_M = 250.0  # farther from the first object nobody slides
 
 
 class RoadsideRun(VehicleRun):
@@ -60,7 +59,11 @@ class RoadsideRun(VehicleRun):
         self._obstacles = [Obstacle.of(item) for item in objects]
         self._touching: dict[tuple[int, int], Struck] = {}
         self._struck: list[Struck] = []  # all contacts with objects, in the order they began
-        self._paved = _carriageway(network, objects, participants) if network is not None else None
+        self._beyond = _ground_beyond(network, objects, participants)
+        self._banks = [LEVEL] * len(self._vehicles)  # the ground that each stands on, beyond the edge
+        self._ahead = [LEVEL] * len(self._vehicles)  # and that its foremost corner came to
+        self._roads = [vehicle.ground for vehicle in self._vehicles]  # the road's surface under or beside each
+        self._road_z_m = [vehicle.z for vehicle in self._vehicles]
         self._on_soil = [False] * len(self._vehicles)
         self._furrows_m = [0.0] * len(self._vehicles)  # so far each has slid sideways on soil
         self._overturned_s: float | None = None
@@ -95,13 +98,66 @@ class RoadsideRun(VehicleRun):
 
     # --- the ground ------------------------------------------------------------------------------------------
     def _stand_on_surface(self) -> None:
-        super()._stand_on_surface()
-        if self._paved is None:
-            return
         for i, vehicle in enumerate(self._vehicles):
-            paved = bool(shapely.contains_xy(self._paved, vehicle.x, vehicle.y))
+            vehicle.ground, vehicle.z = self._roads[i], self._road_z_m[i]
+        super()._stand_on_surface()
+        for i, vehicle in enumerate(self._vehicles):
+            self._roads[i], self._road_z_m[i] = vehicle.ground, vehicle.z
+            paved = self._beyond.is_paved(vehicle.x, vehicle.y)
             self._on_soil[i] = not paved
-            vehicle.stand_on(self._friction if paved else self._soft_friction)
+            bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y)
+            vehicle.z += bank.height_m
+            friction = self._friction if paved else self._soft_friction
+            if vehicle.crashed and not bank.level:  # drivers hold their course on slopes that can be recovered from
+                vehicle.ground = _tilted(vehicle, bank)
+                friction *= _pressed(bank)
+            if self._beyond.known or not bank.level:
+                vehicle.stand_on(friction)
+            self._come_onto(i, vehicle)
+        self._bodies.set_heights([vehicle.z for vehicle in self._vehicles])
+
+    def _come_onto(self, i: int, vehicle: Vehicle) -> None:
+        """What the ground does to a vehicle whose foremost corner has come to where it slopes otherwise.
+
+        It is the foremost the way it goes, or towards a ditch or embankment.
+        """
+        toward_x, toward_y = self._beyond.across(vehicle.x, vehicle.y) or (vehicle.vx, vehicle.vy)
+        if toward_x * vehicle.vx + toward_y * vehicle.vy < 0:
+            toward_x, toward_y = -toward_x, -toward_y
+        ahead = max(corners(vehicle.outline()), key=lambda corner: corner[0] * toward_x + corner[1] * toward_y)
+        before, after = self._ahead[i], self._beyond.at(*ahead)
+        if (before.slope_x, before.slope_y) == (after.slope_x, after.slope_y):
+            return
+        if self._is_about_to_strike_slope(i, vehicle):
+            return  # it does so in the next step, and comes onto it then
+        self._ahead[i] = after
+        if not vehicle.crashed:
+            return
+        body = vehicle.model.body
+        push = onto_slope(body.vehicle_class, vehicle.heading, (vehicle.vx, vehicle.vy), before, after)
+        if push is None:
+            return
+        c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        left_mps = vehicle.vy * c - vehicle.vx * s
+        vehicle.vx += push.x_mps
+        vehicle.vy += push.y_mps
+        self._state = None
+        self._taken_over()
+        if vehicle.roll is not None:
+            vehicle.roll.push(push.y_mps * c - push.x_mps * s, push.up_mps, left_mps)
+        for (one, j), struck in self._touching.items():
+            if one == i and self._items[j].resistance is Resistance.SLOPE:
+                struck.pushed(struck.last_s, push.x_mps * body.mass_kg, push.y_mps * body.mass_kg)
+
+    def _is_about_to_strike_slope(self, i: int, vehicle: Vehicle) -> bool:
+        """Whether a vehicle has come to a ditch or embankment of the report, a contact that has not begun yet."""
+        outline = vehicle.outline()
+        return any(
+            each.item.resistance is Resistance.SLOPE
+            and (i, j) not in self._touching
+            and separation(outline, each.outline)[0] <= 0
+            for j, each in enumerate(self._obstacles)
+        )
 
     # --- steps -----------------------------------------------------------------------------------------------
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
@@ -121,7 +177,11 @@ class RoadsideRun(VehicleRun):
             dug = min(self._furrows_m[i] / _FURROW_M, 1.0)
             vehicle.side_grip = 1.0 + dug * (_FURROW_GRIP / self._soft_friction - 1.0)
         speed_mps = math.hypot(vehicle.vx, vehicle.vy)
-        vehicle.roll.advance((fy * c - fx * s) / mass, left_mps, speed_mps, self._step_s)
+        # Weight pulls at the centre of gravity, which tips nothing: what tips is what the tyres give.
+        ground = vehicle.ground
+        ax, ay = fx / mass + GRAVITY_MPS2 * ground.slope_x, fy / mass + GRAVITY_MPS2 * ground.slope_y
+        weight = GRAVITY_MPS2 * _pressed(self._banks[i])
+        vehicle.roll.advance(ay * c - ax * s, left_mps, speed_mps, self._step_s, weight)
         if self._overturned_s is None and abs(vehicle.roll.roll_rad) >= OVERTURNED_RAD:
             self._overturned_s = now_s
 
@@ -139,7 +199,10 @@ class RoadsideRun(VehicleRun):
             vehicle.crashed = over or lost
             if lost:
                 continue
+            before_mps = vehicle.vx, vehicle.vy
             vehicle.carry(time_s, self._step_s)
+            if math.dist(before_mps, (vehicle.vx, vehicle.vy)) > BOUND_MPS / 2:
+                self._clear_until_step = 0  # it goes otherwise than was reckoned with
             self._state = None
 
     def _contact_possible(self, step: int) -> bool:
@@ -220,12 +283,22 @@ def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
     return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
 
 
-def _carriageway(
-    network: RoadNetwork, objects: tuple[FixedObject, ...], participants: tuple[Participant, ...]
-) -> MultiPolygon:
-    """What is paved around the first object, else around the end of the first plan, at its level."""
+def _ground_beyond(
+    network: RoadNetwork | None, objects: tuple[FixedObject, ...], participants: tuple[Participant, ...]
+) -> BeyondEdge:
+    """The ground around the first object, else around the end of the first plan, at its level."""
     t = participants[0].trajectory
-    x, y, z = float(t.x_m[-1]), float(t.y_m[-1]), float(t.z_m[-1])
-    if objects:
-        x, y, z = objects[0].pose.x_m, objects[0].pose.y_m, objects[0].pose.z_m
-    return network.carriageway_near(x, y, _PAVED_REACH_M, z_m=z)
+    place = Pose(float(t.x_m[-1]), float(t.y_m[-1]), 0.0, float(t.z_m[-1]))
+    return BeyondEdge(network, objects, objects[0].pose if objects else place)
+
+
+def _tilted(vehicle: Vehicle, bank: Bank) -> Ground:
+    """The ground under a vehicle on a slope beside the road. Its slopes are what of the weight pulls along the plane,
+    seen from above: sin times cos of the slope."""
+    pulled = _pressed(bank) ** 2
+    return Ground(vehicle.x, vehicle.y, vehicle.z, pulled * bank.slope_x, pulled * bank.slope_y)
+
+
+def _pressed(bank: Bank) -> float:
+    """The share of the weight that presses on a slope: its cosine."""
+    return 1 / math.sqrt(1 + bank.slope_x**2 + bank.slope_y**2)

@@ -1,14 +1,15 @@
 """Fixed objects: each kind that a report can name as a body, and where beside a road it usually stands.
 
 A rigid object stops what strikes it. A yielding one bears a force, and breaks once it has taken an energy. One that is
-driven over takes little. Sources of what they bear:
+driven over takes little. Ditches and embankments are slopes of the ground: the outline of a ditch is its far side, from
+its bottom up to the height of the ground before it, that of an embankment is its face. Sources of what they bear:
 
 * Supports of signs, lights and mailboxes: a breakaway support may slow a car of 820 kg from 35 km/h down by 5 m/s, and
   should by 3 m/s at most (NCHRP Report 350, 1993, section 5.1), which takes 20 kJ.
 * Guardrails: a strong-post W-beam guardrail that a pickup of 2000 kg strikes at 100 km/h and 25 degrees (test 3-11)
   bends by 0.7 to 1.1 m. Concrete barriers do not bend.
 * Trees, walls, piers and buildings are rigid, utility poles too: few break at the speeds of passenger cars.
-* Soil (embankments, ditches, the ground, snow): what brakes a vehicle that digs into it with its front, judgement.
+* Soil (the ground, snow): what brakes a vehicle that digs into it with its front, judgement.
 
 Distances beyond the edge of the carriageway: signs 3.6 m (MUTCD, 2009, section 2A.19: 12 ft), guardrails and barriers
 at the back of the shoulder (AASHTO, Roadside Design Guide, 2011, section 5.6.1), kerbs at the edge; the others are
@@ -31,6 +32,7 @@ class Resistance(StrEnum):
     RIGID = "rigid"
     YIELDING = "yielding"
     DRIVEN_OVER = "driven_over"
+    SLOPE = "slope"  # ground that falls and rises to the left of its heading: see :mod:`trace_dag.sim.beyond_edge`
 
 
 class ObjectForm(StrEnum):
@@ -88,7 +90,8 @@ class FixedObject:
 
 
 _POST, _LINE = ObjectForm.POST, ObjectForm.LINE
-_RIGID, _YIELDING, _DRIVEN_OVER = Resistance.RIGID, Resistance.YIELDING, Resistance.DRIVEN_OVER
+_RIGID, _YIELDING = Resistance.RIGID, Resistance.YIELDING
+_DRIVEN_OVER, _SLOPE = Resistance.DRIVEN_OVER, Resistance.SLOPE
 _BREAKAWAY: Final = (60e3, 20e3)
 _GUARDRAIL_N: Final = 80e3
 _LONG_M: Final = 40.0
@@ -106,8 +109,8 @@ KINDS: Final[Mapping[int, ObjectKind]] = {
     31: ObjectKind("post or pole", _POST, 0.15, 0.15, 3.0, _YIELDING, 2.0, *_BREAKAWAY),
     32: ObjectKind("culvert", _POST, 1.5, 1.0, 0.6, _RIGID, 2.5),
     33: ObjectKind("curb", _LINE, _LONG_M, 0.2, 0.15, _DRIVEN_OVER, 0.1),
-    34: ObjectKind("ditch", _LINE, _LONG_M, 2.0, 0.3, _YIELDING, 2.0, 25e3, 60e3),
-    35: ObjectKind("embankment", _LINE, _LONG_M, 3.0, 0.8, _YIELDING, 2.5, 40e3, 150e3),
+    34: ObjectKind("ditch", _LINE, _LONG_M, 1.8, 0.6, _SLOPE, 2.0),
+    35: ObjectKind("embankment", _LINE, _LONG_M, 3.0, 1.5, _SLOPE, 2.5),
     38: ObjectKind("fence", _LINE, _LONG_M, 0.1, 1.5, _YIELDING, 4.0, 20e3, 5e3),
     39: ObjectKind("wall", _LINE, 20.0, 0.3, 2.0, _RIGID, 5.0),
     40: ObjectKind("fire hydrant", _POST, 0.3, 0.3, 0.8, _YIELDING, 1.2, *_BREAKAWAY),
@@ -126,3 +129,22 @@ KINDS: Final[Mapping[int, ObjectKind]] = {
     93: ObjectKind("unknown fixed object", _POST, 0.6, 0.6, 1.2, _RIGID, 2.5),
 }
 """By ``SOE``: every code of a fixed object."""
+
+_DITCH: Final = 34
+
+
+def base_m(item: FixedObject) -> float:
+    """Height of an object's lowest point above the ground before it (m): 0 but for ditches."""
+    return -item.height_m if item.code == _DITCH else 0.0
+
+
+def slope_profile_m(item: FixedObject) -> tuple[tuple[float, float], ...]:
+    """Heights of the ground (m, second of each) at distances to the left of a slope's heading (m), between which it is
+    straight; before the first and beyond the last the ground is level.
+
+    A ditch falls over as much as it rises again: to its outline, and over it. An embankment rises over its outline.
+    """
+    near_m, far_m = -item.width_m / 2, item.width_m / 2
+    if item.code == _DITCH:
+        return (near_m - item.width_m, 0.0), (near_m, -item.height_m), (far_m, 0.0)
+    return (near_m, 0.0), (far_m, item.height_m)

@@ -121,6 +121,8 @@ def _placed(
     contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
     normal = pose.to_world(np.array(spot.normal)) - pose.xy_m
     centre = contact + depth_m * normal + on_m * np.array([math.cos(heading), math.sin(heading)])
+    if kind.resistance is Resistance.SLOPE and math.sin(course_rad - heading) < 0:
+        heading += math.pi  # its far side is on its left
     placed = Pose(
         round(float(centre[0]), 6),
         round(float(centre[1]), 6),

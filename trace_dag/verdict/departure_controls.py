@@ -18,7 +18,7 @@ from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
-from trace_dag.states.objects import KINDS, FixedObject, ObjectForm
+from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, Resistance
 from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
 from trace_dag.verdict.controls import JudgedCrash, Shift
 from trace_dag.verdict.departures import observe_departure, reported_zone
@@ -83,8 +83,10 @@ def mirrored_departure(crash: JudgedCrash) -> Shift | None:
     turned = Trajectory(t.time_s, x, y, t.z_m, np.unwrap(heading), t.speed_mps)
     objects = []
     for item in hypothesis.objects:
-        there = mirror.of(item.pose.x_m, item.pose.y_m, item.pose.heading_rad)
-        objects.append(replace(item, pose=Pose(there[0], there[1], math.remainder(there[2], math.tau), item.pose.z_m)))
+        x_m, y_m, along_rad = mirror.of(item.pose.x_m, item.pose.y_m, item.pose.heading_rad)
+        if item.resistance is Resistance.SLOPE:
+            along_rad += math.pi  # its far side stays on its left
+        objects.append(replace(item, pose=Pose(x_m, y_m, math.remainder(along_rad, math.tau), item.pose.z_m)))
     return _with(hypothesis, replace(state, trajectory=turned), tuple(objects))
 
 

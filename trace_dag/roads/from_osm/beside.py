@@ -1,9 +1,9 @@
-"""Sidewalks and cycle lanes beside the roads of a street.
+"""Sidewalks, cycle lanes and usual shoulders beside the roads of a street.
 
 They are laid outside the finished lanes of the traffic, so that no road moves for them: cycle lanes next to the
-traffic, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". Where another road's
-carriageway lies, there is neither sidewalk nor cycle lane. Through junctions they go on roads of their own
-(:mod:`trace_dag.roads.from_osm.corners`).
+traffic, then shoulders, sidewalks outermost. The verge between carriageway and sidewalk is a lane of type "none". Where
+another road's carriageway lies, there is none of them; a shoulder leaves room for that road's shoulder, too. Shoulders
+end at junctions; the others go through them on roads of their own (:mod:`trace_dag.roads.from_osm.corners`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
+from trace_dag.roads.from_osm.shoulders import shoulders_along
 from trace_dag.roads.from_osm.street_graph import StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
 from trace_dag.roads.from_osm.strips import STEP_M, Strip, Strips, strips_along
@@ -30,6 +31,7 @@ from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road, RoadMark
 
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
 _LEAST_M: Final = 8.0  # a shorter one is left out
+_SHOULDER_STEP_M: Final = 2 * STEP_M
 _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
 _NO_MARK: Final = RoadMark("none", "standard", "none")
 _EDGE: Final = RoadMark("solid", "white", "none")
@@ -43,12 +45,14 @@ def with_lanes_beside(
     built: Mapping[int, StreetRoads],
     carriageways: Carriageways,
 ) -> tuple[Road, ...]:
-    """``roads``, finished, with the sidewalks and cycle lanes that OpenStreetMap has beside them.
+    """``roads``, finished, with the sidewalks and cycle lanes that OpenStreetMap has beside them, and usual shoulders.
 
     ``built`` has the roads of each street as they were before heights and links; ``carriageways`` are those of
     ``roads``.
     """
     strips = strips_along(extract, graph, plans, built)
+    for index, found in shoulders_along(extract, graph.streets, plans, built, strips).items():
+        strips.setdefault(index, []).extend(found)
     if not strips:
         return tuple(roads)
     by_id = {road.id: road for road in roads}
@@ -163,8 +167,8 @@ class _Outside:
         inner = 1 + max(
             (k for k, lane in enumerate(own) if lane.type.drivable or lane.type is LaneType.MEDIAN), default=-1
         )
-        cycle, walk = [[key for key in keys if key in new] for keys in (("cycle",), ("verge", "walk"))]
-        order: list[Lane | str] = [*own[:inner], *cycle, *own[inner:], *walk]
+        cycle, outer = [[key for key in keys if key in new] for keys in (("cycle",), ("shoulder", "verge", "walk"))]
+        order: list[Lane | str] = [*own[:inner], *cycle, *own[inner:], *outer]
         self._order = [(side * number, each) for number, each in enumerate(order, 1)]
         self._id_of_new = {each: lane_id for lane_id, each in self._order if isinstance(each, str)}
         self._id_of_own = {each.id: lane_id for lane_id, each in self._order if isinstance(each, Lane)}
@@ -186,9 +190,11 @@ class _Outside:
             if s.type is LaneType.SIDEWALK and s.verge_m > 0
         ]
         cycles = [(s, s.width_m) for s in here if s.type is LaneType.BIKING]
+        shoulders = [(s, s.width_m) for s in here if s.type is LaneType.SHOULDER]
         new = {}
         kinds = (
             ("cycle", LaneType.BIKING, cycles),
+            ("shoulder", LaneType.SHOULDER, shoulders),
             ("verge", LaneType.NONE, verges),
             ("walk", LaneType.SIDEWALK, walks),
         )
@@ -273,9 +279,12 @@ def _clear_of_roads(strips: Strips, chains: Mapping[int, _Chain], carriageways: 
             low_m, high_m = chain.reach_m(strip)
             if high_m - low_m < _LEAST_M:
                 continue
-            s_m = np.linspace(low_m, high_m, math.ceil((high_m - low_m) / STEP_M) + 1)
+            step_m = _SHOULDER_STEP_M if strip.type is LaneType.SHOULDER else STEP_M
+            s_m = np.linspace(low_m, high_m, math.ceil((high_m - low_m) / step_m) + 1)
             x, y, heading = chain.places(s_m)
             inner_m = chain.edges_m(s_m, strip.side, drivable=strip.type is LaneType.BIKING) + strip.verge_m
+            if strip.type is LaneType.SHOULDER:
+                inner_m = inner_m + strip.width_m  # as much again is kept free for another road's
             samples.append(_Samples(index, number, s_m))
             for out_m in (inner_m, inner_m + strip.width_m):
                 t_m = strip.side * out_m

@@ -29,8 +29,8 @@ _PARALLEL: Final = math.cos(math.radians(20))
 
 
 class Strip(NamedTuple):
-    """A sidewalk or cycle lane along a street, from ``begin_m`` to ``end_m`` of its plan. ``side`` is +1 on the left,
-    -1 on the right; ``verge_m`` the distance between it and the carriageway."""
+    """A sidewalk, cycle lane or shoulder along a street, from ``begin_m`` to ``end_m`` of its plan. ``side`` is +1 on
+    the left, -1 on the right; ``verge_m`` the distance between it and the carriageway."""
 
     type: LaneType
     side: int
@@ -78,11 +78,11 @@ def _tagged(
                 (LaneType.BIKING, -1, beside.cycle_right_m),
             ):
                 if width_m is not None:
-                    _append(strips.setdefault(index, []), Strip(lane_type, side, begin_m, end_m, width_m))
+                    append_strip(strips.setdefault(index, []), Strip(lane_type, side, begin_m, end_m, width_m))
     return strips
 
 
-def _append(strips: list[Strip], new: Strip) -> None:
+def append_strip(strips: list[Strip], new: Strip) -> None:
     """Add a strip, joined to the strip before it if it continues that one."""
     for number, old in enumerate(strips):
         if new._replace(begin_m=old.begin_m) == old._replace(end_m=new.end_m) and abs(new.begin_m - old.end_m) < 1e-6:

@@ -33,8 +33,14 @@ class LaneType(StrEnum):
         """Whether traffic drives in it: driving, bidirectional, entry and exit lanes."""
         return self in _DRIVABLE
 
+    @property
+    def paved(self) -> bool:
+        """Whether its surface is that of a road: not the verges, medians and borders of roads."""
+        return self in _PAVED
+
 
 _DRIVABLE: Final = frozenset({LaneType.DRIVING, LaneType.BIDIRECTIONAL, LaneType.ENTRY, LaneType.EXIT})
+_PAVED: Final = _DRIVABLE | {LaneType.SHOULDER, LaneType.PARKING, LaneType.SIDEWALK, LaneType.BIKING}
 
 
 @dataclass(frozen=True)

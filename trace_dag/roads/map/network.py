@@ -19,7 +19,7 @@ from trace_dag.roads.map.lane_links import LaneLinks
 from trace_dag.roads.map.model import Controller, Junction, Lane, LaneMatch, LaneRef, Road
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from shapely import MultiPolygon
 
@@ -169,14 +169,27 @@ class RoadNetwork:
 
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> MultiPolygon:
         """The area that traffic drives on within some distance of a place, of roads at its level."""
-        box_m = (x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-        lanes = []
-        for road in self.roads_within(box_m):
+        roads = self._roads_near(x_m, y_m, reach_m, z_m)
+        return drivable_area(self._lanes[ref] for road in roads for ref in self.drivable_lanes_of(road))
+
+    def paved_near(
+        self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
+    ) -> MultiPolygon:
+        """As :meth:`carriageway_near` with the paved lanes beside it: shoulders, parking, for cycling and walking.
+
+        ``of`` says which roads count.
+        """
+        roads = [road for road in self._roads_near(x_m, y_m, reach_m, z_m) if of is None or of(road)]
+        refs = [ref for road in roads for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved]
+        return drivable_area(self._lanes[ref] for ref in refs)
+
+    def _roads_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Iterator[Road]:
+        """Roads within some distance of a place, at its level."""
+        for road in self.roads_within((x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)):
             geometry = self._geometry[road.id]
             s_m, _, _ = geometry.line.project(x_m, y_m)
             if abs(geometry.height_at(s_m) - z_m) <= SAME_LEVEL_M:
-                lanes += [self._lanes[ref] for ref in self.drivable_lanes_of(road)]
-        return drivable_area(lanes)
+                yield road
 
     def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
         """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""

@@ -1,10 +1,9 @@
 """Beside the road: for any point its road, how far beyond the carriageway's edge it is, and its zone.
 
 OpenStreetMap seldom has shoulders and never has rights-of-way. Where the map has no shoulder lane its width is what
-roads of the class commonly have (AASHTO, A Policy on Geometric Design of Highways and Streets, 2018, chapters 4 to 8:
-3.0 m right of freeways and 1.2 m left, 2.4 m of arterials, 1.5 m of collectors, 0.6 m of local roads), and the
-trafficway is taken to end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of
-AASHTO's Roadside Design Guide, 2011, which agencies seek to own).
+roads of the class commonly have (:func:`trace_dag.osm.road_classes.usual_shoulder_m`), and the trafficway is taken to
+end 15 m beyond the edge of a freeway and 9 m beyond that of other roads (the clear zone of AASHTO's Roadside Design
+Guide, 2011, which agencies seek to own).
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import shapely
 
-from trace_dag.osm.road_classes import road_class
+from trace_dag.osm.road_classes import road_class, usual_shoulder_m
 from trace_dag.roads.map.model import LaneMatch, LaneRef, LaneType
 
 if TYPE_CHECKING:
@@ -27,10 +26,7 @@ _OPPOSED_RAD: Final = math.radians(150)
 _PARALLEL_RAD: Final = math.radians(40)
 _BETWEEN_RAD: Final = math.radians(120)  # least angle between the directions to two roads, for a point between them
 _GORE_M: Final = 15.0  # a road and its ramp farther from each other each have their own roadside
-_RANK_FREEWAY, _RANK_ARTERIAL, _RANK_COLLECTOR = 0, 3, 4
-_SHOULDERS_M: Final = {_RANK_FREEWAY: 3.0, _RANK_ARTERIAL: 2.4, _RANK_COLLECTOR: 1.5}
-_LOCAL_SHOULDER_M: Final = 0.6
-_LEFT_OF_FREEWAY_M: Final = 1.2
+_RANK_FREEWAY: Final = 0
 _TRAFFICWAY_M: Final = {True: 15.0, False: 9.0}  # distance beyond the edge, for a freeway and for other roads
 
 
@@ -125,10 +121,7 @@ def _shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float:
     mapped = _mapped_shoulder_m(network, match, left=left)
     if mapped is not None:
         return mapped
-    rank = road_class(network.road_by_id[match.lane.road_id].highway).rank
-    if rank == _RANK_FREEWAY and left:
-        return _LEFT_OF_FREEWAY_M
-    return next((width_m for most, width_m in _SHOULDERS_M.items() if rank <= most), _LOCAL_SHOULDER_M)
+    return usual_shoulder_m(network.road_by_id[match.lane.road_id].highway, left=left)
 
 
 def _mapped_shoulder_m(network: RoadNetwork, match: LaneMatch, *, left: bool) -> float | None:

@@ -20,12 +20,16 @@ from trace_dag.scenario.map_crosswalks import Crosswalks
 from trace_dag.scenario.map_marks import STROKE_M, WHITE, Marks
 from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Window
 from trace_dag.scenario.map_surfaces import SURFACES
+from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.paving import paved_gaps
 from trace_dag.scenario.solid.gltf import Material
 from trace_dag.scenario.solid.shapes import Mesh, flat, joined, prism, ribbon
+from trace_dag.sim.beyond_edge import FORE_SLOPE_M
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
+    from trace_dag.sim.beyond_edge import BeyondEdge
+    from trace_dag.states.objects import FixedObject
 
 KERB_M: Final = 0.15
 """Height of a kerb: AASHTO Green Book, 7th edition, section 4.7.1 (6 in)."""
@@ -45,9 +49,11 @@ _TURN_STROKE_M: Final = 0.18
 
 class Heights:
     """Heights of a surface by known points, shape (n, 3): a mean of the nearest ones, weighted by nearness; 0 without
-    any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points."""
+    any. Along a ``way``, the points where bodies went beside roads, it has the heights of these points; beside
+    ``sides`` it falls as these do."""
 
-    def __init__(self, points_m: FloatArray, way_m: FloatArray | None = None) -> None:
+    def __init__(self, points_m: FloatArray, way_m: FloatArray | None = None, sides: BeyondEdge | None = None) -> None:
+        self._sides = sides
         self._z = points_m[:, 2]
         self._tree = cKDTree(points_m[:, :2]) if len(points_m) and np.ptp(self._z) > 0.005 else None
         self._level_m = float(self._z[0]) if len(points_m) else 0.0
@@ -57,10 +63,16 @@ class Heights:
     @property
     def level(self) -> bool:
         """Whether every height is the same."""
-        return self._tree is None
+        return self._tree is None and self._sides is None
 
     def at(self, places_m: FloatArray) -> FloatArray:
         """Heights at some places, shape (n, 2)."""
+        if self._sides is not None:
+            fallen = [self._sides.at(x, y).height_m for x, y in places_m.tolist()]
+            return np.asarray(self._of_roads(places_m) + np.array(fallen))
+        return self._of_roads(places_m)
+
+    def _of_roads(self, places_m: FloatArray) -> FloatArray:
         if self._tree is None:
             return np.full(len(places_m), self._level_m)
         away, nearest = self._tree.query(places_m, k=min(4, self._tree.n))
@@ -79,7 +91,8 @@ class Heights:
 class Terrain:
     """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground. ``areas`` are what else the
     ground is made of, each with its material, the later above the earlier; ``ways``, each of shape (n, 3), m, are where
-    bodies went: beside roads the ground is as high there as they had it."""
+    bodies went: beside roads the ground is as high there as they had it. ``sides`` is the ground beyond the edges of
+    roads, which slopes if bodies were as high as that; the ``dug`` bring their own ground."""
 
     def __init__(
         self,
@@ -87,7 +100,10 @@ class Terrain:
         window: Window,
         areas: Sequence[tuple[Material, shapely.Geometry]] = (),
         ways: Sequence[FloatArray] = (),
+        sides: BeyondEdge | None = None,
+        dug: Sequence[FixedObject] = (),
     ) -> None:
+        self._dug = shapely.union_all([shapely.Polygon(outline(item)) for item in dug])
         self._window = window
         self._parts: dict[Material, list[Mesh]] = defaultdict(list)
         self._crossings = Crosswalks(scene)
@@ -95,8 +111,12 @@ class Terrain:
         paved = [self._pave(scene, sections, Heights(_points(sections)), bridge=False) for sections in on_ground]
         decks = [(sections, Heights(_points(sections))) for sections in lifted]
         above = [(self._pave(scene, sections, heights, bridge=True), heights) for sections, heights in decks]
-        off_road, beside = _beside(ways, shapely.union_all([*paved, *(deck for deck, _ in above)]))
-        self.heights = Heights(np.concatenate([np.zeros((0, 3)), *map(_points, on_ground)]), off_road)
+        everything = shapely.union_all([*paved, *(deck for deck, _ in above)])
+        off_road, beside = _beside(ways, everything)
+        points = np.concatenate([np.zeros((0, 3)), *map(_points, on_ground)])
+        self.heights = Heights(points, off_road)
+        if sides is not None and _fits_better(sloping := Heights(points, sides=sides), Heights(points), off_road):
+            self.heights, beside = sloping, shapely.buffer(everything, FORE_SLOPE_M)
         if not self.heights.level:
             areas = [*areas, (_GRASS, beside)]
         self._lay_ground(shapely.union_all(paved), above, areas)
@@ -148,7 +168,7 @@ class Terrain:
         decks: Sequence[tuple[shapely.Geometry, Heights]],
         areas: Sequence[tuple[Material, shapely.Geometry]],
     ) -> None:
-        ground = shapely.difference(shapely.box(*self._window), paved)
+        ground = shapely.difference(shapely.box(*self._window), shapely.union(paved, self._dug))
         for deck, heights in decks:  # where a bridge begins the ground is no higher than its underside
             below = flat(_clean(shapely.intersection(ground, deck)))
             if len(below.triangles):
@@ -197,6 +217,12 @@ def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatA
     shapely.prepare(paved)
     off_road = points[~shapely.intersects_xy(paved, points[:, 0], points[:, 1])]
     return off_road, shapely.union_all(shapely.buffer(shapely.points(off_road[:, :2]), _WAY_M, quad_segs=2))
+
+
+def _fits_better(one: Heights, two: Heights, points_m: FloatArray) -> bool:
+    """Whether bodies were as high as the one ground rather than the other."""
+    off_one, off_two = (np.abs(each.at(points_m[:, :2]) - points_m[:, 2]).sum() for each in (one, two))
+    return bool(off_one < off_two - 1e-3)
 
 
 def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:

@@ -16,13 +16,14 @@ from trace_dag.scenario.solid.gltf import Material
 from trace_dag.scenario.solid.roadside import tree_parts
 from trace_dag.scenario.solid.shapes import Mesh, ball, bar, box, cylinder, flat, joined, loft, prism
 from trace_dag.scenario.solid.vehicle_shapes import Parts
-from trace_dag.states.objects import FixedObject
+from trace_dag.states.objects import FixedObject, slope_profile_m
 
 _STEEL, _CONCRETE = Material("#A7ABAE", roughness=0.5), Material("#B5B2AA")
 _WOOD, _BROWN = Material("#7B6247"), Material(OBJECT_COLOUR)
 _RED, _YELLOW, _BLACK = Material("#B8322B"), Material("#D9B02B"), Material("#202327")
 _WALL, _ROOF, _STONE = Material("#C9BBA8"), Material("#8D7A6A"), Material("#8B8880")
 _EARTH, _GREEN, _SNOW = Material("#7E6B4E", roughness=1.0), Material("#5F7F4C", roughness=1.0), Material("#F3F5F7")
+_TOP_M: Final = 4.0  # of an embankment, level
 _POST_EVERY_M: Final = 1.905  # posts of a strong-post W-beam guardrail: 6 ft 3 in
 
 Maker = Callable[[FixedObject], Parts]
@@ -114,6 +115,22 @@ def _bank(material: Material) -> Maker:
     return made
 
 
+def _slope(item: FixedObject) -> Parts:
+    """A ditch or an embankment, as the simulation has the ground; an embankment ends behind its top."""
+    profile = slope_profile_m(item)
+    (last_m, high_m) = profile[-1]
+    if high_m > 0:
+        profile = *profile, (last_m + _TOP_M, high_m), (last_m + _TOP_M + item.width_m, 0.0)
+    n = len(profile)
+    across = np.array(profile)
+    points = np.concatenate([np.column_stack([np.full(n, x), across]) for x in (-item.length_m / 2, item.length_m / 2)])
+    a = np.arange(n - 1)
+    faces = [np.column_stack([a, a + n, a + n + 1]), np.column_stack([a, a + n + 1, a + 1])]
+    fan = np.column_stack([np.zeros_like(a[1:]), a[1:], a[1:] + 1])  # its two ends, to be seen from both sides
+    ends = [fan, fan[:, ::-1], fan + n, fan[:, ::-1] + n]
+    return [(_EARTH, Mesh(points, np.concatenate([*faces, *ends]).astype(np.int64)))]
+
+
 def _patch(item: FixedObject) -> Parts:
     """Ground that is not paved: flat, as what is below it cannot be seen."""
     a, b = item.length_m / 2, item.width_m / 2
@@ -178,8 +195,8 @@ _MAKERS: Final[dict[int, Maker]] = {
     31: _round(_STEEL),
     32: _block(_CONCRETE),
     33: _block(_CONCRETE),
-    34: _patch,
-    35: _bank(_EARTH),
+    34: _slope,
+    35: _slope,
     38: _fence,
     39: _block(_STONE),
     40: _hydrant,

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import VehicleClass
-from trace_dag.geometry import FloatArray
+from trace_dag.geometry import FloatArray, Pose
 from trace_dag.scenario.colours import CONTACT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.map_scene import MapScene, Window
 from trace_dag.scenario.object_shapes import in_words, is_ours
@@ -29,7 +29,9 @@ from trace_dag.scenario.solid.shapes import ball, joined
 from trace_dag.scenario.solid.tracks import body_places, body_turns, place_keys, rolling_keys, size_keys, turn_keys
 from trace_dag.scenario.solid.two_wheelers import motorcycle_shape
 from trace_dag.scenario.solid.vehicle_shapes import BRAKE_LAMP, vehicle_shape, wheel_parts
+from trace_dag.sim.beyond_edge import BeyondEdge
 from trace_dag.sim.types import BodyKind
+from trace_dag.states.objects import Resistance
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
@@ -61,7 +63,11 @@ def crash_glb(
     window = _window(log)
     scene = MapScene(network, window)
     ways = [np.column_stack([each.x_m, each.y_m, each.z_m])[::_WAY_EVERY] for each in log.vehicles]
-    terrain = Terrain(scene, window, areas_of(surroundings, network.frame, window), ways)
+    dug = [item for item in log.objects if item.resistance is Resistance.SLOPE]
+    first = log.vehicles[0]
+    rest = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
+    sides = BeyondEdge(network, log.objects, log.objects[0].pose if log.objects else rest)
+    terrain = Terrain(scene, window, areas_of(surroundings, network.frame, window), ways, sides, dug)
     beside = beside_roads(surroundings, network.frame, terrain.heights, window)
     place = Node("place", extras={"trace_dag": {"kind": "place"}})
     place.children = [Node("roads and ground", terrain.parts)]
