@@ -127,6 +127,16 @@ def test_the_crash_is_drawn_in_three_dimensions_on_the_plans_clock(tmp_path, rep
         assert page.errors == []
 
 
+def test_the_page_makes_the_same_glb_again_as_is_exported(tmp_path, replay):
+    workspace = Workspace.open(sample_runs.finished())
+    exported = replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "glb")
+    with Page(tmp_path / "profile") as page:
+        page.open(f"{replay}#pane=plan")
+        page.run("model().then((glb) => { window.made = Array.from(new Uint8Array(glb)) }), 0")
+        page.wait("window.made !== undefined")
+        assert bytes(page.run("window.made")) == exported
+
+
 def test_without_webgl_the_plan_is_shown_and_says_so(tmp_path, replay):
     with Page(tmp_path / "profile", webgl=False) as page:
         watch(page, f"{replay}#t=1.25&pane=solid")

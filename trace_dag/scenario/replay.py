@@ -27,6 +27,7 @@ from trace_dag.scenario.replay_content import (
     square,
 )
 from trace_dag.scenario.replay_library import packed_library
+from trace_dag.scenario.solid.packing import packed_glb
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.types import Verdict
 
@@ -52,7 +53,7 @@ def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
             in_3d=in_3d,
             data=_script_safe(content.said),
             map_svg=packed(content.map_svg.encode()),
-            solid=packed(_woven(content.solid)) if content.solid is not None else "",
+            solid=packed(packed_glb(content.solid)) if content.solid is not None else "",
             library=packed_library() if in_3d else "",
         )
         .encode()
@@ -64,7 +65,7 @@ def replay_script(content: ReplayContent) -> bytes:
     parts = {"data": json.dumps(content.said, separators=(",", ":"), allow_nan=False), "map": content.map_svg}
     kept = {name: packed(text.encode()) for name, text in parts.items()}
     if content.solid is not None:
-        kept["solid"] = packed(_woven(content.solid))
+        kept["solid"] = packed(packed_glb(content.solid))
     return f"replay({json.dumps(kept, separators=(',', ':'))})\n".encode()
 
 
@@ -134,12 +135,6 @@ def write_html_pair(
         )
         .encode()
     )
-
-
-def _woven(glb: bytes) -> bytes:
-    """A GLB whose numbers compress better: the first byte of each four, then the second of each, and so on."""
-    start = 28 + int.from_bytes(glb[12:16], "little")  # of the content of its second chunk
-    return glb[:start] + np.frombuffer(glb, np.uint8, offset=start).reshape(-1, 4).T.tobytes()
 
 
 def _script_safe(data: Mapping[str, Any]) -> str:

@@ -305,4 +305,4 @@ class CarlaActor:
             pitch_rad=np.zeros(len(x)),
             roll_rad=np.zeros(len(x)),
             landmarks_m=np.zeros((len(x), 0)),
-        )
+        ).on_grid()

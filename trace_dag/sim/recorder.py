@@ -91,7 +91,7 @@ class StateRecorder:
                     throttle=throttle,
                     brake=brake,
                     **self._posture(mover, rows[:, _STATE:]),
-                )
+                ).on_grid()
             )
         return tuple(logs)
 

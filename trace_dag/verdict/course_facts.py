@@ -118,7 +118,7 @@ def _crash_type(
             and _is_struck_so(kind, seen)
             and _comes_from(kind.other_from, kind.relation, seen, other)
         )
-    found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+.0f} deg, struck at "
+    found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+z.0f} deg, struck at "
     found += f"{seen.clock_h:.1f} o'clock"
     reported = f"ACC_TYPE {code}"
     yield Fact("crash type", ComparedWith.COURSE, _agreement(agrees), reported, found, True, vehicle.number)
@@ -176,7 +176,7 @@ def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVeh
     movement = vehicle.movement
     if "movement" in vehicle.implied:
         return None
-    found = f"turned {seen.turn_deg:+.0f} deg, {seen.impact_speed_mps:.1f} m/s at the impact"
+    found = f"turned {seen.turn_deg:+z.0f} deg, {seen.impact_speed_mps:z.1f} m/s at the impact"
     if movement is PreCrashMovement.BACKING:
         agrees = seen.impact_speed_mps < 0
     elif movement is PreCrashMovement.STOPPED:

@@ -3,6 +3,9 @@
 Only what a crash needs of the standard (Khronos, glTF 2.0 Specification, 2021; ISO/IEC 12113). Frame: the project's, x
 east, y north, z up, under one root node that turns it to glTF's y up; readers that turn it back, as Blender does, have
 the local frame again.
+
+All numbers lie on a grid, vertices on one of 1/1024 m, key frames on one of 1/4096 (s, m, parts of a quaternion): finer
+than anything known of a crash, and pages need half the space for them (:mod:`trace_dag.scenario.solid.packing`).
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from trace_dag.geometry import FloatArray
@@ -21,9 +25,13 @@ from trace_dag.version import __version__
 
 Channel = Literal["translation", "rotation", "scale", "weights"]
 
-_FLOAT, _USHORT, _UINT = 5126, 5123, 5125  # component types
+FLOAT, USHORT, UINT = 5126, 5123, 5125
+"""Component types."""
+WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+"""Numbers to an item of each type."""
+_TYPES: Final = {width: name for name, width in WIDTHS.items()}
 _VERTICES, _TRIANGLES = 34962, 34963  # targets of buffer views
-_TYPES: Final = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_VERTEX_GRID, _KEY_GRID = 1024, 4096  # parts of a unit
 _Z_UP: Final = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # a quarter turn about x: z up becomes y up
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # chunk types
 
@@ -134,7 +142,7 @@ class _Writer:
             indices = mesh.triangles.astype("<u2" if small else "<u4").reshape(-1)
             primitive: dict[str, Any] = {
                 "attributes": {"POSITION": self._points(mesh.points_m)},
-                "indices": self._accessor(indices, _USHORT if small else _UINT, 1, _TRIANGLES),
+                "indices": self._accessor(indices, USHORT if small else UINT, 1, _TRIANGLES),
                 "material": self._materials.setdefault(material, len(self._materials)),
             }
             if node.dents:
@@ -147,13 +155,15 @@ class _Writer:
         return len(self._meshes) - 1
 
     def _points(self, points: FloatArray) -> int:
-        return self._accessor(points.astype("<f4"), _FLOAT, 3, _VERTICES, bounded=True)
+        return self._accessor(_on_grid(points, _VERTEX_GRID), FLOAT, 3, _VERTICES, bounded=True)
 
     def _sampler(self, keys: Keys, channel: Channel) -> int:
-        times = self._accessor(keys.time_s.astype("<f4"), _FLOAT, 1, bounded=True)
-        values = keys.values.astype("<f4")
+        time_s = _on_grid(keys.time_s, _KEY_GRID)
+        later = np.diff(time_s, prepend=-np.inf) > 0.0
+        times = self._accessor(time_s[later], FLOAT, 1, bounded=True)
+        values = _on_grid(keys.values[later], _KEY_GRID)
         one = 1 if channel == "weights" else values.shape[1]
-        made = (times, self._accessor(values.reshape(-1, one), _FLOAT, one), keys.step)
+        made = (times, self._accessor(values.reshape(-1, one), FLOAT, one), keys.step)
         if made not in self._sampler_of:
             self._sampler_of[made] = len(self._samplers)
             way = "STEP" if keys.step else "LINEAR"
@@ -185,6 +195,15 @@ class _Writer:
         self._accessors.append(said)
         self._known[known] = len(self._accessors) - 1
         return self._known[known]
+
+
+def grid_of(view: Mapping[str, Any]) -> int:
+    """How many parts of a unit the floating-point numbers of a buffer view are counted in."""
+    return _VERTEX_GRID if view.get("target") == _VERTICES else _KEY_GRID
+
+
+def _on_grid(values: FloatArray, parts: int) -> NDArray[np.float32]:
+    return (np.rint(values * parts) / parts + 0.0).astype("<f4")  # no -0.0, which is the same place in other bytes
 
 
 def _material(material: Material) -> dict[str, Any]:
