@@ -51,8 +51,14 @@ class DaskCluster:
         scheduler = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
         worker = ["distributed.cli.dask_worker", self.address, "--no-nanny", "--nthreads", "1", "--no-dashboard"]
         worker += ["--local-directory", str(folder)]
-        self.scheduler = _start([sys.executable, "-m", *scheduler], environment)
-        self.workers = [_start([sys.executable, "-m", *worker], environment) for _ in range(workers)]
+        self._environment, self._commands = environment, (scheduler, *[worker] * workers)
+        self.start()
+
+    def start(self) -> None:
+        """Start the scheduler and its workers."""
+        self.scheduler, *self.workers = (
+            _start([sys.executable, "-m", *command], self._environment) for command in self._commands
+        )
 
     def settings(self) -> dict[str, str]:
         """The environment that sends a run's work here."""
@@ -77,13 +83,25 @@ def dask_cluster(folder: Path, workers: int, environment: Mapping[str, str]) -> 
 
 def kill_when_under_way(cluster: DaskCluster, run: subprocess.Popen[str], storage: Storage) -> None:
     """Kill one worker once maps have been made."""
+    wait_until_under_way(run, storage)
+    cluster.workers[0].kill()
+
+
+def lose_scheduler_when_under_way(cluster: DaskCluster, run: subprocess.Popen[str], storage: Storage) -> None:
+    """Kill the scheduler once maps have been made, and its workers, which end without it; start them all again."""
+    wait_until_under_way(run, storage)
+    cluster.close()
+    cluster.start()
+
+
+def wait_until_under_way(run: subprocess.Popen[str], storage: Storage) -> None:
+    """Wait for the first maps of a run."""
 
     def under_way() -> bool:
         assert run.poll() is None, run.communicate()[0]
         return len(storage.list("road_map")) >= 2
 
     eventually(under_way, "the run never got going")
-    cluster.workers[0].kill()
 
 
 def free_port() -> int:
