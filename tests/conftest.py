@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from trace_dag.flow.executors import available_cores
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 # One thread for each process: the tests run on all cores already. Read when numpy is first imported.
@@ -22,6 +24,11 @@ def pytest_configure(config: pytest.Config) -> None:
     """A folder that all workers of this run share; they inherit its name."""
     if not hasattr(config, "workerinput"):
         os.environ["TRACE_DAG_TESTS_SHARED"] = tempfile.mkdtemp(prefix="trace-dag-tests-")
+
+
+def pytest_xdist_auto_num_workers() -> int | None:
+    """One more than there are cores, which tests of what hangs, waits and starts left idle a quarter of the time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 1
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

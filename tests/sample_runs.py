@@ -15,6 +15,8 @@ from io import StringIO
 from pathlib import Path
 from unittest.mock import patch
 
+import prepared
+
 SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
 
 # Crashes of the sample that end at different stages for different reasons, and some that are verified.
@@ -73,9 +75,9 @@ def _logging_as_it_was() -> Iterator[None]:
 
 
 def trace_dag_process(root: Path | str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run the command on a root in a process of its own."""
+    """Run the command on a root in a process of its own, which has its modules already."""
     return subprocess.run(
-        command(root, *arguments),
+        [prepared.programs() / "trace-dag", "--root", str(root), *arguments],
         capture_output=True,
         text=True,
         check=False,

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import prepared
 import pytest
 import sample_runs
 from command_lines import taken_by
@@ -84,8 +85,9 @@ def test_what_a_page_says_to_type_works_from_its_first_line_to_its_last(path: Pa
 
 
 def run(block: Block, folder: Path) -> subprocess.CompletedProcess[str]:
-    program = [sys.executable, "-"] if block.language == "python" else ["bash", "-e", "-o", "pipefail"]
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    programs = prepared.programs()
+    program = [programs / "python"] if block.language == "python" else ["bash", "-e", "-o", "pipefail"]
+    path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
     # A page is read on a wide terminal; a few crashes are done before workers of their own would have started.
     environment = os.environ | {"PATH": path, "COLUMNS": "200", "TRACE_DAG_EXECUTION__WORKERS": "1"}
     return subprocess.run(
