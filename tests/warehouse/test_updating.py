@@ -16,10 +16,10 @@ from trace_dag.errors import Reason
 from trace_dag.flow.ledgers import not_as_listed, read_ledger
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
-from trace_dag.warehouse.build import TABLES, build_warehouse
+from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.documents import JSON_DOCUMENTS
 from trace_dag.warehouse.query import open_warehouse, rows
-from trace_dag.warehouse.updating import PER_CRASH
+from trace_dag.warehouse.tables import TABLES, Rows
 
 KEYS = [f"2023-51{number:04d}" for number in range(1, 61)]
 WAREHOUSE = "warehouse.duckdb"
@@ -52,7 +52,7 @@ def read_again(root: Path, monkeypatch) -> set[str]:
 def test_tables_of_what_is_read_of_crashes_are_updated_crash_by_crash(table):
     sql = resources.files("trace_dag.warehouse").joinpath("sql", f"{table}.sql").read_text()
     asked = set(re.findall(r"(?:FROM|JOIN) (\w+)", sql))
-    assert bool(asked & OF_CRASHES) == (table in PER_CRASH)
+    assert bool(asked & OF_CRASHES) == (TABLES[table] is Rows.OF_ONE)
 
 
 def test_reads_what_has_changed_and_ends_as_if_built_anew(tmp_path, monkeypatch):

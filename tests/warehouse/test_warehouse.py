@@ -15,8 +15,9 @@ import sample_runs
 from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.storage import Storage
-from trace_dag.warehouse.build import TABLES, build_warehouse, table_documentation
+from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, rows
+from trace_dag.warehouse.tables import TABLES
 
 CONTRACT = {
     "crashes": "key case_year state_case cohort latitude_deg longitude_deg final_state stage_reached reason "

@@ -38,6 +38,7 @@ from trace_dag.warehouse.outcomes import OutcomeTables
 from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
+from trace_dag.warehouse.tables import TABLES
 from trace_dag.warehouse.updating import changed_since_built, listed_for_build, note_built, update_tables
 
 if TYPE_CHECKING:
@@ -45,53 +46,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 log = logging.getLogger(__name__)
-
-TABLES = (
-    "coverage_classes",
-    "crash_kinds",
-    "codes",
-    "crashes",
-    "vehicles",
-    "events",
-    "non_motorists",
-    "stage_outcomes",
-    "stage_history",
-    "artefacts",
-    "maps",
-    "map_checks",
-    "estimates",
-    "estimated_states",
-    "simulations",
-    "contacts",
-    "estimate_intervals",
-    "verdict_criteria",
-    "verdicts",
-    "support",
-    "verdict_changes",
-    "fatality_plausibility",
-    "injury_risk",
-    "failures",
-    "funnel",
-    "cohort_funnel",
-    "funnel_by_kind",
-    "failure_reasons",
-    "usable_information",
-    "coverage",
-    "coverage_cross",
-    "coverage_by_kind",
-    "person_crash_groups",
-    "cohort_gaps",
-    "run_summary",
-    "negative_controls",
-    "perturbed_controls",
-    "benchmark_comparison",
-    "evaluations",
-    "leaderboard",
-    "leaderboard_by_class",
-    "variations",
-    "estimator_comparison",
-    "warehouse_build",
-)
 
 # Comparisons of whole cohorts: the variable their SQL reads their files from, and their kind.
 _COMPARISONS = {
@@ -209,7 +163,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             for table in TABLES:
                 execute_sql(connection, table)
         else:
-            update_tables(connection, changed, TABLES, execute_sql)
+            update_tables(connection, changed, execute_sql)
         rows = {table: _count(connection, table) for table in TABLES}
         connection.execute("CHECKPOINT")
     if storage.local_root is None:

@@ -10,7 +10,7 @@ another warehouse, everything is read.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,30 +22,10 @@ from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.documents import DOCUMENTS
 from trace_dag.warehouse.query import check_warehouse
+from trace_dag.warehouse.tables import TABLES, Rows
 
 if TYPE_CHECKING:
     import duckdb
-
-PER_CRASH = (
-    "crashes",
-    "vehicles",
-    "events",
-    "non_motorists",
-    "stage_outcomes",
-    "stage_history",
-    "artefacts",
-    "maps",
-    "map_checks",
-    "estimates",
-    "estimated_states",
-    "simulations",
-    "contacts",
-    "estimate_intervals",
-    "verdict_criteria",
-    "support",
-    "failures",
-)
-"""Tables whose rows each belong to one crash and say nothing of others."""
 
 _NOTE = "cache/warehouse.json"
 _MOST = 0.1  # of the crashes; where more have changed, building anew takes hardly longer and leaves no gaps
@@ -106,21 +86,20 @@ def _digest_of_built(warehouse: Path) -> str | None:
 def update_tables(
     connection: duckdb.DuckDBPyConnection,
     changed: Collection[str],
-    tables: Sequence[str],
     run_sql: Callable[[duckdb.DuckDBPyConnection, str], None],
 ) -> None:
     """Bring an earlier warehouse up to date, with what was read of the ``changed`` crashes registered as for a build.
 
-    ``tables`` are all tables and views in the order in which ``run_sql`` makes each.
+    ``run_sql`` makes the table or view of a name.
     """
     views = {name for (name,) in connection.sql("SELECT view_name FROM duckdb_views() WHERE NOT internal").fetchall()}
-    for name in tables:
-        if name not in PER_CRASH:
+    for name in TABLES:
+        if TABLES[name] is Rows.OF_ALL:
             connection.execute(f"DROP {'VIEW' if name in views else 'TABLE'} {name}")
     connection.execute("CREATE TEMP TABLE changed_crash AS SELECT unnest($keys) AS key", {"keys": sorted(changed)})
     connection.execute(f"CREATE SCHEMA {_SCHEMA}")
-    for name in tables:
-        if name not in PER_CRASH:
+    for name in TABLES:
+        if TABLES[name] is Rows.OF_ALL:
             run_sql(connection, name)
             continue
         connection.execute(f"SET search_path = '{_SCHEMA},main'")
