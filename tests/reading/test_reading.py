@@ -120,6 +120,7 @@ def test_a_package_gives_the_same_crash_without_its_root(home, package, tmp_path
         ]
         assert_the_same_motion(crash.log, stored.log)
         assert crash.intervals.equals(stored.intervals)
+        assert crash.likely_courses.equals(stored.likely_courses)
 
 
 def test_intervals_hold_a_row_per_party_and_quantity_in_order_of_size(home):
@@ -128,6 +129,16 @@ def test_intervals_hold_a_row_per_party_and_quantity_in_order_of_size(home):
     assert sorted(speeds["party"]) == [vehicle.number for vehicle in home[VERIFIED].log.vehicles]
     assert (intervals["low"] <= intervals["middle"]).all()
     assert (intervals["middle"] <= intervals["high"]).all()
+
+
+def test_likely_courses_come_with_the_heaviest_first(home):
+    courses = home[VERIFIED].likely_courses
+    weights = courses.groupby("course")["weight"].first()
+    assert list(weights.index) == [1, 2, 3]
+    assert weights.is_monotonic_decreasing
+    assert set(courses["number"]) == {vehicle.number for vehicle in home[VERIFIED].log.vehicles}
+    assert courses["time_s"].min() == pytest.approx(-3.0)
+    assert courses["time_s"].max() > 0.5
 
 
 def assert_the_same_motion(one, two):

@@ -14,6 +14,7 @@ from trace_dag.crash.summary import in_one_sentence
 from trace_dag.errors import Reason
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.scenario.crash_page import CrashPage, write_crash_page
+from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.units import mph_to_mps
 from trace_dag.verdict.types import Agreement, ComparedWith, Criterion, Fact, Grade, Support, Verdict
 
@@ -47,6 +48,28 @@ VERDICT = Verdict(
     grade=Grade.CORROBORATED,
     support=SUPPORT,
 )
+
+
+SAMPLED = SampledRuns(
+    8,
+    6.5,
+    (),
+    (
+        Interval("impact_speed", "m/s", 1, mph_to_mps(30.0), mph_to_mps(20.0), mph_to_mps(25.0), mph_to_mps(40.0)),
+        Interval("contact_x", "m", None, -0.01, -2.0, 0.5, 1.0),
+    ),
+)
+
+
+def test_bands_lie_on_a_scale_from_zero_for_speeds_and_from_the_least_for_places() -> None:
+    page = shown(CrashPage(crash(0), [], RIGHTS, sampled=SAMPLED))
+    speed, place = page.xpath("//table[@class='bands']/tbody/tr")
+    assert seen(speed) == "Impact speed, V1 30 mph 20 to 40 mph"
+    assert seen(place) == "Contact east of the reported point 0.0 m -2.0 to 1.0 m"
+    # 4 % margin at either end: 20 of 40 mph is the middle, 30 three quarters of the 92 % between
+    ends = [f"left:{50.0}%;width:{46.0}%", f"left:{4.0}%;width:{92.0}%"]
+    assert [row.xpath(".//i/@style")[0] for row in (speed, place)] == ends
+    assert speed.xpath(".//b/@style") == ["left:73.0%"]
 
 
 def shown(page: CrashPage) -> html.HtmlElement:

@@ -65,6 +65,27 @@ def test_the_keyboard_moves_the_view_and_the_time(tmp_path, replay):
         assert page.run(LINK).startswith("#t=1.02&")
 
 
+def test_another_likely_course_can_be_chosen_by_keyboard_and_by_address(tmp_path, replay):
+    solid = "courses.map((each) => Number(each.group.getAttribute('opacity')))"
+    best = "Number(document.getElementById('bodies').getAttribute('opacity'))"
+    with Page(tmp_path / "profile") as page:
+        watch(page, f"{replay}#t=5.00&view=impact")
+        assert page.run(best) == 1
+        assert page.run(solid) == [0.3] * 3, "the others are faint"
+        page.run("document.getElementById('course').focus()")
+        press(page, "ArrowDown")
+        assert page.run(best) == pytest.approx(0.3)
+        assert page.run(solid) == [1, 0.3, 0.3]
+        assert "&course=1" in page.run(LINK)
+        bodies = "courses[0].group.querySelectorAll('g')"
+        moved = f"[...{bodies}].map((each) => Number(each.getAttribute('transform').match(/[-0-9.]+/)))"
+        logged = "D.courses[0].bodies.map((body) => courses[0].at(body.number, 5).x)"
+        assert page.run(moved) == pytest.approx(page.run(logged))
+        watch(page, f"{replay}#t=6.00&view=impact&course=alone")
+        assert page.run(solid) == [0, 0, 0]
+        assert page.errors == []
+
+
 def test_the_page_of_a_crash_leads_its_replay_to_a_moment(tmp_path, replay):
     with Page(tmp_path / "profile") as page:
         crash = sample_runs.finished() / f"benchmark/crashes/{sample_runs.KEYS[0]}.html"

@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from cases import SETTINGS, Case, sample_case
 
 from trace_dag.errors import Failure
+from trace_dag.sim.drawn import PlannedLine
+from trace_dag.sim.drawn_courses import STEP_S, DrawnBody
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.sampled import samples_from_json, samples_to_json, simulate_samples
@@ -16,7 +19,7 @@ from trace_dag.sim.types import SimulationLog
 from trace_dag.states.estimate import estimate
 from trace_dag.states.samples import draw_samples
 from trace_dag.states.scene import place_of
-from trace_dag.states.types import PartyDraw, Sample, StateEstimate
+from trace_dag.states.types import PartyDraw, Sample, StateEstimate, Trajectory
 
 Simulated = tuple[Case, StateEstimate, tuple[SimulationLog, ...]]
 
@@ -66,6 +69,44 @@ def test_the_draw_that_is_the_plan_gives_the_crash_of_the_plan(simulated: Simula
         velocity = contact.velocity_1_mps if first else contact.velocity_2_mps
         assert party.impact_speed_mps == pytest.approx(math.hypot(*velocity), rel=0.03, abs=0.1)
         assert party.delta_v_mps == pytest.approx(math.hypot(*delta_v), rel=0.1)
+
+
+def test_the_course_of_the_draw_that_is_the_plan_is_the_one_of_the_plan(simulated: Simulated) -> None:
+    _, states, logs = simulated
+    (course,) = run(simulated, (as_planned(states),)).courses
+    contact = logs[0].first_contact
+    assert contact is not None
+    assert {each.number for each in course.bodies} == {each.number for each in logs[0].vehicles}
+    for body in course.bodies:
+        planned = next(each for each in logs[0].vehicles if each.number == body.number)
+        time_s = course.begins_s + STEP_S * np.arange(len(body.x))
+        near = (time_s > -1.0) & (time_s < 1.0)
+        for found, logged in zip(body.poses.T, (planned.x_m, planned.y_m), strict=False):
+            wanted = np.interp(time_s[near] + contact.time_s, planned.time_s, logged)
+            assert found[near] == pytest.approx(wanted, abs=1.0)
+
+
+def test_who_brakes_in_a_draw_came_faster(simulated: Simulated) -> None:
+    time_s, still = np.linspace(0.0, 10.0, 101), np.zeros(101)
+    straight = Trajectory(time_s, 20.0 * time_s, still, still, still, still + 20.0)
+    state = dataclasses.replace(simulated[1].best.participants[0], trajectory=straight, impact_speed_mps=20.0)
+    line = PlannedLine(state, PartyDraw(1, 20.0, 10.0, 0.0, 0.0, 1500.0), 8.0)
+    ((x, y, _),) = line.approach(np.array([-0.5, -1.5, -4.5]), back_s=0.5)
+    # 10 m/s over the last half second; 0.4 g from 20 to 10 m/s take 2.55 s before it
+    slowing = 0.4 * 9.80665
+    braked_s = 10.0 / slowing
+    assert x[0] == pytest.approx(160.0 - 5.0)
+    assert x[0] - x[1] == pytest.approx(10.0 + slowing / 2)
+    assert x[0] - x[2] == pytest.approx(15.0 * braked_s + 20.0 * (4.0 - braked_s))
+    assert y == pytest.approx(np.zeros(3))
+
+
+def test_courses_are_kept_to_five_centimetres_without_drift() -> None:
+    x_m = np.linspace(100.013, 160.037, 91)
+    poses = DrawnBody.at(1, x_m, -x_m, np.linspace(0.0, 1.0, 91)).poses
+    assert np.abs(poses[:, 0] - x_m).max() <= 0.0251
+    assert np.abs(poses[:, 1] + x_m).max() <= 0.0251
+    assert np.abs(poses[:, 2] - np.linspace(0.0, 1.0, 91)).max() <= 0.0101
 
 
 def test_what_fits_the_report_worse_weighs_less(simulated: Simulated) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from trace_dag.crash.codes.vehicle import ACC_TYPE
-from trace_dag.crash.parties import party_in_words
+from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
 from trace_dag.osm.rights import Rights
@@ -76,7 +76,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         streets=_streets(page),
         picture_alt=_picture_alt(page),
         objects=_objects(page),
-        intervals=[_interval(each) for each in page.sampled.intervals] if page.sampled else [],
+        bands=_bands(page.sampled.intervals) if page.sampled else [],
         version=__version__,
     ).encode()
 
@@ -125,21 +125,54 @@ def _objects(page: CrashPage) -> list[str]:
 
 
 _QUANTITIES = {
-    "impact_speed": ("Speed at the impact", "mph"),
-    "delta_v": ("Change of velocity", "mph"),
-    "contact_x": ("First contact, east of the reported point", "m"),
-    "contact_y": ("First contact, north of it", "m"),
-    "heading_angle": ("Angle between the headings", "°"),
+    "impact_speed": ("Impact speed", " mph"),
+    "delta_v": ("Change of velocity", " mph"),
+    "contact_x": ("Contact east of the reported point", " m"),
+    "contact_y": ("Contact north of it", " m"),
+    "heading_angle": ("Angle of headings", "°"),
 }
+_SHARED_SCALE = {"contact_x": "place", "contact_y": "place"}
+_MARGIN = 0.04  # of a band's width
 
 
-def _interval(found: Interval) -> tuple[str, str, Sequence[str], str]:
-    """What of whom, the best value, the low, middle and high ones, and the unit they are in."""
+@dataclass(frozen=True)
+class Band:
+    """An interval in words, and where it lies on a scale of 0 to 100 that it shares with those of its quantity."""
+
+    what: str
+    best: str
+    interval: str
+    begin: float
+    width: float
+    middle: float
+    best_at: float
+
+
+def _bands(intervals: Sequence[Interval]) -> list[Band]:
+    """A band for each interval."""
+    scales: dict[str, list[float]] = {}
+    for each in intervals:
+        quantity = _SHARED_SCALE.get(each.quantity, each.quantity)
+        from_zero = [] if quantity == "place" else [0.0]
+        scales.setdefault(quantity, from_zero).extend([each.low, each.high, each.best])
+    return [_band(each, scales[_SHARED_SCALE.get(each.quantity, each.quantity)]) for each in intervals]
+
+
+def _band(found: Interval, scale: Sequence[float]) -> Band:
     what, unit = _QUANTITIES[found.quantity]
-    values = (found.best, found.low, found.middle, found.high)
-    shown = [f"{mps_to_mph(value) if unit == 'mph' else value:.{1 if unit == 'm' else 0}f}" for value in values]
-    whose = "" if found.party is None else party_in_words(found.party)
-    return what, whose, shown, unit
+    whose = "" if found.party is None else f", {party_label(found.party)}"
+    digits = 1 if unit == " m" else 0
+    best, low, high = (
+        f"{round(mps_to_mph(value) if unit == ' mph' else value, digits) + 0.0:.{digits}f}"
+        for value in (found.best, found.low, found.high)
+    )
+    least, most = min(scale), max(scale)
+    span = (most - least) or 1.0
+    begin, middle, end, best_at = (
+        round(100 * (_MARGIN + (1 - 2 * _MARGIN) * (value - least) / span), 1)
+        for value in (found.low, found.middle, found.high, found.best)
+    )
+    return Band(what + whose, best + unit, f"{low} to {high}{unit}", begin, round(end - begin, 1), middle, best_at)
 
 
 def _elsewhere(crash: Row) -> list[tuple[str, str]]:

@@ -194,7 +194,13 @@ def _left_free(log: SimulationLog) -> list[int]:
 
 def _results(crash: PackageInput) -> list[_File]:
     content = crash.replay or replay_content(
-        crash.record, crash.network, crash.log, crash.verdict, surroundings=crash.surroundings, in_3d=False
+        crash.record,
+        crash.network,
+        crash.log,
+        crash.verdict,
+        surroundings=crash.surroundings,
+        sampled=crash.sampled,
+        in_3d=False,
     )
     replay = replay_page(replace(content, solid=None))
     files = [
@@ -227,7 +233,9 @@ def _results(crash: PackageInput) -> list[_File]:
     if struck:
         files.append(_File("strikes.json", _CC0, "of each person struck: trigger, path, impact point", _json(struck)))
     if crash.sampled is not None:
-        what = "what the report leaves open: draws of the crash, weighed by the report, and their intervals"
+        what = (
+            "what the report leaves open: draws of the crash, weighed by the report, their intervals and likely courses"
+        )
         files.append(_File("intervals.json", _CC0, what, samples_to_json(crash.sampled)))
     if crash.variation is not None:
         files.append(_File("variation.json", _CC0, "what was changed in the crash", _json(crash.variation)))

@@ -24,11 +24,14 @@ from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.solid.scene import crash_glb
+from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
+from trace_dag.units import mps_to_mph
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
+    from trace_dag.sim.sampled import SampledRuns
 
 _MARGIN_M = 25.0
 _LEAST_SPAN_M = 90.0
@@ -82,12 +85,14 @@ def replay_content(
     drive: Drive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
+    sampled: SampledRuns | None = None,
     beside: ReplayWindows | None = None,
     in_3d: bool = True,
 ) -> ReplayContent:
     """What there is to show of a log: of the hypothesis that ``verdict`` is about, or of an agent's ``drive``.
 
-    What is shown ``beside`` others has their windows, and its outcome as its title.
+    ``sampled`` has other likely courses, which can be chosen. What is shown ``beside`` others has their windows, and
+    its outcome as its title.
     """
     windows = beside or shown_windows(log, drive)
     west, south, east, north = windows.overview
@@ -104,6 +109,7 @@ def replay_content(
     said = {
         **_data(record, network, log, windows),
         **_ghost(drive, log),
+        "courses": [] if sampled is None or drive is not None else _courses(sampled),
         "map": [round(value, 2) for value in map_window],
         "key": record.key,
         "night": is_dark(record),
@@ -212,6 +218,31 @@ def _ghost(drive: Drive | None, log: SimulationLog) -> dict[str, Any]:
             **{name: np.round(poses[:, k], 3).tolist() for k, name in enumerate("xyh")},
         }
     }
+
+
+def _courses(sampled: SampledRuns) -> list[dict[str, Any]]:
+    """Other likely courses; places in the steps of :class:`trace_dag.sim.drawn_courses.DrawnBody`."""
+    courses: list[dict[str, Any]] = []
+    for course in sampled.courses:
+        contact = sampled.contact_of(course)
+        speeds = (f"{party_label(each.number)} {mps_to_mph(each.impact_speed_mps):.0f} mph" for each in contact.parties)
+        courses.append(
+            {
+                "name": f"likely course {len(courses) + 1} ({contact.weight:.0%}): {', '.join(speeds)}",
+                "begins": course.begins_s,
+                "step": STEP_S,
+                "units": {"x": PLACE_M, "y": PLACE_M, "h": TURN_RAD},
+                "contact": {"x": contact.x_m, "y": contact.y_m},
+                "parties": {
+                    each.number: {"impact": each.impact_speed_mps, "delta_v": each.delta_v_mps}
+                    for each in contact.parties
+                },
+                "bodies": [
+                    {"number": body.number, "x": body.x, "y": body.y, "h": body.heading} for body in course.bodies
+                ],
+            }
+        )
+    return courses
 
 
 def _overturn(vehicle: VehicleLog, k: int) -> dict[str, Any]:

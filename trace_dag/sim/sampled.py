@@ -2,8 +2,9 @@
 
 Every draw (:mod:`trace_dag.states.samples`) is run from shortly before its first contact to the end of that contact's
 pulse. A run counts as much as its contact is likely by the report: the areas that were struck, the manner of collision
-and the place, as :mod:`trace_dag.states.evidence` weighs them; one without a contact does not count. Draws are always
-run by the embedded back-end, on the crash's own map.
+and the place, as :mod:`trace_dag.states.evidence` weighs them; one without a contact does not count. The draws that
+weigh most are run once more, to rest, for their courses. Draws are always run by the embedded back-end, on the crash's
+own map.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -20,25 +20,23 @@ from pydantic import TypeAdapter, ValidationError
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure
-from trace_dag.geometry import FloatArray, Pose, arc_lengths, body_bearing_rad
+from trace_dag.geometry import Pose, body_bearing_rad
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.drawn import LONGEST_BACK_S, DrawnCrash
+from trace_dag.sim.drawn_courses import DrawnCourse, course_of
 from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.run import participant, surface_friction
+from trace_dag.sim.run import surface_friction
 from trace_dag.sim.surface import NetworkSurface
-from trace_dag.sim.types import PULSE_S, Contact, Participant, SimulationLog
-from trace_dag.states.contact import Shape, shape_gaps_m, shapes
+from trace_dag.sim.types import PULSE_S, Contact, SimulationLog
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
-from trace_dag.states.objects import FixedObject
-from trace_dag.states.types import Hypothesis, ParticipantState, PartyDraw, Sample, StateEstimate, Trajectory
+from trace_dag.states.types import Sample, StateEstimate
 
 LOW, HIGH = 0.1, 0.9
 """Ends of the intervals: four in five draws are within."""
-_APART_M: Final = 0.3
-_BACK_S: Final = np.arange(0.1, 3.01, 0.1)
 _AFTER_S: Final = 1.5
-_LONGEST_S: Final = float(_BACK_S[-1]) + _AFTER_S
-_STEP_S: Final = 0.05
+_COURSES: Final = 3
+_COURSE_AFTER_S: Final = 6.0
 _LEAST_WEIGHT: Final = 1e-6
 
 
@@ -82,12 +80,18 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampledRuns:
-    """The results of the draws of a crash. ``effective`` is the number of draws of equal weight that they are worth."""
+    """What the draws of a crash came to. ``effective`` says how many draws of equal weight they are worth; ``courses``
+    are those of the draws that weigh most, the heaviest first."""
 
     drawn: int
     effective: float
     contacts: tuple[SampledContact, ...]
     intervals: tuple[Interval, ...]
+    courses: tuple[DrawnCourse, ...] = ()
+
+    def contact_of(self, course: DrawnCourse) -> SampledContact:
+        """The first contact of a course's draw."""
+        return next(each for each in self.contacts if each.sample == course.sample)
 
 
 def simulate_samples(
@@ -100,18 +104,30 @@ def simulate_samples(
 ) -> SampledRuns:
     """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be."""
     surface, friction = NetworkSurface(network), surface_friction(settings, record)
-    weighed: list[tuple[SampledContact, float]] = []
-    for k, sample in enumerate(estimate.samples):
-        hypothesis = estimate.hypotheses[sample.hypothesis]
-        participants = _drawn(hypothesis, sample)
-        if participants is None:
-            continue
+
+    def run(drawn: DrawnCrash, sample: Sample, after_s: float, until_s: float) -> SimulationLog:
         simulation = EmbeddedSimulation(settings, surface, friction * sample.friction, network)
-        log = simulation.run(participants, time_limit_s=_LONGEST_S, after_contact_s=PULSE_S, objects=hypothesis.objects)
-        if log.first_contact is not None:
+        return simulation.run(
+            drawn.participants(after_s),
+            time_limit_s=LONGEST_BACK_S + after_s,
+            after_contact_s=until_s,
+            objects=drawn.objects,
+        )
+
+    crashes = [DrawnCrash.of(estimate.hypotheses[sample.hypothesis], sample) for sample in estimate.samples]
+    weighed: list[tuple[SampledContact, float]] = []
+    for k, (drawn, sample) in enumerate(zip(crashes, estimate.samples, strict=True)):
+        log = run(drawn, sample, _AFTER_S, PULSE_S) if drawn is not None else None
+        if log is not None and log.first_contact is not None:
             seen = _contact(log, log.first_contact, k)
             weighed.append((seen, _log_likelihood(record, seen, place_xy_m)))
     contacts = _with_weights(weighed)
+    courses: list[DrawnCourse] = []
+    for each in sorted(contacts, key=lambda contact: (-contact.weight, contact.sample))[:_COURSES]:
+        drawn = crashes[each.sample]
+        assert drawn is not None  # it came to a contact
+        log = run(drawn, estimate.samples[each.sample], _COURSE_AFTER_S, _COURSE_AFTER_S)
+        courses += filter(None, [course_of(each.sample, drawn, log)])
     best = next((log for log in logs if log.first_contact is not None), None)
     effective = 1.0 / sum(each.weight**2 for each in contacts) if contacts else 0.0
     return SampledRuns(
@@ -119,85 +135,8 @@ def simulate_samples(
         effective=round(effective, 1),
         contacts=contacts,
         intervals=tuple(_intervals(best, contacts)) if best is not None and contacts else (),
+        courses=tuple(courses),
     )
-
-
-# --- from a draw to a run ----------------------------------------------------------------------------------------
-def _drawn(hypothesis: Hypothesis, sample: Sample) -> tuple[Participant, ...] | None:
-    """The parties of a draw shortly before they would touch; None if they overlap however far back one looks."""
-    meets_s = hypothesis.planned[0].time_s if hypothesis.planned else hypothesis.impact_time_s
-    lines = [_Line(state, draw, meets_s) for state, draw in zip(hypothesis.participants, sample.parties, strict=True)]
-    apart = np.ones(len(_BACK_S), dtype=bool)
-    bodies = [line.shapes(-_BACK_S) for line in lines] + [_standing(item) for item in hypothesis.objects]
-    moving = len(lines)
-    for (i, one), (_, two) in combinations(enumerate(bodies), 2):
-        if i < moving:
-            apart &= shape_gaps_m(one, two) >= _APART_M
-    back = np.flatnonzero(apart)
-    if not len(back):
-        return None
-    return tuple(line.participant(float(_BACK_S[back[0]])) for line in lines)
-
-
-def _standing(item: FixedObject) -> tuple[Shape, ...]:
-    pose, same = item.pose, np.ones(len(_BACK_S))
-    poses = (pose.x_m * same, pose.y_m * same, pose.heading_rad * same)
-    return shapes(poses, (item.length_m, item.width_m), None, None)
-
-
-class _Line:
-    """The path of a party's plan, driven at a draw's speed: where it is so many seconds from when the plan has it at
-    the impact. Beyond its ends the path goes straight on."""
-
-    def __init__(self, state: ParticipantState, draw: PartyDraw, meets_s: float) -> None:
-        plan = state.trajectory
-        self._state, self._draw, self._meets_s = state, draw, meets_s
-        self._xy_m = np.stack([plan.x_m, plan.y_m], axis=-1)
-        self._heading_rad = np.unwrap(plan.heading_rad)
-        self._trailing_rad = state.trailer_heading_rad
-        self._station_m = arc_lengths(self._xy_m)
-        self._from_m = float(np.interp(meets_s, plan.time_s, self._station_m)) + draw.ahead_m
-        self._backward = state.impact_speed_mps < 0
-        self._mps = draw.impact_mps
-
-    def _at(self, seconds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x, y, z and heading at times from the impact."""
-        station, on_path = self._station_m, self._from_m + self._mps * seconds
-        heading = np.interp(on_path, station, self._heading_rad)
-        course = heading + math.pi if self._backward else heading
-        beyond = on_path - np.clip(on_path, 0.0, station[-1])
-        x = np.interp(on_path, station, self._xy_m[:, 0]) + beyond * np.cos(course)
-        y = np.interp(on_path, station, self._xy_m[:, 1]) + beyond * np.sin(course)
-        z = np.interp(on_path, station, self._state.trajectory.z_m)
-        left_m = self._draw.left_m
-        return x - left_m * np.sin(heading), y + left_m * np.cos(heading), z, heading
-
-    def shapes(self, seconds: FloatArray) -> tuple[Shape, ...]:
-        x, y, _, heading = self._at(seconds)
-        state = self._state
-        return shapes((x, y, heading), (state.length_m, state.width_m), state.trailer, self._trailing(seconds))
-
-    def _trailing(self, seconds: FloatArray) -> FloatArray | None:
-        """Heading of the trailer, as the plan has it there."""
-        if self._trailing_rad is None:
-            return None
-        return np.asarray(np.interp(self._from_m + self._mps * seconds, self._station_m, self._trailing_rad))
-
-    def participant(self, back_s: float) -> Participant:
-        time_s = np.arange(0.0, back_s + _AFTER_S, _STEP_S)
-        x, y, z, heading = self._at(time_s - back_s)
-        speed = -self._mps if self._backward else self._mps
-        planned = participant(self._state)
-        trailing = self._trailing(np.array([-back_s]))
-        return replace(
-            planned,
-            body=replace(planned.body, mass_kg=self._draw.mass_kg),
-            initial_pose=Pose(float(x[0]), float(y[0]), math.remainder(float(heading[0]), math.tau), float(z[0])),
-            initial_speed_mps=speed,
-            trajectory=Trajectory(time_s, x, y, z, heading, np.full_like(time_s, speed)),
-            skids_from_s=max(planned.skids_from_s - self._meets_s + back_s, 0.0),
-            trailer_heading_rad=0.0 if trailing is None else float(trailing[0]),
-        )
 
 
 # --- what came of it ---------------------------------------------------------------------------------------------

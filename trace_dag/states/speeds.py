@@ -26,11 +26,11 @@ HARDEST_LATERAL_MPS2 = 0.55 * GRAVITY_MPS2  # below the 0.7 to 0.8 a car can hol
 # P_CRASH3 (avoidance) codes that include braking: 2-4, 8, 9 by year, 15 and 16 since 2013.
 BRAKING_AVOIDANCE = frozenset({2, 3, 4, 8, 9, 15, 16})
 _BRAKING_TIME_S = 1.0  # in an emergency: what perception and reaction leave for braking
-_BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
+BRAKING_MPS2 = 0.4 * GRAVITY_MPS2
 _SLOWING_TIME_S = 2.5
 _SLOWING_MPS2 = 1.5
 _LEAST_SHARE_AFTER_BRAKING = 0.4
-_STARTING_MPS2 = 1.5  # ordinary acceleration from rest
+STARTING_MPS2 = 1.5  # ordinary acceleration from rest
 _STARTING_TIME_S = 3.0
 
 # Speeds while turning where none is reported: NCHRP 659 and AASHTO give 10 to 15 mph for passenger cars.
@@ -126,10 +126,10 @@ class SpeedProfile:
 def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
     """The profile by the record: constant unless it says braking, slowing or starting."""
     if starts(vehicle, initial_mps):
-        return SpeedProfile(0.0, _STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
+        return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
     if brakes(vehicle) and initial_mps > 0:
         emergency = vehicle.avoidance_code in BRAKING_AVOIDANCE
-        rate, time = (_BRAKING_MPS2, _BRAKING_TIME_S) if emergency else (_SLOWING_MPS2, _SLOWING_TIME_S)
+        rate, time = (BRAKING_MPS2, _BRAKING_TIME_S) if emergency else (_SLOWING_MPS2, _SLOWING_TIME_S)
         impact = max(initial_mps - rate * time, _LEAST_SHARE_AFTER_BRAKING * initial_mps)
         return SpeedProfile(initial_mps, impact, (initial_mps - impact) / rate)
     return SpeedProfile(initial_mps, initial_mps)

@@ -14,7 +14,7 @@ from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome, measure, outcome_of
 from trace_dag.evaluation.registry import resolve
 from trace_dag.evaluation.traffic import Traffic
-from trace_dag.flow.artefacts import RECORD, ROAD_MAP, VERDICT, CrashArtefacts, surroundings_of
+from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.drive import Drive
 from trace_dag.sim.backends import backend
@@ -55,7 +55,14 @@ def content_of(crash: CrashArtefacts, log: SimulationLog) -> ReplayContent:
     from trace_dag.scenario.replay_content import replay_content
 
     verdict = crash.load(VERDICT) if crash.has(VERDICT) else None
-    return replay_content(crash.load(RECORD), crash.load(ROAD_MAP), log, verdict, surroundings=surroundings_of(crash))
+    return replay_content(
+        crash.load(RECORD),
+        crash.load(ROAD_MAP),
+        log,
+        verdict,
+        surroundings=surroundings_of(crash),
+        sampled=crash.load(SAMPLED) if crash.has(SAMPLED) else None,
+    )
 
 
 def replay_with(

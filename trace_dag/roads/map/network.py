@@ -58,6 +58,10 @@ class RoadNetwork:
         return _Lanes(self._geometry)
 
     @cached_property
+    def _areas(self) -> _Areas:
+        return _Areas(self._lanes)
+
+    @cached_property
     def _drivable(self) -> tuple[LaneRef, ...]:
         return tuple(ref for road in self.roads for ref in self.drivable_lanes_of(road))
 
@@ -165,12 +169,12 @@ class RoadNetwork:
     @cached_property
     def drivable_area(self) -> MultiPolygon:
         """Everything traffic drives on, junctions included, seen from above."""
-        return drivable_area(self._lanes[ref] for ref in self._drivable)
+        return self._areas[self._drivable]
 
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> MultiPolygon:
         """The area that traffic drives on within some distance of a place, of roads at its level."""
         roads = self._roads_near(x_m, y_m, reach_m, z_m)
-        return drivable_area(self._lanes[ref] for road in roads for ref in self.drivable_lanes_of(road))
+        return self._areas[tuple(ref for road in roads for ref in self.drivable_lanes_of(road))]
 
     def paved_near(
         self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
@@ -180,8 +184,7 @@ class RoadNetwork:
         ``of`` says which roads count.
         """
         roads = [road for road in self._roads_near(x_m, y_m, reach_m, z_m) if of is None or of(road)]
-        refs = [ref for road in roads for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved]
-        return drivable_area(self._lanes[ref] for ref in refs)
+        return self._areas[tuple(ref for road in roads for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved)]
 
     def _roads_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Iterator[Road]:
         """Roads within some distance of a place, at its level."""
@@ -261,3 +264,15 @@ class _Lanes(dict[LaneRef, LaneGeometry]):
         if ref not in self:
             raise KeyError(ref)
         return self[ref]
+
+
+class _Areas(dict[tuple[LaneRef, ...], "MultiPolygon"]):
+    """The area that some lanes cover together, made when it is first asked for: every draw of a crash asks anew."""
+
+    def __init__(self, lanes: _Lanes) -> None:
+        super().__init__()
+        self._lanes = lanes
+
+    def __missing__(self, refs: tuple[LaneRef, ...]) -> MultiPolygon:
+        self[refs] = area = drivable_area(self._lanes[ref] for ref in refs)
+        return area
