@@ -11,6 +11,8 @@ import errno
 import os
 import sqlite3
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from trace_dag.errors import Failure
 
@@ -36,7 +38,8 @@ _SQLITE = {
     sqlite3.SQLITE_READONLY: ("it can be read only", _READ_ONLY),
     sqlite3.SQLITE_CANTOPEN: ("it cannot be opened", _RIGHTS),
     sqlite3.SQLITE_PERM: ("it cannot be opened", _RIGHTS),
-    sqlite3.SQLITE_IOERR: ("reading or writing it failed", _REMEDIES[errno.EIO]),
+    # Also of a disk without a free byte, where the file that its processes share cannot be made.
+    sqlite3.SQLITE_IOERR: ("reading or writing it failed", "see whether its disk is full or broken, and run again"),
 }
 
 
@@ -68,6 +71,17 @@ def disk_failure(error: BaseException, database: str = "a database") -> Failure 
                 if os.strerror(number) in str(each):
                     return Failure(f"{str(each).splitlines()[0]}; {remedy}")
     return None
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of a disk in it name the file, which those of writing to an open one do not."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def _with_causes(error: BaseException) -> Iterator[BaseException]:

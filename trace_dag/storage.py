@@ -111,10 +111,10 @@ class Storage:
         return base / hashlib.sha256(self.root.encode()).hexdigest()[:16]
 
     @classmethod
-    def open(cls, root: str | os.PathLike[str]) -> Storage:
+    def open(cls, root: str | os.PathLike[str], *, to_read: bool = False) -> Storage:
         """The storage at ``root``, made if need be, after a look at whether one can read and write there.
 
-        Raises :class:`UserError` where one cannot.
+        With ``to_read`` one that is there need only be readable. Raises :class:`UserError` where it is not.
         """
         storage = cls(root)
         if storage.local_root is None and "://" not in storage.root:
@@ -122,17 +122,21 @@ class Storage:
         probe = "probe/writable"
         try:
             if storage.local_root is not None:
-                storage.local_root.mkdir(parents=True, exist_ok=True)
-                with tempfile.TemporaryFile(dir=storage.local_root):
-                    pass
+                if not (to_read and storage.local_root.is_dir()):
+                    storage.local_root.mkdir(parents=True, exist_ok=True)
+                    with tempfile.TemporaryFile(dir=storage.local_root):
+                        pass
                 os.scandir(storage.local_root).close()
+            elif to_read:
+                storage.exists(probe)
             else:
                 storage.write(probe, b"")
                 storage.delete(probe)
         except (OSError, Failure, ImportError, ValueError) as error:
+            what = "read" if to_read else "read and write"
             raise UserError(
-                f"storage root {storage.root}: cannot read and write there ({error}); "
-                "choose another with --root or TRACE_DAG_ROOT"
+                f"storage root {storage.root}: cannot {what} there ({error}); give this user the rights to it, copy "
+                "it, or choose another with --root or TRACE_DAG_ROOT"
             ) from error
         return storage
 

@@ -147,6 +147,18 @@ def test_what_a_page_elsewhere_makes_a_browser_ask_is_refused(
     assert len(said.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [("[]", 400), ("null", 400), ("1", 400), ("{", 400), ("[" * 100_000, 400), ('"' + "a" * 2**24, 413)],
+    ids=["list", "null", "number", "half", "nested", "large"],
+)
+def test_a_body_that_is_no_question_is_refused_in_a_line(server: Server, body: str, status: int):
+    answered, said = server.ask("POST", "/graphql", body, Content_Type="application/json")
+    assert answered == status
+    assert said.startswith("trace-dag ui: a question to GraphQL is ")
+    assert len(said.splitlines()) == 1
+
+
 def test_a_socket_is_for_its_own_pages(server: Server):
     upgrade = {
         "Connection": "Upgrade",

@@ -11,10 +11,11 @@ from html import escape
 from pathlib import Path
 
 import pytest
-from sample_runs import SAMPLE, ingest, reports_of, trace_dag
+from sample_runs import SAMPLE, finished, ingest, reports_of, trace_dag
 
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import Reason, Rejection
+from trace_dag.reading.opening import open_place
 from trace_dag.settings import CrashSettings
 
 KEY = "2023-319003"  # in the town of merrow.osm
@@ -116,14 +117,36 @@ def test_links_and_pipes_in_an_inbox_are_passed_over_and_what_links_lead_to_is_r
     assert "root:" not in done.stdout
 
 
-@pytest.mark.parametrize("command", ["status", "run", "ui"])
-def test_a_root_that_can_only_be_read_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str):
-    def read_only(**_: object) -> None:
+@pytest.fixture
+def read_only(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A root with crashes that have been run, and every disk as if it could only be read."""
+    root = finished()
+
+    def refused(*_: object, **__: object) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("trace_dag.storage.tempfile.TemporaryFile", read_only)
-    done = trace_dag(tmp_path, command)
+    monkeypatch.setattr("trace_dag.storage.tempfile.TemporaryFile", refused)
+    monkeypatch.setattr("trace_dag.storage.Storage.write", refused)
+    return root
+
+
+@pytest.mark.parametrize("command", ["run", "verify", "ui"])
+def test_what_writes_says_in_a_line_that_a_root_can_only_be_read(read_only: Path, command: str):
+    done = trace_dag(read_only, command)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert "cannot read and write there" in line
-    assert "choose another with --root" in line
+    assert "copy it, or choose another with --root" in line
+
+
+@pytest.mark.parametrize(
+    "command", [("status",), ("sql", "FROM verdicts"), ("tables",), ("show", KEY), ("cohort", "list"), ("settings",)]
+)
+def test_what_only_reads_works_on_a_root_that_can_only_be_read(read_only: Path, command: tuple[str, ...]):
+    done = trace_dag(read_only, *command)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_python_opens_a_root_that_can_only_be_read(read_only: Path):
+    assert KEY in open_place(read_only)

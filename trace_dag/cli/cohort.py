@@ -41,7 +41,7 @@ def list_cohorts(root: str, as_json: bool) -> None:
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage import Storage
 
-    cohorts = Registry(Storage.open(root)).cohorts()
+    cohorts = Registry(Storage.open(root, to_read=True)).cohorts()
     if as_json:
         write_json([_summary(each) for each in cohorts.values()])
         return

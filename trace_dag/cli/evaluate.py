@@ -14,6 +14,7 @@ from trace_dag.cli.options import ManyValuesCommand, agent_arguments, examples, 
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
+from trace_dag.disks import naming
 from trace_dag.logs import complain
 
 if TYPE_CHECKING:
@@ -185,7 +186,8 @@ def evaluate(
     into_warehouse(workspace, complaints)
     publish_leaderboard(workspace.storage, workspace.warehouse)
     if results and part:
-        results.write_bytes(results_file(rows, part, cohort))
+        with naming(results):
+            results.write_bytes(results_file(rows, part, cohort))
     if as_json:
         write_json(rows)
     else:

@@ -42,7 +42,7 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
     from trace_dag.cli.complaints import Complaints
     from trace_dag.flow.workspace import Workspace
 
-    workspace, folder = Workspace.open(root), output or Path(export_format)
+    workspace, folder = Workspace.open(root, to_read=True), output or Path(export_format)
     complaints, exported = Complaints(), 0
     keys = verified_keys(workspace, cohort, only, complain=complaints.hear)
     with progress_of("crashes", len(keys)) as told:

@@ -29,7 +29,7 @@ def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.national import count_kinds, national_coverage, stored_kinds
 
-    found = national_coverage(count_kinds(tables), stored_kinds(Workspace.open(root).warehouse))
+    found = national_coverage(count_kinds(tables), stored_kinds(Workspace.open(root, to_read=True).warehouse))
     if as_json:
         write_json(asdict(found))
         return

@@ -14,9 +14,12 @@ from trace_dag.errors import UserError
 def open_page(root: str, key: str | None) -> None:
     """Open the benchmark page in a browser, or the page of one crash, and print where it is."""
     from trace_dag.benchmark.build import INDEX, page_name
+    from trace_dag.crash.keys import parse_key
     from trace_dag.storage import Storage
 
-    storage = Storage.open(root)
+    storage = Storage.open(root, to_read=True)
+    if key is not None:
+        parse_key(key)
     name = INDEX if key is None else page_name(key)
     if not storage.exists(name):
         raise UserError(f"{storage.path(name)}: there is no such page yet; trace-dag run makes it")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trace_dag.cli.options import agent_arguments, examples, traffic_option
+from trace_dag.disks import naming
 
 if TYPE_CHECKING:
     from trace_dag.studies.replays import ReplayFormat
@@ -67,7 +68,7 @@ def replay(
     from trace_dag.studies.replays import replay_with
     from trace_dag.studies.stored_crashes import stored_crash
 
-    workspace = Workspace.open(root)
+    workspace = Workspace.open(root, to_read=True)
     if not agents:
         content = made_of(stored_crash(workspace, key), replay_format)
     else:
@@ -81,5 +82,6 @@ def replay(
             replay_format,
         )
     target = output or Path(f"replay-{key}.{replay_format}")
-    target.write_bytes(content)
+    with naming(target):
+        target.write_bytes(content)
     click.echo(f"{target}  {len(content) // 1024} kB")

@@ -41,7 +41,7 @@ def score_truth(root: str, as_json: bool) -> None:
     of_people = load_people_truth(sample_folder() / "people" / "truth.json")
     of_contacts = load_truth(sample_folder() / "chains" / "truth.json")
     of_roadside = load_truth(sample_folder() / "roadside" / "truth.json")
-    storage = Workspace.open(root).storage
+    storage = Workspace.open(root, to_read=True).storage
     complaints = Complaints()
     keys = [*truth.by_key, *of_contacts.by_key, *of_roadside.by_key, *(crash.key for crash in of_people.crashes)]
     records = read_records(storage, keys, complain=complaints.hear)

@@ -26,7 +26,7 @@ def show(root: str, key: str, as_json: bool) -> None:
     from trace_dag.flow.standing import standing, valid_records
     from trace_dag.flow.workspace import Workspace
 
-    workspace = Workspace.open(root)
+    workspace = Workspace.open(root, to_read=True)
     registered(workspace, None, [key])
     records = valid_records(read_records(workspace.storage, [key])[key])
     said = _said(workspace, standing(key, records), records)

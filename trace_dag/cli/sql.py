@@ -9,6 +9,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, write_rows
+from trace_dag.disks import naming
 from trace_dag.errors import UserError
 
 
@@ -43,9 +44,10 @@ def sql(root: str, query: str, output: str, path: Path | None) -> None:
 
     if (path is not None) != (output in FORMATS):
         raise UserError(f"sql: --output FILE goes with --format {', '.join(FORMATS)}, and each of them needs it")
-    names, rows = ask(Workspace.open(root).warehouse, query)
+    names, rows = ask(Workspace.open(root, to_read=True).warehouse, query)
     if path is not None:
-        write_rows(path, output, names, rows)
+        with naming(path):
+            write_rows(path, output, names, rows)
         click.echo(f"{path}  {len(rows)} rows")
     elif output == "csv":
         write_csv(names, rows)

@@ -25,7 +25,7 @@ def status(root: str, as_json: bool, cohort: str | None) -> None:
     from trace_dag.flow.standing import FinalState, funnel
     from trace_dag.flow.workspace import Workspace
 
-    workspace = Workspace.open(root)
+    workspace = Workspace.open(root, to_read=True)
     storage, registry = workspace.storage, workspace.registry
     looks = look_at(workspace, registry.keys(cohort))
     crashes = {key: look.standing for key, look in looks.items()}

@@ -17,7 +17,7 @@ def tables(root: str, table: str | None) -> None:
     from trace_dag.flow.workspace import Workspace
     from trace_dag.warehouse.query import columns_of, tables_of
 
-    warehouse = Workspace.open(root).warehouse
+    warehouse = Workspace.open(root, to_read=True).warehouse
     if table is None:
         print_table(["table", "rows", "what it holds"], tables_of(warehouse))
         return

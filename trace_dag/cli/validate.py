@@ -41,7 +41,7 @@ def validate(root: str, cases: Path | None, as_json: bool) -> None:
     from trace_dag.studies.validation.recorded import read_recorded_crashes
     from trace_dag.studies.validation.staged import staged_results
 
-    settings = Workspace.open(root).settings.sim
+    settings = Workspace.open(root, to_read=True).settings.sim
     rows = compare_crashes(read_recorded_crashes(cases), settings) if cases is not None else []
     if as_json:
         if cases is None:

@@ -12,6 +12,7 @@ from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
+from trace_dag.disks import naming
 
 
 @click.command(
@@ -99,7 +100,8 @@ def vary(
             for case in stored:
                 try:
                     archive = zip_files(package_of(case), folder=case.case_id)
-                    (output / f"{case.case_id}.zip").write_bytes(archive)
+                    with naming(target := output / f"{case.case_id}.zip"):
+                        target.write_bytes(archive)
                 except Failure as failure:
                     complaints.hear(failure)
                 tell(case.case_id)

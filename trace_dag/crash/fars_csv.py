@@ -108,15 +108,18 @@ class _SortedTable:
             cases = pc.cast(pc.utf8_trim_whitespace(table["ST_CASE"]), pa.int64()).to_numpy()
         except pa.ArrowInvalid as error:
             raise UserError(f"{label}: a value of ST_CASE is not a number ({error})") from error
-        order = np.argsort(cases, kind="stable")
-        self.cases: NDArray[np.int64] = cases[order]
-        self.table = table.take(order)
+        self.cases: NDArray[np.int64] = cases
+        self.table = table
+        if (cases[1:] < cases[:-1]).any():  # NHTSA's are in order: no second copy of a national table
+            order = np.argsort(cases, kind="stable")
+            self.cases, self.table = cases[order], table.take(order)
 
     def rows(self, first: int, last: int, columns: Sequence[str] | None = None) -> Iterator[tuple[int, Row]]:
         """``ST_CASE`` and the values that are not blank of every row from case ``first`` to ``last``."""
         low, high = np.searchsorted(self.cases, [first, last + 1])
         part = self.table.slice(low, high - low)
-        names = [name for name in (columns or part.column_names) if name in part.column_names]
+        there = part.column_names  # made anew, of all columns, each time it is asked for
+        names = there if columns is None else [name for name in columns if name in there]
         values = [part[name].to_pylist() for name in names]
         for index, case in enumerate(self.cases[low:high].tolist()):
             row = {

@@ -52,6 +52,7 @@ NEEDED: Final = ("accident", "vehicle")
 MAX_TABLE_BYTES: Final = 2 * 1024**3
 """The largest national file, person.csv with labels, has about 0.1 GB."""
 
+_FOR_ONE_THREAD: Final = 2**20  # bytes: smaller tables are read before others have begun to help
 _YEAR_IN_NAME: Final = re.compile(r"(?<![0-9])(20[1-9][0-9])(?![0-9])")
 _NAME: Final = re.compile(r"[A-Z_][A-Z0-9_]*")
 
@@ -163,7 +164,9 @@ def read_table(file: CsvFile) -> pa.Table:
         try:
             table = arrow_csv.read_csv(
                 io.BytesIO(data),
-                read_options=arrow_csv.ReadOptions(encoding=encoding, column_names=names, skip_rows=1),
+                read_options=arrow_csv.ReadOptions(
+                    encoding=encoding, column_names=names, skip_rows=1, use_threads=len(data) > _FOR_ONE_THREAD
+                ),
                 convert_options=arrow_csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
             )
             return table.select([name for name in dict.fromkeys(names) if _NAME.fullmatch(name)])

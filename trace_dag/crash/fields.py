@@ -40,12 +40,14 @@ class Fields:
     """
 
     def __init__(self, element: etree._Element, where: str, year: int = 0) -> None:
-        self.element = element
         self.where = where
         self.year = year
         self._text: dict[str, str] = {}
+        self._lists: list[tuple[str, etree._Element]] = []
         for child in element:
-            if isinstance(child.tag, str) and len(child) == 0:
+            if isinstance(child.tag, str) and len(child) > 0:
+                self._lists.append((local_name(child).upper(), child))
+            elif isinstance(child.tag, str):
                 text = child.text or ""
                 if len(text) > MAX_TEXT:
                     raise malformed(
@@ -97,8 +99,8 @@ class Fields:
     def members(self, *lists: str) -> Iterator[etree._Element]:
         """The elements of a list below this one (``Vehicles``, ``Vsoes``), whatever their own name."""
         wanted = {name.upper() for name in lists}
-        for child in self.element:
-            if isinstance(child.tag, str) and local_name(child).upper() in wanted:
+        for name, child in self._lists:
+            if name in wanted:
                 if len(child) > MAX_MEMBERS:
                     raise malformed(
                         f"{self.where}: {local_name(child)} has {len(child)} entries; expected {MAX_MEMBERS} at most"
@@ -111,5 +113,5 @@ class Fields:
 
 
 def local_name(element: etree._Element) -> str:
-    """The element's name without its namespace."""
-    return etree.QName(element).localname
+    """The element's name without its namespace, which lxml writes before it in braces."""
+    return element.tag.rpartition("}")[2]

@@ -12,6 +12,7 @@ from typing import Final
 from trace_dag.errors import UserError
 
 _KEY: Final = re.compile(r"(?P<year>[12][0-9]{3})-(?P<case>[1-9][0-9]{4,5})")
+_SHOWN: Final = 40  # characters of what is none
 
 
 def crash_key(case_year: int, state_case: int) -> str:
@@ -37,7 +38,8 @@ def parse_key(key: str) -> tuple[int, int]:
     """
     match = _KEY.fullmatch(key)
     if match is None:
-        raise UserError(f"{key!r} is not a crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
+        shown = f"{key[:_SHOWN]!r}{'...' if len(key) > _SHOWN else ''}"
+        raise UserError(f"{shown} is not a crash key; expected <caseYear>-<stateCase>, such as 2023-510179")
     return int(match["year"]), int(match["case"])
 
 

@@ -19,3 +19,26 @@ async def send_bytes(
     all_headers = [(b"content-type", content_type.encode()), *headers]
     await send({"type": "http.response.start", "status": status, "headers": all_headers})
     await send({"type": "http.response.body", "body": body})
+
+
+async def read_body(receive: Receive, most_bytes: int) -> bytes | None:
+    """The body of a request; None as soon as there is more of it."""
+    body = bytearray()
+    more = True
+    while more:
+        message = await receive()
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+        if len(body) > most_bytes:
+            return None
+    return bytes(body)
+
+
+def again(body: bytes, receive: Receive) -> Receive:
+    """``receive`` for who asks next, beginning with a body that has been read."""
+    left = [body]
+
+    async def receive_again() -> Message:
+        return {"type": "http.request", "body": left.pop(), "more_body": False} if left else await receive()
+
+    return receive_again

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import http.client
 import importlib
+import json
 import os
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import click
 
-from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
+from trace_dag.definitions.asgi import App, Message, Receive, Send, again, read_body, send_bytes
 from trace_dag.definitions.site import PREFIX, Site
 from trace_dag.storage import Storage
 
@@ -31,6 +32,8 @@ _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
 _WITHOUT_EFFECT: Final = ("GET", "HEAD", "OPTIONS")
 _CODE: Final = ("-m", "trace_dag.definitions")
 _NAMED: Final = frozenset({b"op"})  # by this the UI names the question that is in the body
+_MOST_ASKED: Final = 2**24
+"""Bytes of a question: launching 100,000 partitions takes 2 MB."""
 _QUIET: Final = ("--log-level", "warning")
 
 
@@ -44,6 +47,13 @@ class Guard:
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it in a line."""
         refused = self._refused(scope) if scope["type"] in ("http", "websocket") else ""
+        if not refused and scope["type"] == "http" and scope["method"] == "POST" and _asks_graphql(scope):
+            body = await read_body(receive, _MOST_ASKED)
+            if body is None or _is_no_question(scope, body):
+                status, said = (413, f"at most {_MOST_ASKED} bytes") if body is None else (400, "a JSON object")
+                await send_bytes(send, status, f"trace-dag ui: a question to GraphQL is {said}\n".encode())
+                return
+            receive = again(body, receive)
         if not refused:
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
@@ -69,9 +79,23 @@ class Guard:
         navigates = headers.get(b"sec-fetch-mode") == ["navigate"] and scope["method"] in _WITHOUT_EFFECT
         if not navigates and headers.get(b"sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
             return "pages of other origins may not ask this server"
-        if scope["path"].rstrip("/").endswith("/graphql"):
+        if _asks_graphql(scope):
             return _refused_question(scope, headers)
         return ""
+
+
+def _asks_graphql(scope: Message) -> bool:
+    return str(scope["path"]).rstrip("/").endswith("/graphql")
+
+
+def _is_no_question(scope: Message, body: bytes) -> bool:
+    """Whether a body is none that Dagster can answer, which takes every JSON for an object."""
+    if not any(name.lower() == b"content-type" and b"json" in value.lower() for name, value in scope["headers"]):
+        return False
+    try:
+        return not isinstance(json.loads(body), dict)
+    except (ValueError, RecursionError):
+        return True
 
 
 def _refused_question(scope: Message, headers: dict[bytes, list[str]]) -> str:

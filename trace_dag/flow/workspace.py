@@ -49,12 +49,15 @@ class Workspace:
     executor: Executor | None = None
 
     @classmethod
-    def open(cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None) -> Workspace:
+    def open(
+        cls, root: str, flow: Flow = FLOW, overrides: Mapping[str, Any] | None = None, *, to_read: bool = False
+    ) -> Workspace:
         """The workspace of a root, with the root's ``settings.toml``, the environment and ``overrides`` over them.
 
-        Raises :class:`trace_dag.errors.UserError` for a root that cannot be used and settings that do not hold.
+        With ``to_read`` the root need not be writable. Raises :class:`trace_dag.errors.UserError` for a root that
+        cannot be used and settings that do not hold.
         """
-        storage = Storage.open(root)
+        storage = Storage.open(root, to_read=to_read)
         return cls(storage, _settings(storage, overrides), flow)
 
     def with_settings(self, overrides: Mapping[str, Any]) -> Workspace:
@@ -108,7 +111,7 @@ class Workspace:
 
 def settings_of(root: str) -> list[DescribedSetting]:
     """Every setting in force for a root, with where its value comes from."""
-    storage = Storage.open(root)
+    storage = Storage.open(root, to_read=True)
     return described_settings(_settings_file(storage), name=storage.path(SETTINGS_FILE))
 
 

@@ -15,7 +15,7 @@ def open_place(place: str | os.PathLike[str] | None) -> Crashes:
     """See :func:`trace_dag.open`."""
     text = storage_root() if place is None else os.fspath(place)
     if "://" in text and not text.startswith("file://"):
-        return Home(Workspace.open(text))
+        return Home(Workspace.open(text, to_read=True))
     path = Path(text.removeprefix("file://")).expanduser()
     if path.is_file():
         found = packed_in(ArchiveFiles.of(path, str(path)))
@@ -29,7 +29,7 @@ def open_place(place: str | os.PathLike[str] | None) -> Crashes:
         return packed
     if not (path / "cohorts").is_dir():
         raise UserError(f"{path}: a folder without {_EXPECTED}, and no storage root: no crash is registered in it")
-    return Home(Workspace.open(str(path)))
+    return Home(Workspace.open(str(path), to_read=True))
 
 
 _EXPECTED = "manifest.json (a package) or index.parquet (a release)"
