@@ -77,6 +77,10 @@ def test_another_likely_course_can_be_chosen_by_keyboard_and_by_address(tmp_path
         assert page.run(best) == pytest.approx(0.3)
         assert page.run(solid) == [1, 0.3, 0.3]
         assert "&course=1" in page.run(LINK)
+        page.run("show_pane('solid')")
+        press(page, "ArrowDown")
+        assert page.run("document.getElementById('stage').dataset.pane") == "plan", "where the course can be seen"
+        press(page, "ArrowUp")
         bodies = "courses[0].group.querySelectorAll('g')"
         moved = f"[...{bodies}].map((each) => Number(each.getAttribute('transform').match(/[-0-9.]+/)))"
         logged = "D.courses[0].bodies.map((body) => courses[0].at(body.number, 5).x)"

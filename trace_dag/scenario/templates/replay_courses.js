@@ -62,5 +62,11 @@ if (courses.length) {
   $("course").add(new Option("Best estimate, others faint", "best"));
   courses.forEach((course, k) => $("course").add(new Option(course.name[0].toUpperCase() + course.name.slice(1), String(k + 1))));
   $("course").add(new Option("Best estimate alone", "alone"));
-  $("course").addEventListener("change", () => { choose_course(); line.show(line.now); });
+  $("course").addEventListener("change", () => {
+    choose_course();
+    {% if in_3d %}
+    if (chosen_course() && shown === "solid") show_pane("plan"); // where the course can be seen
+    {% endif %}
+    line.show(line.now);
+  });
 }
