@@ -178,6 +178,20 @@ def test_dask_workers_in_other_processes_give_the_same_and_survive_a_dead_one(ma
     assert {event.key for event in events if event.failed} == {"2023-510012", "2023-510015"}
 
 
+def test_a_dask_cluster_that_stays_without_workers_ends_the_run_in_a_line():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+        executor = DaskExecutor(cluster.scheduler_address)
+        executor.most_without_workers_s = 0.0
+        for ask in (lambda: list(executor.run(abs, [-1, -2])), lambda: executor.alone(abs, -1)):
+            with pytest.raises(UserError, match=r"has had no workers for 0 s; start workers, then run again"):
+                ask()
+        cluster.scale(1)
+        assert executor.alone(abs, -1) == 1, "workers that come in time do the work"
+        assert {answer.result for answer in executor.run(abs, [-1, -2])} == {1, 2}
+        executor.close()
+
+
 def test_executor_by_settings():
     assert isinstance(make_executor(ExecutionSettings(executor="in_process")), InProcessExecutor)
     executor = make_executor(ExecutionSettings(executor="processes", workers=3))

@@ -33,6 +33,7 @@ R = TypeVar("R")
 _ATTEMPTS_ALONE = 2
 _LOOK_S = 1.0  # how often a pool looks after its workers
 _MOST_STOPPED_S = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
+_MOST_WITHOUT_WORKERS_S = 300.0  # a cluster that restarts its workers has some again by then
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,13 @@ def _end_with(lifeline: Connection) -> None:
 
 
 class DaskExecutor:
-    """The workers of a running Dask scheduler, which need nothing but this package and the storage root."""
+    """The workers of a running Dask scheduler, which need nothing but this package and the storage root.
+
+    A cluster may lose all its workers and get new ones. If it has none for :attr:`most_without_workers_s`, the run ends
+    with :class:`trace_dag.errors.UserError`; what was finished by then is stored.
+    """
+
+    most_without_workers_s = _MOST_WITHOUT_WORKERS_S
 
     def __init__(self, address: str | None) -> None:
         if not address:
@@ -272,16 +279,43 @@ class DaskExecutor:
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
         """See :class:`Executor`. Dask itself gives a dead worker's task to another, a few times."""
-        as_completed = importlib.import_module("distributed").as_completed
         under_way = {self._client.submit(function, task, pure=False): task for task in tasks}
-        for future in as_completed(list(under_way), loop=self._client.loop):
-            yield Answer(under_way.pop(future), self._result(future))
-            future.release()
+        while under_way:
+            for future in self._wait_for_some(list(under_way)):
+                yield Answer(under_way.pop(future), self._result(future))
+                future.release()
 
     def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
         """See :class:`Executor`."""
-        result: R | WorkerLost = self._result(self._client.submit(function, task, pure=False))
+        future = self._client.submit(function, task, pure=False)
+        self._wait_for_some([future])
+        result: R | WorkerLost = self._result(future)
         return result
+
+    def _wait_for_some(self, futures: list[Any]) -> set[Any]:
+        """The futures that are done, at least one of them."""
+        wait_for = importlib.import_module("distributed").wait
+        since_s: float | None = None  # when the cluster was first seen without workers, of the monotonic clock
+        while True:
+            try:
+                with self._client.as_current():
+                    done: set[Any] = wait_for(futures, timeout=_LOOK_S, return_when="FIRST_COMPLETED").done
+                return done
+            except CancelledError:  # the scheduler was lost with its tasks
+                return {future for future in futures if future.done()}
+            except TimeoutError:
+                since_s = None if self._has_workers() else since_s or time.monotonic()
+                if since_s is not None and time.monotonic() - since_s > self.most_without_workers_s:
+                    raise UserError(
+                        f"executor dask: the scheduler at {self._client.scheduler.address} has had no workers for "
+                        f"{self.most_without_workers_s:.0f} s; start workers, then run again: what was finished is kept"
+                    ) from None
+
+    def _has_workers(self) -> bool:
+        try:
+            return bool(self._client.nthreads())
+        except OSError:  # the scheduler does not answer
+            return False
 
     def close(self) -> None:
         """Leave the cluster as it is."""
