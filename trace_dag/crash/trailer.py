@@ -64,12 +64,12 @@ class Trailer:
         back_m = self.length_m / 2 - self.coupling_m
         return x - back_m * np.cos(heading_rad), y - back_m * np.sin(heading_rad), heading_rad
 
-    def following(self, puller: Poses, puller_length_m: float) -> FloatArray:
-        """Headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from in line with it at
-        the first: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar."""
+    def following(self, puller: Poses, puller_length_m: float, *, from_rad: float | None = None) -> FloatArray:
+        """Headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from a heading at the
+        first, else in line with it: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar."""
         x, y = self.hitch(puller, puller_length_m)
         x, y = x.tolist(), y.tolist()
-        heading = float(puller[2][0])
+        heading = float(puller[2][0]) if from_rad is None else from_rad
         headings = [heading]
         for k in range(1, len(x)):
             dx, dy = x[k] - x[k - 1], y[k] - y[k - 1]

@@ -7,14 +7,16 @@ belong here: the files that say it (:mod:`trace_dag.scenario.driving_files`, :mo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from trace_dag.crash.parties import trailer_body
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.lane_map import PathFollower, Route
 from trace_dag.geometry import FloatArray, Pose, arc_lengths
+from trace_dag.sim.towing import pulled_body
 from trace_dag.sim.types import Participant
 
 STEP_S: Final = 0.1
@@ -39,9 +41,9 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """One party without the crash. ``course`` has shape (n, 5), a row per :data:`STEP_S`, columns
-    :data:`COURSE_COLUMNS`, headings within half a turn. ``route`` and ``goal`` are None for people and for parked
-    vehicles, which nobody drives."""
+    """One body without the crash: a party, or the trailer of one. ``course`` has shape (n, 5), a row per
+    :data:`STEP_S`, columns :data:`COURSE_COLUMNS`, headings within half a turn. ``route`` and ``goal`` are None for
+    people, for parked vehicles and for trailers, which nobody drives."""
 
     participant: Participant
     is_parked: bool
@@ -51,7 +53,7 @@ class Drive:
 
     @property
     def number(self) -> int:
-        """The party's number."""
+        """The party's number, or the body's of a trailer."""
         return self.participant.number
 
     @property
@@ -61,8 +63,9 @@ class Drive:
 
 
 def drives_of(case: Case) -> tuple[Drive, ...]:
-    """What every party of a case was going to do, in its order."""
-    return tuple(_drive(case, each) for each in case.going_on)
+    """What every party of a case was going to do, in its order, then every trailer, which follows whoever pulls it."""
+    parties = tuple(_drive(case, each) for each in case.going_on)
+    return *parties, *(trailer for each in parties if (trailer := _trailer(each)) is not None)
 
 
 def course_of(participant: Participant, end_s: float) -> FloatArray:
@@ -86,6 +89,23 @@ def _drive(case: Case, participant: Participant) -> Drive:
     route = case.route(participant.number)
     last_s = (len(course) - 1) * STEP_S
     return Drive(participant, parked, course, route, Goal(_goal_pose(course, route), last_s - GOAL_S, last_s))
+
+
+def _trailer(drive: Drive) -> Drive | None:
+    """The trailer of a party, on the tractrix of its hitch from where it was at the start; None without one."""
+    puller, body = drive.participant, pulled_body(drive.participant)
+    if body is None or puller.trailer is None:
+        return None
+    x, y, z, heading, _ = drive.course.T
+    trailing = puller.trailer.following((x, y, heading), puller.body.length_m, from_rad=puller.trailer_heading_rad)
+    trailer_x, trailer_y, _ = puller.trailer.behind((x, y, heading), puller.body.length_m, trailing)
+    turned = np.remainder(trailing + math.pi, math.tau) - math.pi
+    hitch_x, hitch_y = puller.trailer.hitch((x, y, heading), puller.body.length_m)
+    ahead_mps = (np.gradient(hitch_x) * np.cos(trailing) + np.gradient(hitch_y) * np.sin(trailing)) / STEP_S
+    course = np.column_stack([trailer_x, trailer_y, z, turned, ahead_mps])
+    start = Pose(float(trailer_x[0]), float(trailer_y[0]), float(turned[0]), float(z[0]))
+    own = replace(puller, number=trailer_body(puller.number), body=body, initial_pose=start, trailer=None)
+    return Drive(own, drive.is_parked, course)
 
 
 def _goal_pose(course: FloatArray, route: Route) -> Pose:

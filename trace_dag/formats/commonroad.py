@@ -17,6 +17,7 @@ from typing import Final
 
 from lxml import etree
 
+from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import CrashRecord, VehicleClass
 from trace_dag.errors import UserError
 from trace_dag.evaluation.drives import (
@@ -43,6 +44,7 @@ _TYPES: Final[Mapping[VehicleClass, str]] = {
     VehicleClass.TRUCK: "truck",
     VehicleClass.LIGHT_TRUCK: "truck",
     VehicleClass.TRACTOR_TRAILER: "truck",
+    VehicleClass.TRAILER: "truck",
 }
 _FIGURES: Final = {
     BodyKind.PEDESTRIAN: "pedestrian",
@@ -129,7 +131,7 @@ def _scenario(record: CrashRecord, road: _Lanelets, own: Drive, drives: Sequence
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "critical")
     road.write_into(root)
     next_id = road.next_id
-    others = [each for each in drives if each.number != own.number]
+    others = [each for each in drives if party_of_body(each.number) != own.number]  # it pulls its own trailer
     for each in sorted(others, key=lambda each: not each.is_parked):  # those that stand come first
         _add_obstacle(root, next_id, each)
         next_id += 1

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from trace_dag.crash.parties import party_label
+from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.errors import UserError
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.drives import STEP_S, Drive, drives_of
@@ -59,14 +59,16 @@ class ScenarioNet:
         if not any(each.is_driven for each in drives):
             raise UserError("nobody drives in it")
         length = len(drives[0].course)
-        tracks = {party_label(each.number): _track(each) for each in drives}
+        ego = _ego(case, drives)
+        shown = [each for each in drives if each.number == ego or party_of_body(each.number) != ego]
+        tracks = {party_label(each.number): _track(each) for each in shown}  # without the trailer that the ego pulls
         metadata = {
             "dataset": _DATASET,
             "scenario_id": crash.key,
             "coordinate": "metadrive",
             "metadrive_processed": False,
             "ts": (np.arange(length) * STEP_S).astype(np.float32),
-            "sdc_id": party_label(_ego(case, drives)),
+            "sdc_id": party_label(ego),
             "object_summary": {name: _summary(name, track) for name, track in tracks.items()},
             "source_file": f"trace-dag {__version__}, FARS case {crash.key}",
             "map_attribution": case.network.attribution,

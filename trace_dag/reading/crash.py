@@ -215,7 +215,7 @@ class Crash:
     # --- what everybody was going to do ----------------------------------------------------------------------------
     @property
     def courses(self) -> pd.DataFrame:
-        """Where everybody would have been without the crash: a row per party and tenth of a second, columns
+        """Where everybody would have been without the crash: a row per party or trailer and tenth of a second, columns
         ``number``, ``time_s``, ``x_m``, ``y_m``, ``z_m`` (the middle of the body), ``heading_rad``, ``speed_mps``."""
         import numpy as np
         import pandas as pd

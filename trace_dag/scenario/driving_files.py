@@ -1,7 +1,8 @@
 """Files of a package for driving tools: ``lanes.json`` and ``courses.json``.
 
 The first has every drivable lane as points, with the lanes after and beside it. The second has the motion that every
-party would have had without the crash. Numbers are rounded to the centimetre (and a thousandth of a radian).
+party and every trailer would have had without the crash. Numbers are rounded to the centimetre (and a thousandth of a
+radian).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
-from trace_dag.crash.parties import party_label
+from trace_dag.crash.parties import party_label, party_of_body
 from trace_dag.evaluation.drives import (
     COURSE_COLUMNS,
     GOAL_HEADING_RAD,
@@ -41,6 +42,7 @@ _LANES: Final = {
     "left, right": "the lane directly beside it, and whether its traffic goes the same way",
 }
 _COURSES: Final = {
+    "pulled_by": "of a trailer: the party that pulls it; null of parties",
     "stands": "whether it is parked: nobody drives it, and its course is where it stands",
     "course": "where its middle would have been without the crash, every step_s from the start, and its speed, m/s",
     "route": "the lanes of lanes.json along which it was going; none where it starts in no lane",
@@ -111,9 +113,11 @@ def _rounded(values: FloatArray, decimals: int = 2) -> Any:
 
 
 def _party(drive: Drive) -> dict[str, Any]:
+    party = party_of_body(drive.number)
     course = drive.course[:1] if drive.is_parked else drive.course
     return {
         "name": party_label(drive.number),
+        "pulled_by": None if party == drive.number else str(party),
         "stands": drive.is_parked,
         "course": {
             name: _rounded(values, _DECIMALS.get(name, 2))
