@@ -60,5 +60,5 @@ def test_the_others_keep_to_their_courses() -> None:
 
 
 def test_striking_is_who_closes_in_faster() -> None:
-    assert drive(rear_end(), Replay(), 1).is_striking
-    assert not drive(rear_end(), Replay(), 2).is_striking
+    assert drive(rear_end(), Replay(), 1).role == "striking"
+    assert drive(rear_end(), Replay(), 2).role == "struck"

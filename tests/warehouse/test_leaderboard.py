@@ -15,15 +15,15 @@ def connection() -> duckdb.DuckDBPyConnection:
     """Two agents took both places in two crashes, one of them avoiding half; the third tried one, and avoided it."""
     connection = duckdb.connect()
     connection.execute(
-        "CREATE TABLE evaluations (agent TEXT, key TEXT, case_id TEXT, vehicle_number INTEGER, outcome TEXT, off_road_s"
-        " DOUBLE, wrong_way_s DOUBLE, recorded_delta_v_mps DOUBLE, delta_v_mps DOUBLE, max_deceleration_mps2 DOUBLE,"
-        " max_jerk_mps3 DOUBLE)"
+        "CREATE TABLE evaluations (agent TEXT, key TEXT, case_id TEXT, vehicle_number INTEGER, role TEXT, outcome TEXT,"
+        " off_road_s DOUBLE, wrong_way_s DOUBLE, recorded_delta_v_mps DOUBLE, delta_v_mps DOUBLE,"
+        " max_deceleration_mps2 DOUBLE, max_jerk_mps3 DOUBLE)"
     )
     for agent, outcomes in OUTCOMES.items():
         for number, outcome in enumerate(outcomes.split()):
             key = f"2023-{1 + number // 2}"
             connection.execute(
-                "INSERT INTO evaluations VALUES (?, ?, ?, ?, ?, 0, 0, 10, 5, 4, 9)",
+                "INSERT INTO evaluations VALUES (?, ?, ?, ?, NULL, ?, 0, 0, 10, 5, 4, 9)",
                 [agent, key, key, 1 + number % 2, outcome],
             )
     execute_sql(connection, "leaderboard")
@@ -33,6 +33,14 @@ def connection() -> duckdb.DuckDBPyConnection:
 def test_an_agent_that_tried_one_case_stands_below_those_that_drove_in_all(connection):
     ranked = connection.sql("SELECT agent, runs, cases FROM leaderboard").fetchall()
     assert ranked == [("careful", 4, 4), ("blind", 4, 4), ("trial", 1, 4)]
+
+
+def test_who_left_the_road_by_itself_is_no_case(connection):
+    connection.execute(
+        "INSERT INTO evaluations SELECT * REPLACE ('2023-9' AS key, '2023-9' AS case_id, 'departing' AS role)"
+        " FROM evaluations"
+    )
+    assert connection.sql("SELECT max(runs), max(cases) FROM leaderboard").fetchall() == [(4, 4)]
 
 
 def test_variations_are_no_cases(connection):

@@ -29,6 +29,7 @@ _FAULTS_SHOWN = 5
     epilog=examples(
         "trace-dag evaluate --agent my_module:MyAgent --ego striking",
         "trace-dag evaluate --variations --by road_topology",
+        "trace-dag evaluate --departures --agent idm",
         "trace-dag evaluate --agent my_module:MyAgent --split test --results results.json",
         "trace-dag evaluate --remove my_module:MyAgent",
     ),
@@ -55,6 +56,12 @@ _FAULTS_SHOWN = 5
     "--results",
     type=click.Path(dir_okay=False, path_type=Path),
     help="Also write the results of a --split to this file, to hand in: leaderboard add takes it.",
+)
+@click.option(
+    "--departures",
+    is_flag=True,
+    help="The crashes in which a vehicle left the road by itself instead: does the agent stay on it? Not on the "
+    "leaderboard.",
 )
 @click.option("--variations", is_flag=True, help="The stored variations of the crashes instead of the crashes.")
 @click.option(
@@ -111,6 +118,7 @@ def evaluate(
     only: tuple[str, ...],
     split: str | None,
     results: Path | None,
+    departures: bool,
     variations: bool,
     rate_hz: float,
     range_m: float,
@@ -149,6 +157,8 @@ def evaluate(
 
     if split and (only or variations):
         raise UserError("--split takes a part as a whole; leave --only and --variations away")
+    if departures and (split or variations):
+        raise UserError("--departures are no part of a --split, and have no --variations")
     if results and not split:
         raise UserError("--results goes with --split: what is handed in is of one part")
     sys.path.insert(0, str(Path.cwd()))  # where the module of an agent under development is
@@ -161,7 +171,7 @@ def evaluate(
         click.echo(f"{rows_removed} evaluations of {remove} removed")
         sys.exit(complaints.told())
     part = Split(split) if split else None
-    cases = verified_cases(workspace, cohort, only, split=part, complain=complaints.hear)
+    cases = verified_cases(workspace, cohort, only, split=part, departures=departures, complain=complaints.hear)
     if variations:
         from trace_dag.studies.cases import stored_variations
 

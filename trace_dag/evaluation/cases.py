@@ -16,6 +16,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.towing import pulled_body
 from trace_dag.sim.types import Body, Contact, Participant, SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.states.objects import FixedObject
 from trace_dag.states.paths import Path, straight, through_points
 from trace_dag.states.types import Trajectory
 
@@ -32,7 +33,8 @@ _EXTENSION_STEP_S = 1.0
 class Case:
     """A crash to drive in. ``participants`` start as recorded and plan past the impact, at ``impact_time_s``, as if it
     had not happened; ``recorded`` is the simulated crash. ``case_id`` is the crash's key or a
-    variation's. ``parked``: numbers of vehicles that nobody drives."""
+    variation's. ``parked``: numbers of vehicles that nobody drives. ``departed``: the vehicle that left the road by
+    itself, to strike one of the ``objects`` or to overturn; None where somebody met somebody."""
 
     case_id: str
     key: str
@@ -43,6 +45,8 @@ class Case:
     impact_time_s: float
     recorded: SimulationLog
     parked: frozenset[int] = frozenset()
+    departed: int | None = None
+    objects: tuple[FixedObject, ...] = ()
 
     @property
     def contact(self) -> Contact | None:
@@ -51,7 +55,10 @@ class Case:
 
     @property
     def pair(self) -> tuple[int, int]:
-        """Numbers of the two that collided first, the lower one first; of a near miss the first two participants."""
+        """Numbers of the two that collided first, the lower one first; of a near miss the first two participants; twice
+        the one that left the road by itself."""
+        if self.departed is not None:
+            return self.departed, self.departed
         contact = self.contact
         numbers = (contact.number_1, contact.number_2) if contact else [each.number for each in self.participants[:2]]
         low, high = sorted(numbers)
@@ -61,12 +68,18 @@ class Case:
     def striking(self) -> int:
         """Number of the one that closed in faster at the recorded contact; of a near miss the first one's."""
         contact = self.contact
-        if contact is None:
+        if contact is None or self.departed is not None:
             return self.pair[0]
         nx, ny = contact.normal_x, contact.normal_y  # from body 1 to body 2
         toward_2 = contact.velocity_1_mps[0] * nx + contact.velocity_1_mps[1] * ny
         toward_1 = -contact.velocity_2_mps[0] * nx - contact.velocity_2_mps[1] * ny
         return contact.number_2 if toward_1 > toward_2 else contact.number_1
+
+    def role(self, number: int) -> str:
+        """What a vehicle was in the crash: ``departing``, ``striking`` or ``struck``."""
+        if self.departed is not None:
+            return "departing"
+        return "striking" if number == self.striking else "struck"
 
     @cached_property
     def bodies(self) -> dict[int, Body]:
@@ -82,9 +95,12 @@ class Case:
 
     @cached_property
     def going_on(self) -> tuple[Participant, ...]:
-        """All participants with plans that reach the end of an evaluation."""
+        """All participants with plans that reach the end of an evaluation; of one that skids, as far as it was
+        planned: it slides on by itself."""
         return tuple(
             replace(each, trajectory=extended(each.trajectory, self.end_s + _EXTENSION_STEP_S))
+            if math.isinf(each.skids_from_s)
+            else each
             for each in self.participants
         )
 

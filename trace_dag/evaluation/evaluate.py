@@ -60,12 +60,13 @@ class Conditions:
 @dataclass(frozen=True)
 class Evaluation:
     """The result of one agent in one case. ``metrics`` is None and ``fault`` says why where the outcome is faulty.
-    ``is_striking``: of the two that collided first it is the one that closed in faster."""
+    ``role``: of the two that collided first, ``striking`` closed in faster, the other is ``struck``; ``departing`` left
+    the road by itself."""
 
     case_id: str
     key: str
     ego: int
-    is_striking: bool
+    role: str
     outcome: DriveOutcome
     metrics: Metrics | None = None
     fault: str = ""
@@ -73,12 +74,19 @@ class Evaluation:
 
 def evaluate(case: Case, ego: int, agent: Agent, conditions: Conditions, simulation: Simulation) -> Evaluation:
     """Run a case with an agent at the wheel of participant ``ego`` and measure it. A fault of the agent is a result."""
+    after_contact_s = _AFTER_CONTACT_S if case.departed is None else None  # it may overturn later
     try:
-        log = run(case, ego, agent, conditions, simulation, after_contact_s=_AFTER_CONTACT_S)
+        log = run(case, ego, agent, conditions, simulation, after_contact_s=after_contact_s)
     except AgentFault as fault:
-        return Evaluation(case.case_id, case.key, ego, case.striking == ego, DriveOutcome.FAULTY, fault=str(fault))
+        return faulty(case, ego, str(fault))
     metrics = measure(case, ego, log)
-    return Evaluation(case.case_id, case.key, ego, case.striking == ego, outcome_of(metrics), metrics)
+    outcome = outcome_of(metrics, departed=case.departed is not None)
+    return Evaluation(case.case_id, case.key, ego, case.role(ego), outcome, metrics)
+
+
+def faulty(case: Case, ego: int, fault: str) -> Evaluation:
+    """The result of an agent that broke its side of the interface."""
+    return Evaluation(case.case_id, case.key, ego, case.role(ego), DriveOutcome.FAULTY, fault=fault)
 
 
 def run(
@@ -97,4 +105,10 @@ def run(
     drivers: dict[int, Driver] = {ego: AgentDriver(agent, scenario, Sensor(ego, case.bodies, conditions.sensing, seed))}
     if conditions.traffic is Traffic.REACTIVE:
         drivers |= reactive_drivers(case, ego, period_s=scenario.period_s, seed=seed)
-    return simulation.run(case.going_on, time_limit_s=case.end_s, drivers=drivers, after_contact_s=after_contact_s)
+    return simulation.run(
+        case.going_on,
+        time_limit_s=case.end_s,
+        drivers=drivers,
+        after_contact_s=after_contact_s,
+        objects=case.objects,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,7 +13,7 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.conflicts import post_encroachment_time_s, time_to_contact_s
 from trace_dag.evaluation.rules import measure_rules
 from trace_dag.sim.outlines import Outline
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
+from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
 
 _TTC_STEP_S = 0.1
 _SMOOTHED_S = 0.2  # accelerations are means over so long
@@ -60,16 +60,33 @@ class Metrics:
     max_deceleration_mps2: float
     max_lateral_mps2: float
     max_jerk_mps3: float
+    overturned: bool = False
+    recorded_overturned: bool = False
 
 
-def outcome_of(metrics: Metrics) -> DriveOutcome:
-    """The word for a run."""
+def outcome_of(metrics: Metrics, *, departed: bool = False) -> DriveOutcome:
+    """The word for a run; ``departed`` in the place of who left the road by itself."""
+    if departed:
+        return _of_departure(metrics)
     if not metrics.collided:
         return DriveOutcome.AVOIDED
     more_mps = metrics.delta_v_mps - metrics.recorded_delta_v_mps
     if abs(more_mps) <= max(_SAME_MPS, _SAME_REL * metrics.recorded_delta_v_mps):
         return DriveOutcome.SAME
     return DriveOutcome.WORSE if more_mps > 0 else DriveOutcome.SOFTENED
+
+
+def _of_departure(metrics: Metrics) -> DriveOutcome:
+    """Avoided by who stays on it, strikes nothing and does not
+    overturn. Overturning weighs more than delta-v; to leave the road without either is softer than the crash."""
+    if metrics.overturned != metrics.recorded_overturned:
+        harmless = not metrics.overturned and not metrics.collided
+        if harmless and metrics.off_road_s <= OFF_ROAD_S:
+            return DriveOutcome.AVOIDED
+        return DriveOutcome.WORSE if metrics.overturned else DriveOutcome.SOFTENED
+    if metrics.collided or metrics.overturned:
+        return outcome_of(replace(metrics, collided=True))
+    return DriveOutcome.SOFTENED if metrics.off_road_s > OFF_ROAD_S else DriveOutcome.AVOIDED
 
 
 def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
@@ -86,6 +103,8 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
     least_ttc_s, least_pet_s = (0.0, 0.0) if contact else _nearest_miss(own, others, log.bodies)
     return Metrics(
         collided=contact is not None,
+        overturned=overturned_at(own) is not None,
+        recorded_overturned=any(overturned_at(v) is not None for v in case.recorded.vehicles if v.number == ego),
         contact_time_s=contact.time_s if contact else None,
         contact_shift_s=shift_s,
         contact_shift_m=shift_m,

@@ -114,9 +114,9 @@ class BeyondEdge:
             self._open, self._kerbed = opened.boundary, closed.boundary
 
     @property
-    def known(self) -> bool:
-        """Whether there is a map that says what is paved."""
-        return self._paved is not None
+    def slopes(self) -> bool:
+        """Whether any of it is not level."""
+        return bool(self._profiles) or self._open is not None
 
     def across(self, x_m: float, y_m: float) -> tuple[float, float] | None:
         """The direction across the nearest ditch or embankment of the report, to its far side; None without one."""

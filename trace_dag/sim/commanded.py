@@ -43,6 +43,11 @@ class CommandedVehicle(Vehicle):
         self._throttle = self._brake = 0.0
         self._wanted: Pedals | None = None
 
+    @property
+    def follows_plan(self) -> bool:
+        """Whether it has no command."""
+        return self._wanted is None
+
     def command(self, wanted: Pedals | None) -> None:
         """Set the command from now on; None follows the plan."""
         if self._wanted is None:

@@ -62,6 +62,8 @@ class Vehicle:
         "_limit_n",
         "_locked_wheels",
         "_mass",
+        "_outline",
+        "_outline_place",
         "_planned_steps",
         "_rear_floor_2",
         "_rear_grip_2",
@@ -109,6 +111,8 @@ class Vehicle:
         self.y = pose.y_m + model.cg_ahead_m * s
         self.z = pose.z_m
         self.heading = pose.heading_rad
+        self._outline_place = self.x, self.y, self.heading
+        self._outline = self.outline_at(*self._outline_place)
         self.yaw_rate = plan.rows[0][7] * speed  # it starts in the bend it is in
         self.vx = speed * c - model.cg_ahead_m * self.yaw_rate * s
         self.vy = speed * s + model.cg_ahead_m * self.yaw_rate * c
@@ -161,9 +165,17 @@ class Vehicle:
         x, y = self._rows[min(int(time_s / step_s), len(self._rows) - 1)][:2]
         return math.hypot(self.x - x, self.y - y)
 
+    @property
+    def follows_plan(self) -> bool:
+        """Whether it moves as planned, while it is not out of control."""
+        return True
+
     def outline(self) -> Outline:
         """The body's outline now."""
-        return self.outline_at(self.x, self.y, self.heading)
+        here = self.x, self.y, self.heading
+        if here != self._outline_place:  # asked for many times in one state
+            self._outline_place, self._outline = here, self.outline_at(*here)
+        return self._outline
 
     def outline_at(self, x_m: float, y_m: float, heading_rad: float) -> Outline:
         """The body's outline with its centre of gravity elsewhere."""

@@ -2,7 +2,8 @@
 
 Steps are taken in short parts while a vehicle may touch an object. Whoever strikes an object is no longer driven,
 unless it is driven over; a motorcycle falls even then. Beyond the carriageway tyres hold as on grass or gravel. A
-vehicle that skids moves along its trajectory exactly, however it is turned, until it strikes something.
+vehicle that skids moves along its trajectory exactly, however it is turned, until it strikes something; one that an
+agent drives does not skid.
 """
 
 from __future__ import annotations
@@ -105,16 +106,20 @@ class RoadsideRun(VehicleRun):
             self._roads[i], self._road_z_m[i] = vehicle.ground, vehicle.z
             paved = self._beyond.is_paved(vehicle.x, vehicle.y)
             self._on_soil[i] = not paved
-            bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y)
-            vehicle.z += bank.height_m
             friction = self._friction if paved else self._soft_friction
-            if vehicle.crashed and not bank.level:  # drivers hold their course on slopes that can be recovered from
-                vehicle.ground = _tilted(vehicle, bank)
-                friction *= _pressed(bank)
-            if self._beyond.known or not bank.level:
-                vehicle.stand_on(friction)
-            self._come_onto(i, vehicle)
+            vehicle.stand_on(friction)
+            if self._beyond.slopes:
+                self._stand_on_bank(i, vehicle, friction)
         self._bodies.set_heights([vehicle.z for vehicle in self._vehicles])
+
+    def _stand_on_bank(self, i: int, vehicle: Vehicle, friction: float) -> None:
+        """Take the height and the slope of the ground beyond the edge, where there is such."""
+        bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y)
+        vehicle.z += bank.height_m
+        if vehicle.crashed and not bank.level:  # drivers hold their course on slopes that can be recovered from
+            vehicle.ground = _tilted(vehicle, bank)
+            vehicle.stand_on(friction * _pressed(bank))
+        self._come_onto(i, vehicle)
 
     def _come_onto(self, i: int, vehicle: Vehicle) -> None:
         """What the ground does to a vehicle whose foremost corner has come to where it slopes otherwise.
@@ -192,7 +197,7 @@ class RoadsideRun(VehicleRun):
     def _carry(self, time_s: float) -> None:
         """Put every vehicle that skids, and has struck nothing yet, where its trajectory has it."""
         for vehicle in self._vehicles:
-            if vehicle.crashed or time_s < vehicle.skids_from_s:
+            if vehicle.crashed or time_s < vehicle.skids_from_s or not vehicle.follows_plan:
                 continue
             over = time_s >= vehicle.plan_end_s  # nothing was struck: it slides on by itself
             lost = vehicle.from_plan_m(time_s, self._step_s) > _JOINS_M
@@ -252,7 +257,7 @@ class RoadsideRun(VehicleRun):
         if again is None or obstacle.item.resistance is not Resistance.DRIVEN_OVER:
             self._struck.append(struck)
         falls = vehicle.model.body.vehicle_class is VehicleClass.MOTORCYCLE
-        skids = now_s >= vehicle.skids_from_s
+        skids = now_s >= vehicle.skids_from_s and vehicle.follows_plan
         rolls_over = obstacle.item.resistance is Resistance.DRIVEN_OVER
         vehicle.crashed = vehicle.crashed or falls or skids or not rolls_over
         if obstacle.item.code == _CURB:

@@ -92,6 +92,8 @@ def _case(case_id: str, crash: CrashArtefacts, hypothesis: Hypothesis, log: Simu
         impact_time_s=hypothesis.impact_time_s,
         recorded=log,
         parked=frozenset(each.number for each in crash.load(RECORD).vehicles if not each.in_transport),
+        departed=None if somebody_met(crash) else hypothesis.participants[0].vehicle_number,
+        objects=hypothesis.objects,
     )
 
 
@@ -103,9 +105,12 @@ def somebody_met(crash: CrashArtefacts) -> bool:
 def number_of(case: Case, role: AgentRole) -> int:
     """The number of the vehicle in a role of the recorded crash; of a near miss the first is the striking one.
 
-    Where one of the two is a person or parked, whom no agent drives, it is the other one in every role.
+    Where one of the two is a person or parked, whom no agent drives, it is the other one in every role, and so is
+    who left the road by itself.
     """
     first, second = case.pair
+    if case.departed is not None:
+        return case.departed
     if case.recorded.bodies[second].is_figure or second in case.parked:
         return first
     if first in case.parked:
@@ -125,11 +130,12 @@ def verified_cases(
     only: Collection[str],
     *,
     split: Split | None = None,
+    departures: bool | None = False,
     complain: Complaint = log_complaint,
 ) -> list[StoredCase]:
-    """The verified ones of the crashes asked for in which somebody met somebody; :class:`UserError` if there are none.
-    A vehicle that left the road by itself had nobody to react to. ``split`` takes one part of them, as a release of the
-    same crashes has it.
+    """The verified ones of the crashes asked for in which somebody met somebody, or those in which a vehicle left the
+    road by itself (``departures``; None: both); :class:`UserError` if there are none. ``split`` takes one part of
+    them, as a release of the same crashes has it.
 
     ``complain`` is called for damaged records: whether their crash is verified cannot be told.
     """
@@ -149,13 +155,17 @@ def verified_cases(
         cases = [case for case in cases if parts[case.key] is split]
         if not cases:
             raise UserError(f"none of the {len(parts)} verified crashes is in the part {split}")
-    met = [case for case in cases if somebody_met(case.files)]
-    if not met:
+    chosen = [case for case in cases if departures is None or somebody_met(case.files) is not departures]
+    if not chosen and departures:
+        raise UserError(
+            f"in none of the {len(cases)} verified crashes asked for did a vehicle leave the road by itself"
+        )
+    if not chosen:
         raise UserError(
             f"in none of the {len(cases)} verified crashes asked for did anybody meet somebody: a vehicle left the "
-            "road by itself, which leaves an agent nothing to react to"
+            "road by itself, which leaves an agent nothing to react to; evaluate --departures evaluates those"
         )
-    return met
+    return chosen
 
 
 def stored_variations(

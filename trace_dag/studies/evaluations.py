@@ -17,9 +17,8 @@ from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.cases import Case
-from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
+from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate, faulty
 from trace_dag.evaluation.isolation import Isolation
-from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.executors import available_cores
@@ -126,8 +125,7 @@ def evaluate_agents(
             if isinstance(found, StepLost):
                 case = load_case(stored)
                 ego = number_of(case, answer.step.role)
-                striking = case.striking == ego
-                found = Evaluation(stored.case_id, stored.key, ego, striking, DriveOutcome.FAULTY, fault=found.detail)
+                found = faulty(case, ego, found.detail)
             made = row(
                 results.labels[answer.step.name],
                 found,

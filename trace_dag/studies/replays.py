@@ -84,7 +84,7 @@ def replay_with(
 
     if len(agents) > 1 and replay_format != "html":
         raise UserError(f"--format {replay_format} shows one agent; several beside each other need --format html")
-    (stored,) = verified_cases(workspace, None, [key])
+    (stored,) = verified_cases(workspace, None, [key], departures=None)
     case = load_case(stored)
     simulation = backend(workspace.settings.sim).load(case.network, case.xodr, friction=case.friction)
     driven = [_driven(case, number_of(case, role), agent, traffic, simulation) for agent in agents]
@@ -115,7 +115,9 @@ def _driven(case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simu
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:
     """The outcome of a drive, in words."""
     metrics = measure(case, ego, log)
-    outcome = outcome_of(metrics)
+    outcome = outcome_of(metrics, departed=case.departed is not None)
+    if outcome is DriveOutcome.AVOIDED and case.departed is not None:
+        return "avoided, the vehicle stays on the road"
     if outcome is DriveOutcome.AVOIDED:
         return "avoided, nobody touches anybody"
     new, old = (mps_to_mph(each) for each in (metrics.delta_v_mps, metrics.recorded_delta_v_mps))

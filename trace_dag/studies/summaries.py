@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from trace_dag.crash.contacts import OF_CONTACTS
+from trace_dag.crash.departures import OF_DEPARTURES
 from trace_dag.crash.kind import OF_PERSONS, CrashKind
 from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
@@ -31,6 +32,7 @@ class StudyTable(NamedTuple):
 
 _FURTHER = {
     "mirrored": "its own, the side mirrored",
+    "object_moved": "its own, the object moved",
     "dropped": "its own, one contact dropped",
     "swapped": "its own, two contacts swapped",
     "parked_moved": "its own, the parked vehicle moved aside",
@@ -38,8 +40,8 @@ _FURTHER = {
 
 
 def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
-    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, one
-    contact dropped or two swapped, by cohort and kind of crash."""
+    """How many verdicts accept a crash's own report, others', and its own with one party late or mirrored, the
+    object moved, one contact dropped or two swapped, by cohort and kind of crash."""
     lines: list[tuple[Any, ...]] = []
     by_kind = {
         (cohort, kind): [row for row in rows if row.crash_kind == kind]
@@ -51,8 +53,10 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
         late = [row for row in rows if row.kind == "shifted"]
         people = kind in OF_PERSONS
         late_one = "the animal" if kind == CrashKind.ANIMAL else "the person" if people else "one vehicle"
+        departs = kind in OF_DEPARTURES
         further = {
-            "mirrored": people,
+            "mirrored": people or departs,
+            "object_moved": kind == CrashKind.FIXED_OBJECT,
             "dropped": kind in OF_CONTACTS,
             "swapped": kind in OF_CONTACTS,
             "parked_moved": kind == CrashKind.PARKED,
@@ -61,7 +65,7 @@ def controls_table(found: Mapping[str, Sequence[ControlRow]]) -> StudyTable:
             ("its own report", [row for row in rows if row.kind == "true"]),
             ("another crash's report", [row for row in rows if row.kind == "other_report"]),
             ("another that says something else", differ),
-            (f"its own, {late_one} late", late),
+            *(() if departs else ((f"its own, {late_one} late", late),)),
             *(
                 (_FURTHER[name], [row for row in rows if row.kind == name])
                 for name, applies in further.items()

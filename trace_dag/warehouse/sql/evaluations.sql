@@ -13,10 +13,12 @@ COMMENT ON COLUMN evaluations.agent IS 'Name of the agent, and of conditions oth
 COMMENT ON COLUMN evaluations.case_id IS 'Key of the crash, or of one of its variations';
 COMMENT ON COLUMN evaluations.key IS 'Key of the crash';
 COMMENT ON COLUMN evaluations.vehicle_number IS 'Vehicle the agent drove';
-COMMENT ON COLUMN evaluations.role IS 'striking, who closed in faster at the recorded contact, or struck';
+COMMENT ON COLUMN evaluations.role IS 'striking, who closed in faster at the recorded contact, struck, or departing';
 COMMENT ON COLUMN evaluations.outcome IS 'avoided, softened, same, worse or faulty';
 COMMENT ON COLUMN evaluations.fault IS 'What a faulty agent did';
-COMMENT ON COLUMN evaluations.collided IS 'Whether the vehicle of anybody touched another';
+COMMENT ON COLUMN evaluations.collided IS 'Whether the vehicle of anybody touched another, or a fixed object';
+COMMENT ON COLUMN evaluations.overturned IS 'Whether the agent''s vehicle overturned';
+COMMENT ON COLUMN evaluations.recorded_overturned IS 'Whether the same vehicle overturned in the recorded crash';
 COMMENT ON COLUMN evaluations.contact_time_s IS 'First contact, since the scenario began, s';
 COMMENT ON COLUMN evaluations.contact_shift_s IS 'First contact after the recorded one, s';
 COMMENT ON COLUMN evaluations.contact_shift_m IS 'First contact from the recorded one, m';

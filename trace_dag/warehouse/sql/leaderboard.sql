@@ -1,7 +1,7 @@
 -- Agents side by side, over all verified crashes they drove in (not their variations), best first: those that drove in
 -- every case that any of them did, then those that did not, whose figures are of other cases.
 CREATE VIEW leaderboard AS
-WITH asked AS (SELECT count(DISTINCT (key, vehicle_number)) AS cases FROM evaluations WHERE case_id = key)
+WITH asked AS (SELECT count(DISTINCT (key, vehicle_number)) AS cases FROM evaluations WHERE case_id = key AND role IS DISTINCT FROM 'departing')
 SELECT
     agent,
     count(*) AS runs,
@@ -17,7 +17,7 @@ SELECT
     median(max_deceleration_mps2) AS max_deceleration_median_mps2,
     median(max_jerk_mps3) AS max_jerk_median_mps3
 FROM evaluations, asked
-WHERE case_id = key
+WHERE case_id = key AND role IS DISTINCT FROM 'departing'
 GROUP BY agent, asked.cases
 ORDER BY runs < asked.cases, avoided / runs DESC, delta_v_saved_rel DESC, agent;
 

@@ -17,7 +17,7 @@ SELECT
     count(*) FILTER (outcome = 'faulty') AS faulty
 FROM evaluations
 JOIN classes USING (key)
-WHERE case_id = key
+WHERE case_id = key AND role IS DISTINCT FROM 'departing'
 GROUP BY agent, dimension, class
 ORDER BY agent, dimension, class;
 
