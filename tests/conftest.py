@@ -27,8 +27,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """One more than there are cores, which tests of what hangs, waits and starts left idle a quarter of the time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 1
+    """Two more than there are cores, which tests that wait for other processes would leave idle a third of the time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 2
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

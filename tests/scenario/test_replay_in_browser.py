@@ -157,6 +157,7 @@ def test_the_page_makes_the_same_glb_again_as_is_exported(tmp_path, replay):
     exported = replay_of(stored_crash(workspace, sample_runs.KEYS[0]), "glb")
     with Page(tmp_path / "profile") as page:
         page.open(f"{replay}#pane=plan")
+        page.wait("typeof model === 'function'")
         page.run("model().then((glb) => { window.made = Array.from(new Uint8Array(glb)) }), 0")
         page.wait("window.made !== undefined")
         assert bytes(page.run("window.made")) == exported

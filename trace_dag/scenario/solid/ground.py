@@ -136,7 +136,7 @@ class Terrain:
             area = _clean(shapely.difference(shapely.intersection(area, frame), covered))
             if not heights.level:
                 area = shapely.segmentize(area, _BORDER_M)
-            covered = shapely.union(covered, area)
+            covered = _clean(shapely.union(covered, area))
             raised = KERB_M if lane_type in _RAISED else 0.0
             self._parts[Material(SURFACES[lane_type])].append(heights.on(flat(area), raised))
             if raised:
@@ -168,19 +168,19 @@ class Terrain:
         decks: Sequence[tuple[shapely.Geometry, Heights]],
         areas: Sequence[tuple[Material, shapely.Geometry]],
     ) -> None:
-        ground = shapely.difference(shapely.box(*self._window), shapely.union(paved, self._dug))
+        ground = _clean(shapely.difference(shapely.box(*self._window), shapely.union(paved, self._dug)))
         for deck, heights in decks:  # where a bridge begins the ground is no higher than its underside
             below = flat(_clean(shapely.intersection(ground, deck)))
             if len(below.triangles):
                 z = np.minimum(self.heights.on(below).points_m[:, 2], heights.on(below, -_DECK_M).points_m[:, 2])
                 self._parts[_GRASS].append(Mesh(np.column_stack([below.points_m[:, :2], z]), below.triangles))
-                ground = shapely.difference(ground, deck)
+                ground = _clean(shapely.difference(ground, deck))
         for material, area in reversed(areas):
             piece = _clean(shapely.intersection(area, ground))
             if not piece.is_empty:
                 self._parts[material].append(self.heights.on(flat(piece)))
-                ground = shapely.difference(ground, piece)
-        self._parts[_GRASS].append(self.heights.on(flat(_clean(ground))))
+                ground = _clean(shapely.difference(ground, piece))
+        self._parts[_GRASS].append(self.heights.on(flat(ground)))
 
 
 def _levels(scene: MapScene) -> tuple[list[list[SeenSection]], list[list[SeenSection]]]:
@@ -277,7 +277,8 @@ def _united(outlines: Iterable[FloatArray]) -> shapely.Geometry:
 
 
 def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
-    """The polygons of a geometry, without slivers."""
+    """The polygons of a geometry, without slivers, and without the lines that are left where two surfaces meet in all
+    but the last digit: GEOS cannot cut a collection of polygons and lines everywhere."""
     polygons = [part for part in shapely.get_parts(area) if isinstance(part, shapely.Polygon) and part.area > 0.02]
     return shapely.MultiPolygon(polygons)
 
@@ -285,8 +286,6 @@ def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
 def _walls(area: shapely.Geometry, heights: Heights, low_m: float, high_m: float) -> Iterator[Mesh]:
     """Upright walls around an area, facing away from it."""
     for polygon in shapely.get_parts(area):
-        if not isinstance(polygon, shapely.Polygon):
-            continue  # a line along which two surfaces meet in all but the last digit
         for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
             corners = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(ring)))[:-1]
             z = heights.at(corners)
