@@ -87,6 +87,14 @@ def test_a_table_with_a_column_twice_is_no_table(tmp_path: Path) -> None:
         FarsCsvSource.open(tmp_path).listings()
 
 
+def test_a_carriage_return_within_the_first_line_of_a_table_is_said(tmp_path: Path) -> None:
+    (tmp_path / "accident.csv").write_bytes(b"ST_CASE,STA\rTE,YEAR\n510001,51,2023\n")
+    with pytest.raises(
+        UserError, match=r"accident.csv is not a readable CSV table: its first line: new-line character"
+    ):
+        FarsCsvSource.open(tmp_path).listings()
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "said"),
     [

@@ -152,7 +152,10 @@ def read_table(file: CsvFile) -> pa.Table:
 
     data = file.read()
     header = data[: data.find(b"\n") + 1 or len(data)].decode("latin-1").removeprefix("\xef\xbb\xbf")
-    names = [name.strip().upper() for name in next(csv.reader(io.StringIO(header)), [])]
+    try:
+        names = [name.strip().upper() for name in next(csv.reader(io.StringIO(header)), [])]
+    except csv.Error as error:  # a carriage return within the line, for example
+        raise UserError(f"{file.label} is not a readable CSV table: its first line: {error}") from error
     if "ST_CASE" not in names:
         raise UserError(f"{file.label}: no ST_CASE among its columns ({', '.join(names[:5])}, ...); expected FARS CSV")
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1 and _NAME.fullmatch(name)]
