@@ -153,6 +153,6 @@ def test_object_store_errors_are_waited_out_but_not_for_ever(monkeypatch):
 def test_a_file_of_an_object_store_is_read_with_one_request():
     pytest.importorskip("s3fs")
     with serving(lambda request, _: Answer(b"content of " + request.path.encode())) as server:
-        storage = Storage("s3://bucket/root", {"endpoint_url": server.url, "key": "test", "secret": "test"})
-        assert storage.read("a/b") == b"content of /bucket/root/a/b"
-    assert [(request.method, request.path) for request in server.requests] == [("GET", "/bucket/root/a/b")]
+        storage = Storage("s3://bucket/stored", {"endpoint_url": server.url, "key": "test", "secret": "test"})
+        assert storage.read("a/b") == b"content of /bucket/stored/a/b"
+    assert [(request.method, request.path) for request in server.requests] == [("GET", "/bucket/stored/a/b")]

@@ -96,9 +96,11 @@ class _Profile:
 
 
 class BeyondEdge:
-    """The ground around a place, where the vehicles of a crash go."""
+    """The ground where the vehicles of a crash go: around the first object, else around ``end``, where a way ends, at
+    its level."""
 
-    def __init__(self, network: RoadNetwork | None, objects: Sequence[FixedObject], place: Pose) -> None:
+    def __init__(self, network: RoadNetwork | None, objects: Sequence[FixedObject], end: Pose) -> None:
+        place = objects[0].pose if objects else end
         self._profiles = [_Profile.of(item) for item in objects if item.resistance is Resistance.SLOPE]
         self._paved = self._open = self._kerbed = None
         if network is None:

@@ -291,10 +291,9 @@ def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
 def _ground_beyond(
     network: RoadNetwork | None, objects: tuple[FixedObject, ...], participants: tuple[Participant, ...]
 ) -> BeyondEdge:
-    """The ground around the first object, else around the end of the first plan, at its level."""
+    """The ground around the first object, else around the end of the first plan."""
     t = participants[0].trajectory
-    place = Pose(float(t.x_m[-1]), float(t.y_m[-1]), 0.0, float(t.z_m[-1]))
-    return BeyondEdge(network, objects, objects[0].pose if objects else place)
+    return BeyondEdge(network, objects, Pose(float(t.x_m[-1]), float(t.y_m[-1]), 0.0, float(t.z_m[-1])))
 
 
 def _tilted(vehicle: Vehicle, bank: Bank) -> Ground:

@@ -66,7 +66,7 @@ def crash_glb(
     dug = [item for item in log.objects if item.resistance is Resistance.SLOPE]
     first = log.vehicles[0]
     rest = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
-    sides = BeyondEdge(network, log.objects, log.objects[0].pose if log.objects else rest)
+    sides = BeyondEdge(network, log.objects, rest)
     terrain = Terrain(scene, window, areas_of(surroundings, network.frame, window), ways, sides, dug)
     beside = beside_roads(surroundings, network.frame, terrain.heights, window)
     place = Node("place", extras={"trace_dag": {"kind": "place"}})
