@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from trace_dag.errors import Failure
-from trace_dag.sim.anthropometry import ridden_kg
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.figures import degrees, figure_mjcf, landmark_names
+from trace_dag.sim.figure_state import BodyTree, FigureState
+from trace_dag.sim.figures import figure_mjcf
 from trace_dag.sim.fronts import ShellBox, shell
 from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.rigid import RigidBodies, vehicle_bodies
@@ -41,7 +41,6 @@ _CARRIED_FRICTION = 0.3
 Cyclist Impact, 2009), so that people slide off the hood when the driver brakes."""
 _IMPLICIT_FROM_S = 0.004
 """Steps from which on velocities are integrated implicitly: limbs that spin in flight gain energy by explicit ones."""
-_LEAN_RAD = 0.03  # of what is ridden, to the right: exactly upright, nothing would tip it over without its rider
 _MOST_WHEEL_LOAD_N = 44_500.0
 """Load of the wheels on one side of an axle: half of 20,000 lb, the heaviest single axle on US interstates (23 CFR
 658.17); of a lighter vehicle a quarter of its weight."""
@@ -90,22 +89,22 @@ class Scene(RigidBodies):
         for j, (segments, parts) in enumerate(self._segments):
             self._owner |= {geom(name): len(models) + j for name in (*segments, *parts)}
         self._trees = [
-            _Tree(mujoco, model, self._data, name, person)
+            BodyTree(mujoco, model, self._data, name, person)
             for j, person in enumerate(people)
             for name in ((f"p{j}", f"p{j}_ridden") if self._segments[j][1] else (f"p{j}",))
         ]
         self._tree_of = {shape: tree for tree in self._trees for shape in tree.geoms}
-        self._pushed: dict[_Tree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
-        self._carried: dict[_Tree, float] = {}  # by the road in the last step: normal force, N
-        self._pressed: dict[tuple[tuple[int, int], _Tree], list[PersonTouch]] = {}  # down, by a vehicle
-        self._rolled_ns: dict[tuple[int, _Tree], float] = {}  # how hard a vehicle has pushed who lies before it
+        self._pushed: dict[BodyTree, tuple[float, float, float]] = {}  # by whatever it touched in the last step, N
+        self._carried: dict[BodyTree, float] = {}  # by the road in the last step: normal force, N
+        self._pressed: dict[tuple[tuple[int, int], BodyTree], list[PersonTouch]] = {}  # down, by a vehicle
+        self._rolled_ns: dict[tuple[int, BodyTree], float] = {}  # how hard a vehicle has pushed who lies before it
         self._wheel_loads_n = [min(m.body.mass_kg * GRAVITY_MPS2 / 4, _MOST_WHEEL_LOAD_N) for m in models]
         self._shells = []
         for i, vehicle in enumerate(models):
             geoms = np.array([geom(f"v{i}_{k}") for k in range(len(shell(vehicle.body)))])
             self._shells.append((geoms, model.geom_pos[geoms].copy()))
         self._planes = [geom(f"road{j}") for j in range(len(people))]
-        self._figures = [_Figure(mujoco, model, self._data, j, person) for j, person in enumerate(people)]
+        self._figures = [FigureState(mujoco, model, self._data, j, person) for j, person in enumerate(people)]
 
     # --- the road ----------------------------------------------------------------------------------------------
     def stand_on_road(self, vehicles: Sequence[Vehicle]) -> None:
@@ -218,7 +217,7 @@ class Scene(RigidBodies):
                 rolls = (pair[0], tree)
                 self._rolled_ns[rolls] = self._rolled_ns.get(rolls, 0.0) + math.hypot(force[0], force[1]) * over_s
 
-    def _push(self, tree: _Tree, force: tuple[float, ...]) -> None:
+    def _push(self, tree: BodyTree, force: tuple[float, ...]) -> None:
         before = self._pushed.get(tree, (0.0, 0.0, 0.0))
         self._pushed[tree] = (before[0] + force[0], before[1] + force[1], before[2] + force[2])
 
@@ -256,12 +255,12 @@ class Scene(RigidBodies):
                 self._model.pair_margin[self._meetings(vehicle, tree)] = -math.inf  # they no longer meet
                 del self._rolled_ns[vehicle, tree]
 
-    def _meetings(self, vehicle: int, tree: _Tree) -> Any:
+    def _meetings(self, vehicle: int, tree: BodyTree) -> Any:
         """Which of the model's pairs of shapes are of a vehicle and a person: an array of truths."""
         shapes, one, two = self._shells[vehicle][0], self._model.pair_geom1, self._model.pair_geom2
         return (np.isin(one, shapes) & np.isin(two, tree.geoms)) | (np.isin(two, shapes) & np.isin(one, tree.geoms))
 
-    def _lies(self, tree: _Tree) -> bool:
+    def _lies(self, tree: BodyTree) -> bool:
         return bool(self._data.subtree_com[tree.body_id][2] - tree.person.z < _LIES_BELOW_M)
 
     def _settle_velocities(self, step_s: float) -> None:
@@ -329,124 +328,6 @@ class Scene(RigidBodies):
             f'<option gravity="0 0 {-GRAVITY_MPS2!r}" integrator="implicit" cone="elliptic"/>'
             f"<worldbody>{roads}{vehicles}{figures}</worldbody><contact>{pairs}</contact></mujoco>"
         )
-
-
-class _Tree:
-    """A person, or what a person rides, in MuJoCo's memory: a free root and what hangs on it."""
-
-    def __init__(self, mujoco: Any, model: Any, data: Any, name: str, person: Person) -> None:
-        self.person = person
-        self.velocity = (0.0, 0.0, 0.0)
-        """Of its centre of mass, after the last step."""
-        self.body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
-        self.mass_kg = float(model.body_subtreemass[self.body_id])
-        self.size_m = person.model.body.height_m
-        self.geoms = [k for k in range(model.ngeom) if model.body_rootid[model.geom_bodyid[k]] == self.body_id]
-        degrees = [k for k in range(model.nv) if model.body_rootid[model.dof_bodyid[k]] == self.body_id]
-        self.rates = data.qvel[degrees[0] : degrees[-1] + 1]
-
-
-class _Figure:
-    """The places of a person's figure in MuJoCo's arrays."""
-
-    def __init__(self, mujoco: Any, model: Any, data: Any, index: int, person: Person) -> None:
-        body_id = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"p{index}"))
-        self._body_id = body_id
-        self._data = data
-        joint = int(model.body_jntadr[body_id])
-        start, rate = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        of_pose, of_rates = degrees(person.model.body)
-        self._pose, self._rates = data.qpos[start : start + of_pose], data.qvel[rate : rate + of_rates]
-        self._rides = ridden_kg(person.model.body) > 0
-        names = landmark_names(person.model.body)
-        first = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"p{index}_at_{names[0]}"))
-        self._points = data.site_xpos[first : first + len(names)]
-        end, last = start + of_pose, rate + of_rates
-        self._ridden = (data.qpos[end : end + 7], data.qvel[last : last + 6]) if self._rides else None
-        self._angles: tuple[float, float, float] | None = None
-        # Where the centre of mass is ahead of the pelvis while nobody has touched it: it is what the plan moves.
-        posture = person.walking_posture(0.0)
-        self._upright = posture.pelvis
-        self._ahead_m = 0.0
-        self.carry(person, 0.0)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        off_x, off_y = data.subtree_com[body_id][0] - person.x, data.subtree_com[body_id][1] - person.y
-        self._ahead_m = off_x * math.cos(person.heading) + off_y * math.sin(person.heading)
-
-    def carry(self, person: Person, time_s: float) -> None:
-        posture = person.walking_posture(time_s)
-        c, s = math.cos(person.heading), math.sin(person.heading)
-        x, y = person.x - self._ahead_m * c, person.y - self._ahead_m * s
-        height = person.standing_height(posture)
-        half = person.heading / 2
-        turned = _times((math.cos(half), 0.0, 0.0, math.sin(half)), posture.pelvis)
-        self._pose[:] = (x, y, self._road_z(person, x, y) + height, *turned, *posture.pose())
-        self._rates[:] = 0.0
-        self._rates[:2] = (person.vx, person.vy)
-        if self._ridden is not None:
-            pose, rates = self._ridden
-            c, s, up = math.cos(half), math.sin(half), math.cos(_LEAN_RAD / 2)
-            lean = math.sin(_LEAN_RAD / 2)
-            pose[:3] = (person.x, person.y, self._road_z(person, person.x, person.y))
-            pose[3:] = (c * up, c * lean, s * lean, s * up)
-            rates[:] = 0.0
-            rates[:2] = (person.vx, person.vy)
-
-    @staticmethod
-    def _road_z(person: Person, x: float, y: float) -> float:
-        return person.z + person.ground.slope_x * (x - person.x) + person.ground.slope_y * (y - person.y)
-
-    def follow(self, person: Person) -> None:
-        person.x, person.y = self._pose[:2].tolist()
-        person.vx, person.vy = self._rates[:2].tolist()
-
-    def _fastest(self) -> tuple[float, float]:
-        """Speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
-        speed = float(np.linalg.norm(self._rates[:3]))
-        if self._ridden is not None:
-            speed = max(speed, float(np.linalg.norm(self._ridden[1][:3])))
-        return speed, float(np.abs(self._rates[3:]).max())
-
-    def look(self, person: Person, time_s: float) -> None:
-        data = self._data
-        centre, pitch, roll = data.subtree_com[self._body_id], 0.0, 0.0
-        if person.crashed:
-            yaw, pitch, roll = self._turned(data.xmat[self._body_id].tolist(), person)
-            x, y = float(centre[0]), float(centre[1])
-            person.z = self._road_z(person, x, y)
-            person.x, person.y = x, y
-            person.vx, person.vy = data.subtree_linvel[self._body_id][:2].tolist()
-            person.heading = yaw
-            person.look_for_rest(*self._fastest(), time_s)
-            person.yaw_rate = float(data.cvel[self._body_id][2])
-        landmarks = (self._points - (person.x, person.y, person.z)).round(3).ravel().tolist()
-        person.posture = (float(centre[2]) - person.z, pitch, roll, *landmarks)
-
-    def _turned(self, matrix: list[float], person: Person) -> tuple[float, float, float]:
-        """Heading, pitch and roll of the pelvis against how it was held before: of the two ways to say the same the
-        one nearer to what was said last, so that a body on its back does not seem to turn about."""
-        c, s = math.cos(self._upright), math.sin(self._upright)
-        # Columns of the matrix turned back about the left axis.
-        m00, m10, m20 = (matrix[3 * k] * c + matrix[3 * k + 2] * s for k in range(3))
-        m22 = matrix[8] * c - matrix[6] * s
-        m21 = matrix[7]
-        yaw, pitch, roll = math.atan2(m10, m00), math.asin(max(-1.0, min(1.0, -m20))), math.atan2(m21, m22)
-        last = self._angles or (person.heading, 0.0, 0.0)
-        ways = [(yaw, pitch, roll), (yaw + math.pi, math.pi - pitch, roll + math.pi)]
-        near = [
-            tuple(was + math.remainder(now - was, math.tau) for was, now in zip(last, way, strict=True)) for way in ways
-        ]
-        best = min(near, key=lambda way: sum(abs(now - was) for was, now in zip(last, way, strict=True)))
-        self._angles = (best[0], best[1], best[2])
-        return self._angles
-
-
-def _times(quaternion: tuple[float, float, float, float], about_left: float) -> tuple[float, ...]:
-    """A turn about the vertical, and then one about the body's own left axis."""
-    w, _, _, z = quaternion
-    c, s = math.cos(about_left / 2), math.sin(about_left / 2)
-    return w * c, -z * s, w * s, z * c
 
 
 def _shell_mjcf(number: int, model: VehicleModel) -> str:
