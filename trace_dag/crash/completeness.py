@@ -75,12 +75,12 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
 
     Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
     """
-    kinds = () if settings.kinds is None else (of_kinds(settings.kinds),)
-    vehicles = () if settings.vehicles is None else (number_of_vehicles(settings.vehicles),)
-    return (*kinds, *vehicles, *(element_among(element, codes) for element, codes in settings.filters.items()))
+    kinds = () if settings.kinds is None else (_of_kinds(settings.kinds),)
+    vehicles = () if settings.vehicles is None else (_number_of_vehicles(settings.vehicles),)
+    return (*kinds, *vehicles, *(_element_among(element, codes) for element, codes in settings.filters.items()))
 
 
-def element_among(element: str, codes: Collection[int]) -> Rule:
+def _element_among(element: str, codes: Collection[int]) -> Rule:
     """A FARS element, such as ``LGT_COND``, must have one of these codes: the crash's, or every vehicle's in transport.
 
     A crash that does not report the element is left out. Raises :class:`UserError` for an element no record holds.
@@ -109,7 +109,7 @@ def _coded_columns(columns: Iterable[Column]) -> dict[str, str]:
     return {element: column.name for column in coded for element in column.source.split(", ") if element}
 
 
-def of_kinds(names: Collection[str]) -> Rule:
+def _of_kinds(names: Collection[str]) -> Rule:
     """A crash must be of one of these kinds. Raises :class:`UserError` for an unknown name."""
     strange = [name for name in names if name not in set(CrashKind)]
     if strange:
@@ -122,7 +122,7 @@ def of_kinds(names: Collection[str]) -> Rule:
     return Rule("kinds", Reason.OUTSIDE_COHORT, f"kind of crash is {wanted}", shortcoming)
 
 
-def number_of_vehicles(wanted: int) -> Rule:
+def _number_of_vehicles(wanted: int) -> Rule:
     """A crash must involve that many motor vehicles in transport."""
 
     def shortcoming(record: CrashRecord) -> str | None:
@@ -141,7 +141,7 @@ def number_of_vehicles(wanted: int) -> Rule:
     )
 
 
-def trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
+def _trajectory_known(record: CrashRecord, vehicle: VehicleRecord, partner: VehicleRecord | None) -> bool:
     """Whether any field tells how the vehicle came to the crash: its own, its partner's, or the crash's.
 
     One that stood or was struck from behind needs no field of its own: it stood, or was ahead of its partner.
@@ -205,7 +205,7 @@ def _course_of_persons(record: CrashRecord) -> str | None:
     """Every person or animal was struck by a vehicle whose course is known, the first one at a place that is known."""
     strikes = strikes_of(record)
     for strike in strikes:
-        if not trajectory_known(record, strike.vehicle, None):
+        if not _trajectory_known(record, strike.vehicle, None):
             return _untold_course(strike.vehicle)
     zone_told = REL_ROAD.known(record.road_relation_code) is not None
     if not strikes or strikes[0].person.place_code is not None or zone_told:
@@ -222,7 +222,7 @@ def _course_of_vehicles(record: CrashRecord) -> str | None:
         return "the report lists no vehicle, so that nothing tells how any of them moved"
     for index, vehicle in enumerate(vehicles):
         partner = vehicles[1 - index] if len(vehicles) == 2 else None
-        if not trajectory_known(record, vehicle, partner):
+        if not _trajectory_known(record, vehicle, partner):
             return _untold_course(vehicle)
     return None
 

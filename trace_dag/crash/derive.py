@@ -126,7 +126,7 @@ _FRONT, _REAR = 12, 6
 _FRONT_TO_REAR, _FRONT_TO_FRONT, _REAR_TO_REAR = 1, 2, 10
 
 
-def implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
+def _implied_impact_of_manner(man_coll: int | None, partner: ImpactArea | None) -> ImpactArea | None:
     """The area that ``MAN_COLL`` says was struck, given that of the other vehicle."""
     if man_coll == _FRONT_TO_FRONT:
         return impact_area(_FRONT)
@@ -183,7 +183,7 @@ def with_impacts(
     }
     for vehicle, partner in (pair, pair[::-1]) if pair else ():
         if found[vehicle.number].impact is None:
-            area = implied_impact_of_manner(man_coll, found[partner.number].impact)
+            area = _implied_impact_of_manner(man_coll, found[partner.number].impact)
             if area is None and not _harmful_before(vehicle.number, events, None):
                 area = implied_impact_of_damage(vehicle.damaged_areas)
             if area is not None:

@@ -113,7 +113,7 @@ class FarsRelease:
     def table(self, name: str) -> pa.Table | None:
         """A table with upper-case column names and every value as text, None if the release has no such file."""
         file = self.files.get(name)
-        return None if file is None else read_table(file)
+        return None if file is None else _read_table(file)
 
 
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
@@ -145,7 +145,7 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     return releases
 
 
-def read_table(file: CsvFile) -> pa.Table:
+def _read_table(file: CsvFile) -> pa.Table:
     """A CSV file as text columns with upper-case names. Raises UserError with the file and what is wrong in it."""
     import pyarrow as pa
     from pyarrow import csv as arrow_csv

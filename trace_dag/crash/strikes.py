@@ -66,7 +66,7 @@ def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
         return ()
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
     found: list[Strike] = []
-    for event in strike_events(record):
+    for event in _strike_events(record):
         assert event.party_1 is not None
         vehicle, person = vehicles[event.party_1], _struck(record, event)
         assert person is not None
@@ -92,7 +92,7 @@ def untold_strike(record: CrashRecord) -> str | None:
     """
     if not is_of_strikes(record):
         return None
-    events = strike_events(record)
+    events = _strike_events(record)
     if not events:
         moving = sum(vehicle.in_transport for vehicle in record.vehicles)
         return (
@@ -108,7 +108,7 @@ def untold_strike(record: CrashRecord) -> str | None:
     return None
 
 
-def strike_events(record: CrashRecord) -> tuple[EventRecord, ...]:
+def _strike_events(record: CrashRecord) -> tuple[EventRecord, ...]:
     """The events in which a person was struck, or the animal; what the first harmful event implies where the report
     lists none."""
     animal = record.kind is CrashKind.ANIMAL
@@ -125,12 +125,12 @@ def strike_events(record: CrashRecord) -> tuple[EventRecord, ...]:
 def _struck(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
     """Whom an event was with: the one named, or one not listed; None if that cannot be told."""
     if event.code == codes.LIVE_ANIMAL:
-        first = strike_events(record)[0]
+        first = _strike_events(record)[0]
         return StruckAnimal(first.number if first.party_2 is None else first.party_2 - thing_party(0))
     named = next((person for person in record.non_motorists if person.party == event.party_2), None)
     if named is not None or record.non_motorists:
         return named if named is not None else _only(record, event)
-    codes_struck = list(dict.fromkeys(each.code for each in strike_events(record)))
+    codes_struck = list(dict.fromkeys(each.code for each in _strike_events(record)))
     return NonMotorist(1 + codes_struck.index(event.code), _PERSON_TYPE[event.code])
 
 

@@ -35,7 +35,7 @@ def parse_untrusted(data: bytes, *, name: str, repair: bool = False) -> tuple[et
     >>> parse_untrusted(b"<ROAD>Main & Elm</ROAD>", name="crash.xml", repair=True)[0].text
     'Main & Elm'
     """
-    check_harmless(data, name=name)
+    _check_harmless(data, name=name)
     try:
         return etree.fromstring(data, _parser()), False
     except etree.XMLSyntaxError as error:
@@ -53,14 +53,14 @@ def parse_leniently(data: bytes, *, name: str) -> etree._Element | None:
     >>> parse_leniently(b"<ROAD>Main", name="crash.xml").text
     'Main'
     """
-    check_harmless(data, name=name)
+    _check_harmless(data, name=name)
     try:
         return etree.fromstring(data, _parser(recover=True))
     except etree.XMLSyntaxError:
         return None
 
 
-def check_harmless(data: bytes, *, name: str) -> None:
+def _check_harmless(data: bytes, *, name: str) -> None:
     """Raises :class:`Rejection` for files too large or too full of markup to be a report, or with a document type."""
     if len(data) > MAX_REPORT_BYTES:
         raise Rejection(

@@ -64,7 +64,7 @@ class OverpassSource:
         return {site.key: _extract(site, settings, self._download, "Overpass") for site in sites}
 
     def _download(self, box: BoundingBox, nearer: BoundingBox) -> bytes:
-        query = {"data": overpass_query(box, nearer)}
+        query = {"data": _overpass_query(box, nearer)}
         failures: list[Failure] = []
         for endpoint in self.endpoints:
             try:
@@ -115,7 +115,7 @@ class _Download(Protocol):
     def __call__(self, box: BoundingBox, nearer: BoundingBox) -> bytes: ...
 
 
-def overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
+def _overpass_query(box: BoundingBox, nearer: BoundingBox) -> str:
     """Overpass QL for the drivable ways and walkways of a box, their nodes, and the restrictions they are in; and for
     the things beside roads in a ``nearer`` box."""
     bbox, nearer_bbox = _corners(box), _corners(nearer)

@@ -89,7 +89,7 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
         placement=placement,
         gates=gates,
         comparisons=comparisons,
-        structures=find_structures(network, placement),
+        structures=_find_structures(network, placement),
         roads=sum(road.junction_id is None for road in network.roads),
         junctions=len(network.junctions),
         attribution=extract.attribution,
@@ -107,7 +107,7 @@ def road_converter(settings: RoadSettings) -> Converter:
     return converter
 
 
-def find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:
+def _find_structures(network: RoadNetwork, placement: CrashPlacement) -> tuple[Structure, ...]:
     """Bridges and tunnels near the crash, nearest first, one entry per road."""
     nearest: dict[str, Structure] = {}
     for match in network.nearest_lanes(placement.x_m, placement.y_m, STRUCTURES_WITHIN_M):

@@ -17,7 +17,7 @@ from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
 from trace_dag.sim.types import BodyKind
 
 if TYPE_CHECKING:
-    from trace_dag.geometry import FloatArray, Pose
+    from trace_dag.geometry import FloatArray
     from trace_dag.sim.types import Body, VehicleLog
 
 _PLACE: Final = {name: k for k, name in enumerate((*LANDMARKS, *RIDDEN_LANDMARKS))}
@@ -103,11 +103,6 @@ def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> FigureSh
         head=place + 0.05 * along,
         ridden=_ridden(place + hub, place - hub, bar, body) if rides else np.empty((0, 2, 2)),
     )
-
-
-def pose_shape(pose: Pose, body: Body) -> FigureShape:
-    """As :func:`upright_shape`."""
-    return upright_shape(np.array(pose.xy_m), pose.heading_rad, body)
 
 
 def _ahead(heading_rad: float) -> tuple[float, float]:

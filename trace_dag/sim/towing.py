@@ -68,7 +68,7 @@ class Towed(Vehicle):
     def _roll_on(self) -> None:
         """Move as what pulls it makes it move: without sliding sideways on its axles."""
         puller, model = self.puller, self.model
-        behind_m = hitch_behind_cg_m(puller.model, self.trailer)
+        behind_m = _hitch_behind_cg_m(puller.model, self.trailer)
         hitch_vx = puller.vx + behind_m * puller.yaw_rate * math.sin(puller.heading)
         hitch_vy = puller.vy - behind_m * puller.yaw_rate * math.cos(puller.heading)
         c, s = math.cos(self.heading), math.sin(self.heading)
@@ -119,7 +119,7 @@ def whole_kg(vehicle: Vehicle) -> float:
     return puller.model.body.mass_kg + puller.model.pulled_kg
 
 
-def hitch_behind_cg_m(model: VehicleModel, trailer: Trailer) -> float:
+def _hitch_behind_cg_m(model: VehicleModel, trailer: Trailer) -> float:
     """How far behind its centre of gravity a vehicle is coupled."""
     return trailer.hitch_m - model.body.length_m / 2 + model.cg_ahead_m
 
@@ -132,7 +132,7 @@ class Hitch:
         assert isinstance(two, Towed)
         self._one, self._two = one, two
         self._i, self._j = 3 * puller, 3 * towed
-        self._behind_m = hitch_behind_cg_m(one.model, two.trailer)
+        self._behind_m = _hitch_behind_cg_m(one.model, two.trailer)
         self._ahead_m = two.model.front_axle_m
         self._most_rad = _MOST_ARTICULATION_RAD[two.trailer.is_semitrailer]
         self._per_mass = 1.0 / one.model.body.mass_kg, 1.0 / two.model.body.mass_kg

@@ -191,7 +191,7 @@ def _first_touching(
 
 
 def _describe(one: Mover, two: Mover, time_1: FloatArray, time_2: FloatArray) -> Contacts:
-    touch = touching_shapes(one.shapes_at(time_1), two.shapes_at(time_2))
+    touch = _touching_shapes(one.shapes_at(time_1), two.shapes_at(time_2))
     keep = touch.found
     return Contacts(
         time_1[keep],
@@ -237,7 +237,7 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
     return Touching(x, y, bearing_1, bearing_2, np.asarray(weight.any(axis=1)))
 
 
-def touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching:
+def _touching_shapes(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> Touching:
     """The same of vehicles that may pull trailers: of each two that have just come to touch, where the parts do that
     are nearest to each other. Poses of shape (n,)."""
     pairs = list(product(one, two))

@@ -117,7 +117,7 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
     ``turn``: the turn the vehicle made.
     """
     allowed = _of_kind(person)
-    side = told_side(person, turn)
+    side = _told_side(person, turn)
     if side is not None and (not allowed or not allowed.isdisjoint(CROSSING)):
         return frozenset({Course.FROM_LEFT if side is Side.LEFT else Course.FROM_RIGHT})
     if not allowed and turn is None:
@@ -151,7 +151,7 @@ def _of_kind(person: NonMotorist) -> frozenset[Course]:
     return by_type or _OF_PEDESTRIAN_GROUP.get(person.pedestrian_group_code or 0, frozenset())
 
 
-def told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
+def _told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
     """The side of the vehicle's path from which the person came: by ``PEDSNR``, else by the compass directions, else by
     which of the two turned into the other's path."""
     if person.scenario and person.scenario[-1] in "ab":
@@ -163,7 +163,7 @@ def told_side(person: NonMotorist, turn: Turn | None) -> Side | None:
         ):  # turned right, far side: "a" went as the motorist did, so came from the right
             left = not left
         return Side.LEFT if left else Side.RIGHT
-    relative = compass_relative_deg(person)
+    relative = _compass_relative_deg(person)
     if relative is None:
         return _side_of_turn(person, turn)
     if turn in (Turn.LEFT, Turn.RIGHT) and relative in (0.0, 180.0):
@@ -182,7 +182,7 @@ def _side_of_turn(person: NonMotorist, turn: Turn | None) -> Side | None:
     return Side.LEFT if same is (turn is Turn.LEFT) else Side.RIGHT
 
 
-def compass_relative_deg(person: NonMotorist) -> float | None:
+def _compass_relative_deg(person: NonMotorist) -> float | None:
     """Direction of the person minus that of the motorist: 0, 90, 180 or -90 degrees; None if either is not coded."""
     of_person, of_motorist = (
         COMPASS_DEG.get(code or 0) for code in (person.pedestrian_direction_code, person.motorist_direction_code)
@@ -194,7 +194,7 @@ def compass_relative_deg(person: NonMotorist) -> float | None:
 
 
 def _of_compass(person: NonMotorist) -> frozenset[Course]:
-    relative = compass_relative_deg(person)
+    relative = _compass_relative_deg(person)
     return frozenset(course for course, angle in RELATIVE_DEG.items() if angle == relative)
 
 

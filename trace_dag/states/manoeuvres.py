@@ -183,7 +183,7 @@ def follows_turn(stream: Stream, turn: Turn | None) -> bool:
     return stream.curve_rad * wanted > 0 and abs(stream.curve_rad) >= abs(wanted) / 2
 
 
-def turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
+def _turn_shape(turn: Turn, angle_rad: float, vehicle: VehicleRecord, speed_mps: float) -> TurnShape:
     """The turn that a vehicle can make at this speed: as tight as usual, wider if the speed demands it."""
     radius = max(
         min(_TURN_RADIUS_M[turn], _CREEPING_RADIUS_M + _RADIUS_TIME_S * speed_mps),
@@ -209,7 +209,7 @@ def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Tu
             angle = math.pi
     else:
         near, angle = stream.station_m, _TURN_ANGLE_RAD[turn]
-    shape = turn_shape(turn, angle, vehicle, speed_mps)
+    shape = _turn_shape(turn, angle, vehicle, speed_mps)
     start = None
     if stream.exit_pose is not None and stream.turn is turn:
         start = turn_start_to_meet(stream.path, shape, stream.exit_pose, near_s_m=near)

@@ -148,7 +148,7 @@ class StrikePlan:
         return option.stream.name, option.manoeuvre.value, self.walk.reading.course.value
 
 
-def person_kind_of(person: NonMotorist) -> PartyKind:
+def _person_kind_of(person: NonMotorist) -> PartyKind:
     """The kind of figure that the person is simulated as: on foot, unless the report names what the person rides."""
     return person.kind if person.kind in _AS_THEY_ARE else PartyKind.PEDESTRIAN
 
@@ -294,7 +294,7 @@ def _walk(
     speed_mps: float,
     person: NonMotorist,
 ) -> Walk:
-    kind = person_kind_of(person)
+    kind = _person_kind_of(person)
     size = _size(person, kind)
     heading = _heading(drive, reading.course, person)
     angle = heading - drive.pose.heading_rad

@@ -41,8 +41,8 @@ def contact_controls(
     for other in others:
         theirs = in_place_of(other.record, crash.record)
         if other.record.key != crash.record.key and theirs is not None:
-            judged = row("other_report", with_vehicles(other.record, theirs), theirs)
-            differ = contacts_differ(ours, theirs, settings)
+            judged = row("other_report", _with_vehicles(other.record, theirs), theirs)
+            differ = _contacts_differ(ours, theirs, settings)
             yield replace(judged, other_key=other.record.key, reports_differ=differ)
     for changed in dropped(ours):
         yield row("dropped", crash.record, changed)
@@ -100,7 +100,7 @@ def _taking_part(contacts: Sequence[VehicleContact]) -> list[int]:
     return list(dict.fromkeys(vehicle.number for contact in contacts for vehicle, _ in contact.sides))
 
 
-def with_vehicles(record: CrashRecord, contacts: Contacts) -> CrashRecord:
+def _with_vehicles(record: CrashRecord, contacts: Contacts) -> CrashRecord:
     """The report with the vehicles of these contacts."""
     vehicles = {vehicle.number: vehicle for contact in contacts for vehicle, _ in contact.sides}
     return replace(record, vehicles=tuple(vehicles[number] for number in sorted(vehicles)))
@@ -120,7 +120,7 @@ def swapped(contacts: Contacts) -> Iterator[Contacts]:
         yield (*contacts[:first], contacts[first + 1], contacts[first], *contacts[first + 2 :])
 
 
-def contacts_differ(ours: Contacts, theirs: Contacts, settings: VerdictSettings) -> bool:
+def _contacts_differ(ours: Contacts, theirs: Contacts, settings: VerdictSettings) -> bool:
     """Whether two reports, numbered alike, contradict each other in who met whom or in an area of impact by more than
     the threshold: else no simulation of the one can be told from one of the other by them."""
     for mine, other in zip(ours, theirs, strict=True):

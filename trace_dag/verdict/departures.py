@@ -248,12 +248,12 @@ def departing(
     found.append(
         Criterion("departure_side", float(right), 1.0, "", held, Reason.WRONG_SIDE, detail, number, event),
     )
-    error = zone_error_m(place, zone)
+    error = _zone_error_m(place, zone)
     found.append(at_most("zone_error", error, settings.max_zone_error_m, "m", Reason.WRONG_ZONE, number, event))
     return found
 
 
-def zone_error_m(place: RoadsidePlace | None, zone: RoadZone | None) -> float | None:
+def _zone_error_m(place: RoadsidePlace | None, zone: RoadZone | None) -> float | None:
     """How far a place is from the reported zone; None if none is reported.
 
     A map that shows no median or gore there cannot contradict one: then it has to be beside the carriageway.

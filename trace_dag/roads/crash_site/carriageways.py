@@ -68,12 +68,12 @@ def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -
     opposite_counts: tuple[LaneCount, ...] = ()
     if opposite is not None:
         other_s_m, _, _ = network.road_geometry(opposite.id).line.project(at_x, at_y)
-        opposite_counts = lane_counts(opposite, other_s_m)
+        opposite_counts = _lane_counts(opposite, other_s_m)
     median = any(lane.type == LaneType.MEDIAN for section in road.lane_sections for lane in section.lanes)
-    return Carriageway(road, lane_counts(road, s_m), median, opposite, opposite_counts)
+    return Carriageway(road, _lane_counts(road, s_m), median, opposite, opposite_counts)
 
 
-def lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[LaneCount, ...]:
+def _lane_counts(road: Road, s_m: float, reach_m: float = _APPROACH_M) -> tuple[LaneCount, ...]:
     """The lanes of the cross-sections within ``reach_m`` of ``s_m``, nearest first, each count once."""
     starts = [section.s_m for section in road.lane_sections]
     ends = [*starts[1:], road.length_m]

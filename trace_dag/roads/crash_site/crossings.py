@@ -67,11 +67,11 @@ class Crossing:
         own = next((arm for arm in self.arms if road_id in arm.road_ids), None)
         if own is None:
             return (road_id,)
-        arms = [arm for arm in self.arms if arm is own or is_same_street(own, arm)]
+        arms = [arm for arm in self.arms if arm is own or _is_same_street(own, arm)]
         return tuple(road for arm in arms for road in arm.road_ids)
 
 
-def is_same_street(a: Arm, b: Arm) -> bool:
+def _is_same_street(a: Arm, b: Arm) -> bool:
     """Whether two arms are one street: of one name, or straight on where either has none."""
     if a.names and b.names:
         return _may_be_one_street(a, b)

@@ -68,7 +68,7 @@ class Access:
     length_m: float = _LENGTH_M
 
 
-def reported_access(record: CrashRecord) -> Access | None:
+def _reported_access(record: CrashRecord) -> Access | None:
     """The way off the street that the report mentions, whether or not the map has it."""
     pair = pair_of(record)
     if len(pair) != 2:
@@ -105,7 +105,7 @@ def add_driveways(
     network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
 ) -> OsmExtract:
     """The extract with the driveways that the report mentions; unchanged if the map has a road there or no room."""
-    access = reported_access(record)
+    access = _reported_access(record)
     road = network.road_by_id[placement.road_id]
     if access is None or not road_class(road.highway).driveways or road.bridge or road.tunnel:
         return extract

@@ -52,7 +52,7 @@ class HeightGraph:
         nodes = [self._end(road, True), *inner, self._end(road, False)]
         self.profiles[road.id] = HeightProfile(road, list(stations), nodes)
         # Lengths are divided by what the road may be steeper, so that one grade holds for all.
-        factor = _RAMP_FACTOR if is_minor(road) else 1.0
+        factor = _RAMP_FACTOR if _is_minor(road) else 1.0
         for (a, s_a), (b, s_b) in pairwise(zip(nodes, stations, strict=True)):
             self.edges[a].append((b, (s_b - s_a) * factor))
             self.edges[b].append((a, (s_b - s_a) * factor))
@@ -104,6 +104,6 @@ class HeightGraph:
         return lowest
 
 
-def is_minor(road: Road) -> bool:
+def _is_minor(road: Road) -> bool:
     """Ramps, driveways and other service roads."""
     return road.highway.endswith("_link") or road.highway == "service"

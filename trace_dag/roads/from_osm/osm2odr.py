@@ -79,7 +79,7 @@ class Osm2OdrConverter:
 
     def require(self) -> None:
         """Raises :class:`UserError` without the ``carla`` extra."""
-        require_osm2odr()
+        _require_osm2odr()
 
     def convert(
         self, extract: OsmExtract, frame: LocalFrame, settings: RoadSettings, hints: Mapping[int, WayHints]
@@ -106,7 +106,7 @@ def convert_with_osm2odr(extract: OsmExtract, frame: LocalFrame) -> RoadNetwork:
     return with_way_tags(merge_directions(without_dangling_links(network)), extract)
 
 
-def require_osm2odr() -> None:
+def _require_osm2odr() -> None:
     """Raises :class:`UserError` without the ``carla`` extra, which Osm2Odr is a part of."""
     if importlib.util.find_spec("carla") is None:
         raise UserError(
@@ -120,7 +120,7 @@ def run_osm2odr(osm: bytes, frame: LocalFrame) -> bytes:
 
     Raises as :func:`convert_with_osm2odr` does.
     """
-    require_osm2odr()
+    _require_osm2odr()
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "map.osm", Path(folder) / "map.xodr"
         source.write_bytes(osm)

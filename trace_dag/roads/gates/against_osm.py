@@ -256,7 +256,7 @@ class MapComparison:
             if tagged is None:
                 continue
             compared += 1
-            count = lane_count(road, road.length_m / 2)
+            count = _lane_count(road, road.length_m / 2)
             if count != tagged:
                 differing.append(f"road {road.id} has {count} lanes, way {road.osm_way_ids[0]} is tagged {tagged}")
         return compared, len(differing), differing
@@ -370,7 +370,7 @@ def _spread(places: Sequence[tuple[float, float]], count: int, known: Sequence[t
     return chosen
 
 
-def lane_count(road: Road, s_m: float) -> int:
+def _lane_count(road: Road, s_m: float) -> int:
     """Lanes traffic drives in at ``s_m`` of a road, centre turn lanes included."""
     section = max((section for section in road.lane_sections if section.s_m <= s_m), key=lambda section: section.s_m)
     return sum(lane.type.drivable for lane in section.lanes if lane.id != 0)

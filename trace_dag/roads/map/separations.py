@@ -48,7 +48,7 @@ def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> l
     found = []
     for i, j in sorted({(min(asked[k], other), max(asked[k], other)) for k, other in crossing}):
         a, b = roads[i], roads[j]
-        if roads_meet(a, b) or (between_levels and _level(a) == _level(b)):
+        if _roads_meet(a, b) or (between_levels and _level(a) == _level(b)):
             continue
         for point in shapely.get_parts(shapely.intersection(shapes[i], shapes[j])):
             centre = point.centroid
@@ -92,16 +92,16 @@ def _corners(road: Road) -> list[tuple[float, float]]:
     return points
 
 
-def roads_meet(a: Road, b: Road) -> bool:
+def _roads_meet(a: Road, b: Road) -> bool:
     """Whether two roads belong to one junction or are linked to each other."""
-    return bool(set(junctions_of(a)) & set(junctions_of(b))) or any(
+    return bool(set(_junctions_of(a)) & set(_junctions_of(b))) or any(
         link is not None and link.element_type == "road" and link.element_id == other.id
         for road, other in ((a, b), (b, a))
         for link in (road.predecessor, road.successor)
     )
 
 
-def junctions_of(road: Road) -> Iterator[str]:
+def _junctions_of(road: Road) -> Iterator[str]:
     """The junction a road is in, or those at its ends."""
     if road.junction_id is not None:
         yield road.junction_id

@@ -112,10 +112,10 @@ def bar(start: Sequence[float], end: Sequence[float], radius_m: float, sides: in
     """
     one, two = np.asarray(start, float), np.asarray(end, float)
     length_m = float(np.linalg.norm(two - one))
-    return cylinder(radius_m, 0.0, length_m, sides).turned(turned_to((two - one) / length_m)).moved(one.tolist())
+    return cylinder(radius_m, 0.0, length_m, sides).turned(_turned_to((two - one) / length_m)).moved(one.tolist())
 
 
-def turned_to(up: FloatArray) -> FloatArray:
+def _turned_to(up: FloatArray) -> FloatArray:
     """A rotation that turns the z axis to a direction, shape (3, 3)."""
     side = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     x = np.cross(side, up)

@@ -38,7 +38,7 @@ def random_point(
     names = tuple(names)
     pieces: list[tuple[OsmWay, np.ndarray]] = []
     for way in around.ways:
-        same = is_same_street(names, names_of(way))
+        same = is_same_street(names, _names_of(way))
         if way.tags.get("highway") in PUBLIC_HIGHWAYS and same is on_same_street:
             pieces += [(way, piece) for piece in _pieces(around, way, frame) if _in_reach(piece, most_m)]
     if not pieces:
@@ -47,7 +47,7 @@ def random_point(
     way, piece = pieces[int(rng.choice(len(pieces), p=lengths / lengths.sum()))]
     x_m, y_m = (piece[0] + rng.uniform() * (piece[1] - piece[0])).tolist()
     latitude_deg, longitude_deg = frame.to_geographic(np.array([x_m, y_m])).tolist()
-    return Point(latitude_deg, longitude_deg, math.hypot(x_m, y_m), names_of(way), on_same_street)
+    return Point(latitude_deg, longitude_deg, math.hypot(x_m, y_m), _names_of(way), on_same_street)
 
 
 def is_same_street(names: Iterable[str], others: Iterable[str]) -> bool | None:
@@ -61,7 +61,7 @@ def is_same_street(names: Iterable[str], others: Iterable[str]) -> bool | None:
     return max(found) >= SAME_STREET if found else None
 
 
-def names_of(way: OsmWay) -> tuple[str, ...]:
+def _names_of(way: OsmWay) -> tuple[str, ...]:
     """Every name and number a way bears."""
     return tuple(way.tags[key] for key in _NAMES if way.tags.get(key))
 
