@@ -52,7 +52,14 @@ def code_block(text: str) -> str:
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Rows as a table; nothing for None."""
+    """Rows as a table; nothing for None.
+
+    >>> print(table(["road", "lanes"], [["Main St", 4], ["Elder St", None]]))
+    | road | lanes |
+    | --- | --- |
+    | Main St | 4 |
+    | Elder St |  |
+    """
     lines = [" | ".join(map(escaped, names)), " | ".join("---" for _ in names)]
     lines += [" | ".join("" if value is None else escaped(str(value)) for value in row) for row in rows]
     return "\n".join(f"| {line} |" for line in lines)

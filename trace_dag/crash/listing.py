@@ -63,7 +63,11 @@ class CrashListing:
 
 
 def list_report(data: bytes, *, name: str) -> CrashListing:
-    """The line of a report in CrashAPI XML. Raises :class:`trace_dag.errors.Rejection` as reading it does."""
+    """The line of a report in CrashAPI XML. Raises :class:`trace_dag.errors.Rejection` as reading it does.
+
+    >>> list_report(report_xml, name="crash_319003.xml").manner_of_collision_code  # MAN_COLL 6: angle
+    6
+    """
     root, _ = parse_untrusted(data, name=name, repair=True)
     fields = Fields(crash_element(root, name=name), name)
     year, case, key = case_of(fields)

@@ -218,7 +218,11 @@ def _row(record: CrashRecord) -> dict[str, Any]:
 
 
 def record_from_parquet(data: bytes) -> CrashRecord:
-    """The record of a Parquet file of one row. Raises :class:`Failure` if the file does not hold one."""
+    """The record of a Parquet file of one row. Raises :class:`Failure` if the file does not hold one.
+
+    >>> record_from_parquet(record_to_parquet(record)) == record
+    True
+    """
     records = records_from_parquet(data)
     if len(records) != 1:
         raise Failure(
@@ -228,7 +232,11 @@ def record_from_parquet(data: bytes) -> CrashRecord:
 
 
 def records_from_parquet(data: bytes) -> list[CrashRecord]:
-    """The records of a Parquet file. Raises :class:`Failure` if it is damaged or of another schema."""
+    """The records of a Parquet file. Raises :class:`Failure` if it is damaged or of another schema.
+
+    >>> [each.key for each in records_from_parquet(records_to_parquet([record]))]
+    ['2023-319003']
+    """
     import pyarrow as pa
 
     try:

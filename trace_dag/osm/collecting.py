@@ -252,7 +252,11 @@ class Collector:
 
 
 def road_tags(*, service_roads: bool) -> list[tuple[str, str]]:
-    """Keys and values one of which every road and walkway has."""
+    """Keys and values one of which every road and walkway has.
+
+    >>> [("highway", "service") in road_tags(service_roads=wanted) for wanted in (True, False)]
+    [True, False]
+    """
     highways = DRIVABLE_HIGHWAYS if service_roads else DRIVABLE_HIGHWAYS - SERVICE_HIGHWAYS
     return [*(("highway", highway) for highway in sorted(highways)), *WALKWAY_TAGS]
 

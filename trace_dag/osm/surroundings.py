@@ -125,7 +125,14 @@ def surroundings_to_geojson(features: Iterable[OsmFeature], attribution: str) ->
 
 
 def surroundings_from_geojson(data: bytes) -> tuple[OsmFeature, ...]:
-    """What :func:`surroundings_to_geojson` wrote. Raises :class:`UserError` for anything else."""
+    """What :func:`surroundings_to_geojson` wrote. Raises :class:`UserError` for anything else.
+
+    >>> place = {"type": "Point", "coordinates": [-101.5, 41.8]}
+    >>> tree = {"id": "n1", "geometry": place, "properties": {"natural": "tree"}}
+    >>> (feature,) = surroundings_from_geojson(json.dumps({"features": [tree]}).encode())
+    >>> feature.geometry.x, feature.tags["natural"]
+    (-101.5, 'tree')
+    """
     try:
         return tuple(
             OsmFeature(each["id"], shape(each["geometry"]), each["properties"]) for each in json.loads(data)["features"]

@@ -69,6 +69,10 @@ def read_osm(data: bytes, *, name: str) -> OsmExtract:
     of the nodes.
 
     Raises :class:`UserError` for anything that is not OSM XML.
+
+    >>> extract = read_osm(b'<osm><node id="7" lat="41.8" lon="-101.5"/></osm>', name="town.osm")
+    >>> extract.nodes[7].latitude_deg
+    41.8
     """
     root = _parse(data, name)
     nodes: dict[int, OsmNode] = {}

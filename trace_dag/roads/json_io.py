@@ -20,7 +20,11 @@ def map_report_to_json(report: MapReport) -> bytes:
 
 
 def map_report_from_json(data: bytes) -> MapReport:
-    """A stored report."""
+    """A stored report.
+
+    >>> map_report_from_json(map_report_to_json(map_report)) == map_report
+    True
+    """
     return _reports().validate_json(data)
 
 
@@ -35,5 +39,9 @@ def rejected_report_to_json(report: RejectedMapReport) -> bytes:
 
 
 def rejected_report_from_json(data: bytes) -> RejectedMapReport:
-    """A stored report on a map for which its crash is rejected."""
+    """A stored report on a map for which its crash is rejected.
+
+    >>> rejected_report_from_json(b'{"converter": "native", "max_move_m": 30, "streets": []}').max_move_m
+    30.0
+    """
     return _rejected().validate_json(data)

@@ -58,7 +58,11 @@ def new_object(
     number: str, category: str, name: str, place: tuple[float, float, float], size_m: Mapping[str, float]
 ) -> etree._Element:
     """An ``<object>``: ``place`` is s and t (m) and the heading (rad) relative to the road there, ``size_m`` its
-    ``height`` and its ``radius`` or ``length`` and ``width``."""
+    ``height`` and its ``radius`` or ``length`` and ``width``.
+
+    >>> new_object("3", "pole", "mast", (12.0, -4.5, 0.0), {"height": 8.0, "radius": 0.1}).get("t")  # right of the road
+    '-4.5'
+    """
     s_m, t_m, turned_rad = place
     attributes = {"id": number, "type": category, "name": name, "s": rounded(max(s_m, 0.0)), "t": rounded(t_m)}
     turned = rounded(math.remainder(turned_rad, math.tau))

@@ -122,7 +122,12 @@ def package_files(crash: PackageInput) -> dict[str, bytes]:
 
 
 def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
-    """An archive of ``files`` below ``folder``, the same bytes for the same content."""
+    """An archive of ``files`` below ``folder``, the same bytes for the same content.
+
+    >>> archive = zip_files({"map.xodr": b"<OpenDRIVE/>"}, folder="2023-319003")
+    >>> zipfile.ZipFile(io.BytesIO(archive)).namelist()
+    ['2023-319003/map.xodr']
+    """
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for name in sorted(files):

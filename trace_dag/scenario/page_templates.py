@@ -75,7 +75,11 @@ def packed(data: bytes) -> str:
 
 
 def read(name: str) -> str:
-    """A file of the folder of templates as it is."""
+    """A file of the folder of templates as it is.
+
+    >>> read("replay.html.jinja").startswith("<!DOCTYPE html>")
+    True
+    """
     from importlib import resources
 
     return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")

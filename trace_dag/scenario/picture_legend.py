@@ -117,7 +117,11 @@ def place_line(record: CrashRecord) -> Words:
 
 
 def headline_words(line: int, text: str) -> Words:
-    """A line of the headline, from 0."""
+    """A line of the headline, from 0.
+
+    >>> headline_words(1, "second line").y_in > headline_words(0, "first line").y_in
+    True
+    """
     return Words(_MARGIN_IN, _HEADLINE_IN[line], text, _HEADLINE_PT)
 
 

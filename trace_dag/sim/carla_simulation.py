@@ -35,7 +35,13 @@ _ON_FOOT = (BodyKind.PEDESTRIAN, BodyKind.CONVEYANCE)
 
 @contextmanager
 def server_errors(doing: str) -> Iterator[None]:
-    """Turn RuntimeError, which CARLA raises for every fault between client and server, into a transient failure."""
+    """Turn RuntimeError, which CARLA raises for every fault between client and server, into a transient failure.
+
+    >>> with server_errors("loading the map"):
+    ...     raise RuntimeError("time-out of 60000ms")
+    Traceback (most recent call last):
+    trace_dag.errors.TransientFailure: CARLA, loading the map: time-out of 60000ms
+    """
     try:
         yield
     except RuntimeError as error:

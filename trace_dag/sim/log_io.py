@@ -148,7 +148,12 @@ def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
 
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:
-    """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
+    """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair.
+
+    >>> (read,) = logs_from_files(*logs_to_files([log]))
+    >>> read.step_s == log.step_s and np.array_equal(read.vehicles[0].x_m, log.vehicles[0].x_m)
+    True
+    """
 
     try:
         summaries = _summaries().validate_json(summary)

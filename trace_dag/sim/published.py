@@ -69,7 +69,14 @@ class PublishedScenario:
 
 def read_published(data: bytes, *, name: str) -> PublishedScenario:
     """Read a published scenario. Raises :class:`UserError`, which names the file ``name`` and what is missing or not a
-    number."""
+    number.
+
+    >>> car = {"start_position": {"z": 0.5}, "yaw": 0.0, "speed_kmh": 36, "trajectory": [[0, 0], [5, 0]]}
+    >>> text = json.dumps({"vehicle1": car, "vehicle2": car, "crash_point": {"x": 3.0, "y": 4.0}})
+    >>> scenario = read_published(text.encode(), name="simulation_510003.json")
+    >>> scenario.vehicles[0].speed_mps, scenario.crash_xy_m  # CARLA's y points to the right
+    (10.0, (3.0, -4.0))
+    """
     try:
         content = json.loads(data)
         crash = content["crash_point"]

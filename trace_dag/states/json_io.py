@@ -36,7 +36,11 @@ def _runs() -> TypeAdapter[EstimatorRun]:
 
 def estimate_from_json(data: bytes, *, name: str = "state estimate") -> StateEstimate:
     """Read what :func:`estimate_to_json` wrote. Raises :class:`Failure`, which names the file ``name``, if it is
-    something else."""
+    something else.
+
+    >>> estimate_from_json(estimate_to_json(state_estimate)).hypotheses[0].participants[0].vehicle_number
+    1
+    """
     try:
         return _adapter().validate_json(data)
     except ValidationError as error:

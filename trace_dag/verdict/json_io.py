@@ -21,7 +21,11 @@ def verdict_to_json(verdict: Verdict) -> bytes:
 
 
 def verdict_from_json(data: bytes) -> Verdict:
-    """A stored verdict; :class:`Failure` if it is not one of this version."""
+    """A stored verdict; :class:`Failure` if it is not one of this version.
+
+    >>> verdict_from_json(verdict_to_json(verdict)) == verdict
+    True
+    """
     try:
         return _adapter().validate_json(data)
     except ValidationError as error:

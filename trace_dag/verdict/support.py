@@ -176,7 +176,13 @@ def weights_of(counts: Iterable[Weight]) -> Weights:
 
 
 def read_weights(text: str) -> Iterator[Weight]:
-    """The rows of a table of weights: CSV with a header."""
+    r"""The rows of a table of weights: CSV with a header.
+
+    >>> header = "fact,agreement,true_count,true_of,chance_count,chance_of"
+    >>> (weight,) = read_weights(f"{header}\nlanes,agrees,40,50,10,50")
+    >>> weight.true_count, weight.chance_of
+    (40, 50)
+    """
     for row in csv.DictReader(text.splitlines()):
         counts = (int(row[name]) for name in ("true_count", "true_of", "chance_count", "chance_of"))
         yield Weight(row["fact"], Agreement(row["agreement"]), *counts)

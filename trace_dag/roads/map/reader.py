@@ -68,6 +68,9 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
     by CARLA nor here: coordinates are used as they stand. ``legal_mark`` is set where it differs from ``mark``.
 
     Raises :class:`UserError` for anything that cannot be read as OpenDRIVE.
+
+    >>> len(read_opendrive(xodr, name="map.xodr").roads) == xodr.count(b"<road ")
+    True
     """
     return network_of(parse_opendrive(data, name), name=name)
 
@@ -89,7 +92,11 @@ def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
 
 
 def parse_opendrive(data: bytes, name: str) -> etree._Element:
-    """The document's root, tags without namespaces; ``name`` is for messages. Raises :class:`UserError`."""
+    """The document's root, tags without namespaces; ``name`` is for messages. Raises :class:`UserError`.
+
+    >>> parse_opendrive(b'<OpenDRIVE><header revMajor="1"/></OpenDRIVE>', "map.xodr")[0].get("revMajor")
+    '1'
+    """
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )

@@ -185,6 +185,10 @@ def _building(
 
 
 def tree_parts(trunk_m: float, height_m: float) -> Parts:
-    """A tree with a trunk of a given thickness (m), from half a metre below the ground up."""
+    """A tree with a trunk of a given thickness (m), from half a metre below the ground up.
+
+    >>> min(float(mesh.points_m[:, 2].min()) for _, mesh in tree_parts(0.3, 10.0))
+    -0.5
+    """
     crown = ball(0.30 * height_m, 1.15, 4, 8).moved((0.0, 0.0, 0.64 * height_m))
     return [(_TRUNK, cylinder(trunk_m / 2, -0.5, 0.5 * height_m, 8, 0.35 * trunk_m)), (_CROWN, crown)]

@@ -74,7 +74,12 @@ def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
 
 
 def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_m: float | None = None) -> Mesh:
-    """An upright cylinder from one height to another; with a radius of its own at the top a cone."""
+    """An upright cylinder from one height to another; with a radius of its own at the top a cone.
+
+    >>> mesh = cylinder(2.0, 0.0, 5.0, sides=4)
+    >>> mesh.points_m.min(axis=0).round(6).tolist(), mesh.points_m.max(axis=0).round(6).tolist()
+    ([-2.0, -2.0, 0.0], [2.0, 2.0, 5.0])
+    """
     angles = np.arange(sides) * math.tau / sides
     ring = np.column_stack([np.cos(angles), np.sin(angles)])  # x ahead becomes up once it is turned
     upper = radius_m if top_m is None else max(top_m, 1e-3)
@@ -88,7 +93,11 @@ def across(mesh: Mesh) -> Mesh:
 
 
 def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) -> Mesh:
-    """A ball around the origin, stretched along z."""
+    """A ball around the origin, stretched along z.
+
+    >>> [float(each.points_m[:, 2].max()) for each in (ball(2.0), ball(2.0, stretch=1.5))]
+    [2.0, 3.0]
+    """
     up = np.linspace(-math.pi / 2, math.pi / 2, rings + 2)[1:-1]
     heights = np.array([-1.0, *np.sin(up), 1.0]) * radius_m * stretch
     radii = np.array([0.02, *np.cos(up), 0.02]) * radius_m

@@ -58,7 +58,12 @@ def _sized(mesh: Mesh, size: float) -> Mesh:
 
 def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, float]:
     """A bicycle without its wheels, and the radius of those. ``hubs_m`` is from hub to hub; ``top_m`` the middle of the
-    handlebar, ahead of and above the middle between them."""
+    handlebar, ahead of and above the middle between them.
+
+    >>> parts, wheel_m = bicycle_parts(1.04, (0.35, 0.65))
+    >>> wheel_m  # 28 inches across
+    0.34
+    """
     size = hubs_m / 1.04
     front, rear = (hubs_m / 2, 0.0), (-hubs_m / 2, 0.0)
     crank, saddle, neck = (-0.10 * size, -0.02), (-0.25 * size, 0.52 * size), (0.34 * size, 0.48 * size)
@@ -74,7 +79,11 @@ def bicycle_parts(hubs_m: float, top_m: tuple[float, float]) -> tuple[Parts, flo
 
 
 def bicycle_wheel_parts(radius_m: float) -> Parts:
-    """A wheel of a bicycle: a thin ring and some spokes."""
+    """A wheel of a bicycle: a thin ring and some spokes.
+
+    >>> round(max(float(mesh.points_m[:, 2].max()) for _, mesh in bicycle_wheel_parts(0.34)), 2)
+    0.34
+    """
     angles = np.arange(16) * np.pi / 8
     rim = np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)]) * (radius_m - 0.02)
     ring = joined(bar(a, b, 0.02, 5) for a, b in zip(rim, np.roll(rim, -1, axis=0), strict=True))
@@ -83,7 +92,12 @@ def bicycle_wheel_parts(radius_m: float) -> Parts:
 
 
 def conveyance_parts(length_m: float) -> Parts:
-    """A deck on small wheels, about the middle of the deck."""
+    """A deck on small wheels, about the middle of the deck.
+
+    >>> deck = conveyance_parts(0.8)[0][1]
+    >>> float(np.ptp(deck.points_m[:, 0]))
+    0.8
+    """
     deck = box((-length_m / 2, -0.10, -0.02), (length_m / 2, 0.10, 0.03))
     wheels = joined(
         across(cylinder(0.04, s * 0.08 - 0.02, s * 0.08 + 0.02, 8)).moved((x * length_m, 0.0, -0.04))

@@ -157,7 +157,12 @@ def _wheels(body: Body, plan: _Plan, *, steered: bool = True) -> tuple[Wheel, ..
 
 
 def wheel_parts(radius_m: float, width_m: float) -> Parts:
-    """A wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn."""
+    """A wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn.
+
+    >>> tyre = wheel_parts(0.3, 0.2)[0][1]
+    >>> np.ptp(tyre.points_m, axis=0).round(6).tolist()  # as long and high as twice the radius
+    [0.6, 0.2, 0.6]
+    """
     tyre = across(cylinder(radius_m, -width_m / 2, width_m / 2, 20))
     face = width_m / 2 + 0.006
     spoke = box((-0.62 * radius_m, -face, -0.09 * radius_m), (0.62 * radius_m, face, 0.09 * radius_m))
