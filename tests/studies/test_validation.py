@@ -69,6 +69,7 @@ def test_a_crash_of_two_recorders_is_compared_in_both_vehicles(tmp_path: Path) -
     one, two = rows_of(tmp_path, CASE)
     assert list(one) == [
         "case", "vehicle", "measured_delta_v_kmh", "simulated_delta_v_kmh", "plastic_delta_v_kmh", "reason",
+        "kind", "measured_direction_deg", "simulated_direction_deg",
     ]  # fmt: skip
     assert (one["case"], one["vehicle"], two["vehicle"]) == ("417", 1, 2)
     assert one["measured_delta_v_kmh"] == pytest.approx(math.hypot(36.0, 19.0), abs=0.01)
@@ -107,6 +108,10 @@ def test_the_speed_of_who_had_no_recorder_is_fitted_to_the_reconstructed_delta_v
         (changed(curb=9999.0), "vehicle 2: its mass is not known"),
         (changed(curb=None), "vehicle 2: its mass is not known"),
         (changed(angthis=998.0), "vehicle 2: its heading at the impact is not known"),
+        (changed(edr=[{"no": 1, "cdcev": 1, "dvl": 0.0, "dvla": 0.0}]), "recorders contradict each other"),
+        ({**CASE, "ev": [[1, 1, "F", None, 48, "Guardrail Face", "0"]]}, "pole; recorded: Guardrail Face"),
+        ({**CASE, "ev": [[1, 1, "F", None, 1, "Vehicle 1", "F"]]}, "no recorder has a delta-v of an event of two"),
+        ({**CASE, "ev": [[1, 1, "F", None, 3, "Vehicle 3", "F"]]}, "Vehicle 3, of which the file has nothing"),
         (changed(edr=[{"no": 1, "cdcev": 1, "dvl": -4.0, "dvla": 2.0}]), "contradict each other"),
         (changed(edr=None, sp="none", cdc=[{"cdc": None}], curb="heavy"), "mass is not known"),
         ({**CASE, "ev": [[1, 1, "F", None, 63, "Curb", "0"]]}, "no recorder has a delta-v of an event of two"),
@@ -120,10 +125,69 @@ def test_a_case_that_cannot_be_set_up_says_why(tmp_path: Path, case: dict[str, A
     assert {row[name] for row in rows for name in row if name.endswith("_kmh")} == {None}
 
 
-def test_a_case_without_vehicles_is_listed_too(tmp_path: Path) -> None:
-    (row,) = rows_of(tmp_path, {"ciren": 7, "V": {}})
-    assert (row["case"], row["vehicle"]) == ("7", None)
-    assert row["reason"]
+@pytest.mark.parametrize(
+    ("case", "named", "said"),
+    [
+        ({"ciren": 7, "V": {}}, "7", "its vehicles, V, are not known"),
+        ({"ciren": " ", "case": "b", "V": None}, "b", "its vehicles, V, are not known"),
+        ({"ciren": "c", "V": {"²": {}}}, "c", "one of its vehicles has '²' for a number"),
+        ({"ciren": "d"}, "d", "not a case: it has the keys ciren"),
+        (None, "#1", "not a case: it has nothing"),
+    ],
+)
+def test_what_is_no_case_is_listed_among_cases(tmp_path: Path, case: object, named: str, said: str) -> None:
+    _, crash = read_recorded_crashes(write(tmp_path, CASE, case))
+    (row,) = (row.published() for row in compare_crash(crash, SimSettings()))
+    assert (row["case"], row["vehicle"], row["reason"]) == (named, None, said)
+
+
+def as_text(value: object) -> object:
+    """Numbers as text, as spreadsheets write them."""
+    if isinstance(value, dict):
+        return {key: as_text(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [as_text(each) for each in value]
+    return str(value) if isinstance(value, int | float) else value
+
+
+def seen_by_the_other() -> dict[str, Any]:
+    """Headings that are noted with the damage, or with the other vehicle."""
+    case = copy.deepcopy(CASE)
+    one, two = case["V"].values()
+    one["angthis"], one["cdc"][0]["head"] = 998.0, 300.0
+    two["angthis"], one["angoth"] = None, 190.0
+    return case
+
+
+def turned(angle_deg: float) -> dict[str, Any]:
+    case = copy.deepcopy(CASE)
+    for vehicle in case["V"].values():
+        vehicle["angthis"] = (vehicle["angthis"] + angle_deg) % 360
+    return case
+
+
+@pytest.mark.parametrize(
+    "same",
+    [
+        as_text(CASE),
+        {**CASE, "ev": [[1.0, 1, " f ", None, 2, None, "l"]]},
+        changed(cdc=[{**CASE["V"]["2"]["cdc"][0], "cdc": " 11lfee03 ", "pdof": -30.0}]),
+        changed(angthis=-170.0),
+        changed(sp={"1": [[1.0, 999.0], [0.5, 25.76]]}),
+        seen_by_the_other(),
+        turned(170.0),  # 110 and 0 degrees
+    ],
+)
+def test_the_same_case_written_otherwise_comes_to_the_same(tmp_path: Path, same: object) -> None:
+    for row, as_written in zip(rows_of(tmp_path, same), rows_of(tmp_path, CASE), strict=True):
+        assert row == pytest.approx(as_written, abs=0.3)
+
+
+def test_where_the_part_along_the_vehicle_was_not_recorded_the_part_across_it_is_compared(tmp_path: Path) -> None:
+    _, two = rows_of(tmp_path, changed(edr=[{"no": 1, "cdcev": 1, "dvl": 997.0, "dvla": 22.54}]))
+    assert two["measured_delta_v_kmh"] == pytest.approx(22.54)
+    # By hand: the relative velocity (mass share 1255 of 2863) across vehicle 2, which heads 110 degrees off the first.
+    assert two["plastic_delta_v_kmh"] == pytest.approx(65.0 * math.sin(math.radians(110)) * 1255 / 2863, abs=0.01)
 
 
 def test_a_car_into_a_tree_loses_its_speed(tmp_path: Path) -> None:

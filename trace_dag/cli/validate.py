@@ -12,7 +12,7 @@ from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
-    from trace_dag.studies.validation.crashes import Compared
+    from trace_dag.studies.validation.rows import Compared
 
 
 @click.command(

@@ -1,8 +1,9 @@
 """Crashes in which vehicles had event data recorders: a file of NHTSA CIREN cases as plain, checked types.
 
 The file is a JSON list of cases, coded much like FARS (NHTSA, CIREN coding manual; CDC: SAE J224; recorders: 49 CFR
-563). Unknown codes (997 to 999, 888, 777, 9999) and whatever is missing or no number become None: cases are never
-refused for it, what lacks is said where it is needed.
+563). Numbers may be written as text. Unknown codes (997 to 999, 888, 777, 9999) and whatever is missing or no number
+become None: cases are never refused for it, what lacks is said where it is needed. What is no case is kept with the
+reason, as long as the file has cases.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ LOAD_KG: Final = 100.0
 """Of occupants and luggage, on top of the curb mass."""
 
 _VEHICLE = re.compile(r"\s*vehicle\s+(\d+)", re.IGNORECASE)
+_MOST_VEHICLES: Final = 30  # codes of what was struck: up to this a vehicle of the crash, beyond it a kind of object
+_FASTEST_KMH: Final = 300.0
 _UNKNOWN_FROM: Final = 770.0  # 777, 888, 997 to 999, 9999: no length, speed or angle of these is as large
 _UNKNOWN_MASSES: Final = (9997.0, 9998.0, 9999.0, 99999.0)
 _CLOCKWISE_FROM_NORTH: Final = math.pi / 2
@@ -41,32 +44,41 @@ class Damage:
     force_from_rad: float | None
     crush_m: float | None
     offset_m: float | None
+    heading_rad: float | None  # of the vehicle at this event
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What a recorder says of one event: delta-v (m/s, ahead and to the left), speed at or just before the impact."""
+    """What a recorder says of one event: delta-v (m/s, ahead and to the left; at least one is known), speed at or just
+    before the impact."""
 
     event: int | None
-    ahead_mps: float
+    ahead_mps: float | None
     left_mps: float | None
     speed_mps: float | None
 
     @property
     def delta_v_mps(self) -> float:
-        """The whole change where both parts were recorded, else of the part along the vehicle."""
-        return math.hypot(self.ahead_mps, self.left_mps or 0.0)
+        """The whole change where both parts were recorded, else the one that was."""
+        return math.hypot(self.ahead_mps or 0.0, self.left_mps or 0.0)
+
+    @property
+    def whole(self) -> bool:
+        """Whether both parts were recorded."""
+        return self.ahead_mps is not None and self.left_mps is not None
 
 
 @dataclass(frozen=True)
 class RecordedVehicle:
     """A vehicle of a case. ``body`` is None without a known mass; ``heading_rad`` as everywhere, east is 0.
-    ``axles_middle_m`` is how far the middle between the axles is ahead of the body's."""
+    ``seen_heading_rad`` is what is noted with it of the other vehicle's heading, ``axles_middle_m`` how far the middle
+    between the axles is ahead of the body's."""
 
     number: int
     body: Body | None
     axles_middle_m: float
     heading_rad: float | None
+    seen_heading_rad: float | None
     damages: tuple[Damage, ...]
     recordings: tuple[Recording, ...]
     reconstructed_mps: Mapping[int, float]  # delta-v by event
@@ -96,87 +108,110 @@ class RecordedEvent:
 
 @dataclass(frozen=True)
 class RecordedCrash:
-    """A case of the file."""
+    """A case of the file; ``unreadable`` says why it has no vehicles, where it is none."""
 
     case: str
     events: tuple[RecordedEvent, ...]
     vehicles: Mapping[int, RecordedVehicle]
+    unreadable: str | None = None
 
 
 def read_recorded_crashes(path: Path) -> list[RecordedCrash]:
     """All cases of a file; :class:`UserError` for what is no such file."""
     wanted = "a JSON list of CIREN cases, each an object with the keys ciren, ev and V"
     try:
-        cases = json.loads(path.read_text(encoding="utf-8"))
+        cases = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path}: cannot be read as JSON ({error}); expected {wanted}") from None
     if not isinstance(cases, list) or not cases:
         raise UserError(f"{path}: found {_kind(cases)}; expected {wanted}")
-    for k, case in enumerate(cases):
-        if not isinstance(case, dict) or not isinstance(case.get("V"), dict):
-            found = f"the keys {', '.join(map(str, case))}" if isinstance(case, dict) else _kind(case)
-            raise UserError(f"{path}: case {k} has {found or 'no keys'}; expected {wanted}")
+    if not any(isinstance(case, dict) and "V" in case for case in cases):
+        raise UserError(f"{path}: case 0 has {_found(cases[0])}; expected {wanted}")
     return [_crash(case, k) for k, case in enumerate(cases)]
 
 
 def _kind(value: object) -> str:
     if value == []:
         return "an empty list"
-    return {dict: "an object", list: "a list", str: "a text", bool: "a truth value"}.get(type(value), "a number")
+    kinds = {dict: "an object", list: "a list", str: "a text", bool: "a truth value", type(None): "nothing"}
+    return kinds.get(type(value), "a number")
 
 
-def _crash(case: Mapping[str, Any], k: int) -> RecordedCrash:
-    events = tuple(event for row in _rows(case.get("ev")) if (event := _event(row)) is not None)
+def _found(case: object) -> str:
+    return f"the keys {', '.join(map(str, case)) or '(none)'}" if isinstance(case, dict) else _kind(case)
+
+
+def _crash(case: object, k: int) -> RecordedCrash:
+    values = case if isinstance(case, dict) else {}
+    names = (values.get(key) for key in ("ciren", "case", "number"))
+    name = next((str(name) for name in names if isinstance(name, str | int | float) and str(name).strip()), f"#{k}")
+    listed = values.get("V")
+    if not isinstance(listed, dict) or not listed:
+        lacks = "its vehicles, V, are not known" if "V" in values else f"not a case: it has {_found(case)}"
+        return RecordedCrash(name, (), {}, lacks)
     vehicles = {}
-    for name, values in case["V"].items():
-        if str(name).isdigit() and isinstance(values, dict):
-            vehicles[int(name)] = _vehicle(int(name), values)
-    name = case.get("ciren") or case.get("case") or f"#{k}"
-    return RecordedCrash(str(name), events, vehicles)
+    for key, of_vehicle in listed.items():
+        number = _whole(key)
+        if number is None:
+            return RecordedCrash(name, (), {}, f"one of its vehicles has {key!r} for a number")
+        vehicles[number] = _vehicle(number, of_vehicle if isinstance(of_vehicle, dict) else {})
+    events = (_event(row) for row in _rows(values.get("ev")))
+    return RecordedCrash(name, tuple(event for event in events if event is not None), vehicles)
 
 
 def _event(row: object) -> RecordedEvent | None:
-    if not isinstance(row, list) or len(row) < 7:
+    if not isinstance(row, list) or len(row) < 5:
         return None
-    number, vehicle, area, _, code, name, other_area = row[:7]
-    if not isinstance(number, int) or not isinstance(vehicle, int):
+    number, vehicle, area, _, code, name, other_area = [*row, None, None][:7]
+    event, by = _whole(number), _whole(vehicle)
+    if event is None or by is None:
         return None
-    met = _VEHICLE.match(str(name))
+    met, what = _VEHICLE.match(str(name)), _whole(code)
+    other = int(met.group(1)) if met else what if what is not None and 1 <= what <= _MOST_VEHICLES else None
     return RecordedEvent(
-        number=number,
-        vehicle=vehicle,
-        area=str(area),
-        other_vehicle=int(met.group(1)) if met else None,
-        other_area=str(other_area),
-        object_code=None if met or not isinstance(code, int) else code,
-        object_name=str(name),
+        number=event,
+        vehicle=by,
+        area=_area(area),
+        other_vehicle=other,
+        other_area=_area(other_area),
+        object_code=None if other is not None else what,
+        object_name=str(name or "an object that is not named"),
     )
 
 
+def _area(value: object) -> str:
+    return value.strip().upper() if isinstance(value, str) else ""
+
+
 def _vehicle(number: int, values: Mapping[str, Any]) -> RecordedVehicle:
-    heading_deg = _number(values.get("angthis"), low=0.0, high=360.0)
     damages = tuple(_damage(row) for row in _rows(values.get("cdc")) if isinstance(row, dict))
     return RecordedVehicle(
         number=number,
         body=_body(values),
         axles_middle_m=_axles_middle_m(values),
-        heading_rad=None if heading_deg is None else _CLOCKWISE_FROM_NORTH - math.radians(heading_deg),
+        heading_rad=_heading_rad(values.get("angthis")),
+        seen_heading_rad=_heading_rad(values.get("angoth")),
         damages=damages,
         recordings=_recordings(values),
         reconstructed_mps={
-            int(row["ev"]): kmh_to_mps(delta_v)
+            event: kmh_to_mps(delta_v)
             for row in _rows(values.get("cdc"))
-            if isinstance(row, dict) and _number(row.get("ev")) and (delta_v := _number(row.get("dvt"))) is not None
+            if isinstance(row, dict) and (event := _whole(row.get("ev"))) is not None
+            if (delta_v := _number(row.get("dvt"), low=0.0)) is not None
         },
     )
+
+
+def _heading_rad(value: object) -> float | None:
+    clockwise_deg = _number(value, low=-360.0, high=360.0)
+    return None if clockwise_deg is None else _CLOCKWISE_FROM_NORTH - math.radians(clockwise_deg)
 
 
 def _body(values: Mapping[str, Any]) -> Body | None:
     mass_kg = _number(values.get("curb"), low=100.0, high=60_000.0, unknown_from=math.inf)
     if mass_kg is None or mass_kg in _UNKNOWN_MASSES:
         return None
-    code = _number(values.get("body"))
-    kind, _ = body_of(BodyEvidence(body_type=None if code is None else int(code)))
+    kind, _ = body_of(BodyEvidence(body_type=_whole(values.get("body"))))
     length_cm, width_cm = _number(values.get("oal"), low=150.0), _number(values.get("wid"), low=50.0)
     return Body(
         kind=BodyKind.MOTOR_VEHICLE,
@@ -194,18 +229,19 @@ def _axles_middle_m(values: Mapping[str, Any]) -> float:
 
 
 def _damage(row: Mapping[str, Any]) -> Damage:
-    code = str(row.get("cdc") or "").ljust(8)
+    code = str(row.get("cdc") or "").strip().upper().ljust(8)
     side = code[2]
-    force_deg = _number(row.get("pdof"), low=0.0, high=360.0)
+    force_deg = _number(row.get("pdof"), low=-360.0, high=360.0)
     crush_cm, offset_cm = _number(row.get("cmax"), low=0.0), _number(row.get("dd"), low=-700.0)
     sign = -1.0 if side in "FB" else 1.0  # the file counts offsets of fronts to the right
     return Damage(
-        event=int(_number(row.get("ev")) or 0),
+        event=_whole(row.get("ev")) or 0,
         side=side,
         zone=code[3],
         force_from_rad=None if force_deg is None else math.remainder(-math.radians(force_deg), math.tau),
         crush_m=None if crush_cm is None else crush_cm / 100,
         offset_m=None if offset_cm is None else sign * offset_cm / 100,
+        heading_rad=_heading_rad(row.get("head")),
     )
 
 
@@ -216,16 +252,15 @@ def _recordings(values: Mapping[str, Any]) -> tuple[Recording, ...]:
     for row in _rows(values.get("edr")):
         if not isinstance(row, dict):
             continue
-        ahead, left = _number(row.get("dvl"), low=-300.0), _number(row.get("dvla"), low=-300.0)
-        event = _number(row.get("cdcev"))
-        if ahead is None:
+        ahead, right = (_number(row.get(key), low=-_FASTEST_KMH, high=_FASTEST_KMH) for key in ("dvl", "dvla"))
+        if ahead is None and right is None:
             continue
         found.append(
             Recording(
-                event=None if event is None else int(event),
-                ahead_mps=kmh_to_mps(ahead),
-                left_mps=None if left is None else -kmh_to_mps(left),  # recorders count to the right (SAE J211)
-                speed_mps=_last_speed_mps(speeds.get(str(row.get("no")))),
+                event=_whole(row.get("cdcev")),
+                ahead_mps=None if ahead is None else kmh_to_mps(ahead),
+                left_mps=None if right is None else -kmh_to_mps(right),  # recorders count to the right (SAE J211)
+                speed_mps=_last_speed_mps(speeds.get(str(_whole(row.get("no"))))),
             )
         )
     return tuple(found)
@@ -234,11 +269,11 @@ def _recordings(values: Mapping[str, Any]) -> tuple[Recording, ...]:
 def _last_speed_mps(samples: object) -> float | None:
     """The sample nearest to the impact that is known."""
     known = [
-        (time_s, speed)
+        (-abs(time_s), speed)
         for sample in _rows(samples)
-        if isinstance(sample, list) and len(sample) == 2
-        if (time_s := _number(sample[0], low=-60.0)) is not None
-        if (speed := _number(sample[1], low=0.0, high=300.0)) is not None
+        if isinstance(sample, list) and len(sample) >= 2
+        if (time_s := _number(sample[0], low=-60.0, high=60.0)) is not None
+        if (speed := _number(sample[1], low=0.0, high=_FASTEST_KMH)) is not None
     ]
     return kmh_to_mps(max(known)[1]) if known else None
 
@@ -250,7 +285,17 @@ def _rows(value: object) -> list[Any]:
 def _number(
     value: object, *, low: float = -math.inf, high: float = math.inf, unknown_from: float = _UNKNOWN_FROM
 ) -> float | None:
-    """A known number within bounds."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    """A known number within bounds, also one that is written as text."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
-    return float(value) if low <= value <= high and abs(value) < unknown_from else None
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) and low <= number <= high and abs(number) < unknown_from else None
+
+
+def _whole(value: object) -> int | None:
+    """A known number that counts something."""
+    number = _number(value, low=0.0)
+    return None if number is None or number != int(number) else int(number)

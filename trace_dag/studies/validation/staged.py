@@ -19,9 +19,9 @@ from trace_dag.crash.record import VehicleClass
 from trace_dag.settings import SimSettings
 from trace_dag.sim.types import Body, BodyKind
 from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.studies.validation.crashes import simulate
 from trace_dag.studies.validation.placing import meeting
 from trace_dag.studies.validation.plastic import plastic_delta_v
+from trace_dag.studies.validation.rows import simulate
 from trace_dag.units import KG_PER_LB, METRES_PER_FOOT, mph_to_mps, mps_to_kmh
 
 

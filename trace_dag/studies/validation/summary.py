@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Final
 
-from trace_dag.studies.validation.crashes import Compared
+from trace_dag.studies.validation.rows import Compared
 
 DIRECTION_WITHIN_DEG: Final = 20.0
 _GROUPS: Final[Sequence[tuple[str, Callable[[Compared], bool]]]] = (
