@@ -98,7 +98,7 @@ def test_a_removal_that_broke_off_is_finished_by_the_same_command(root: Path, mo
 @pytest.mark.parametrize(
     "damage", [lambda data: b"\x9c" * 20_000, lambda data: b"", lambda data: data[: len(data) // 3]]
 )
-@pytest.mark.parametrize("database", ["history/runs.db", "history/runs/index.db", "schedules/schedules.db"])
+@pytest.mark.parametrize("database", ["history/runs.db", "history/packed/index.db", "schedules/schedules.db"])
 def test_a_damaged_database_of_dagster_is_a_line_whose_remedy_works(root: Path, database: str, damage) -> None:
     path = root / "dagster" / database
     path.write_bytes(damage(path.read_bytes()))

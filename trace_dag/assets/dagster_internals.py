@@ -2,8 +2,9 @@
 
 Names that begin with an underscore may change with any version. They are used with the versions they were tried with,
 :data:`TRIED`; with any other one this module warns, and Dagster's public ways take their place: its own event log
-instead of ours (:mod:`trace_dag.assets.event_log`; slower, the same files), what runs print kept in files instead of
-shown on the terminal, and checks of crashes that do not name the materialization they looked at.
+instead of ours (:mod:`trace_dag.assets.event_log`; slower, ten times as large, and empty until ``verify --repair`` has
+told it what stands), what runs print kept in files instead of shown on the terminal, and checks of crashes that do not
+name the materialization they looked at.
 """
 
 import re
@@ -49,6 +50,7 @@ if TYPE_CHECKING or KNOWN:
     )
     from dagster._core.instance.ref import InstanceRef
     from dagster._core.storage.event_log import SqliteEventLogStorage as SqliteEventLogStorage
+    from dagster._core.storage.event_log.schema import AssetCheckExecutionsTable as AssetCheckExecutionsTable
     from dagster._core.storage.event_log.schema import AssetKeyTable as AssetKeyTable
     from dagster._core.storage.event_log.schema import DynamicPartitionsTable as DynamicPartitionsTable
     from dagster._core.storage.event_log.schema import SqlEventLogStorageTable as SqlEventLogStorageTable
