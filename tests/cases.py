@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from trace_dag.crash.completeness import check
@@ -59,13 +59,14 @@ def cases(reports: dict[str, bytes], maps: Path) -> list[Case]:
     return found
 
 
-@lru_cache(maxsize=1)
+@cache
 def sample_cases() -> tuple[Case, ...]:
     """The bundled sample's crashes."""
     reports = {path.name: path.read_bytes() for path in (SAMPLE / "reports").glob("*.xml")}
     return tuple(cases(reports, SAMPLE / "osm"))
 
 
+@cache
 def sample_case(key: str) -> Case:
     """One crash of the bundled sample."""
     name = f"crash_{key.partition('-')[2]}.xml"

@@ -27,6 +27,18 @@ import trace_dag
 _STARTED: list[subprocess.Popen[bytes]] = []  # its standard input is a pipe of this process: it ends when this does
 PROGRAMS = {"trace-dag": "from trace_dag.cli.main import main\nmain()", "python": "import sys\nexec(sys.stdin.read())"}
 
+_IMPORTED_WHERE_USED = (
+    "dagster._core.storage.sqlite_storage",
+    "matplotlib.backends.backend_agg",
+    "mujoco",
+    "pandas",
+    "pyarrow.parquet",
+    "pyproj.crs",
+    "scipy.integrate",
+    "upath.implementations.local",
+    "xmlschema",
+)
+
 # What stands for the program where a shell looks for it; without the site's packages it starts in no time.
 _ASKS = """#!{python} -IS
 import json, os, socket, sys
@@ -81,7 +93,7 @@ def import_all() -> None:
     for module in pkgutil.walk_packages(trace_dag.__path__, "trace_dag."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
-    for name in ("dagster._core.instance", "matplotlib.backends.backend_agg", "mujoco", "pandas", "pyarrow.parquet"):
+    for name in _IMPORTED_WHERE_USED:
         importlib.import_module(name)
 
 

@@ -14,26 +14,27 @@ from trace_dag.states.samples import draw_samples
 from trace_dag.states.types import Sample, SpeedSource, StateEstimate
 from trace_dag.units import mph_to_mps
 
-CASE = sample_case("2023-319003")
+KEY = "2023-319003"
 COUNT = 20
 
 
 @pytest.fixture(scope="module")
 def states() -> StateEstimate:
-    return estimate(CASE.record, CASE.network, CASE.report, SETTINGS.states)
+    case = sample_case(KEY)
+    return estimate(case.record, case.network, case.report, SETTINGS.states)
 
 
 @pytest.fixture(scope="module")
 def drawn(states: StateEstimate) -> tuple[Sample, ...]:
-    return draw_samples(CASE.record, states.hypotheses, COUNT)
+    return draw_samples(sample_case(KEY).record, states.hypotheses, COUNT)
 
 
 def test_the_same_draws_every_time_and_none_where_none_are_asked_for(
     states: StateEstimate, drawn: tuple[Sample, ...]
 ) -> None:
-    assert draw_samples(CASE.record, states.hypotheses, COUNT) == drawn
+    assert draw_samples(sample_case(KEY).record, states.hypotheses, COUNT) == drawn
     assert len(drawn) == COUNT
-    assert draw_samples(CASE.record, states.hypotheses, 0) == ()
+    assert draw_samples(sample_case(KEY).record, states.hypotheses, 0) == ()
 
 
 def test_each_number_falls_once_into_each_equal_part_of_its_distribution(

@@ -21,12 +21,12 @@ from trace_dag.states.speed_prior import (
 from trace_dag.states.speeds import travel_speed
 from trace_dag.units import mph_to_mps
 
-CASE = sample_case("2023-319003")
+KEY = "2023-319003"
 
 
 def unreported(**changes: object) -> Party:
     vehicle = dataclasses.replace(
-        CASE.record.vehicles[0],
+        sample_case(KEY).record.vehicles[0],
         travel_speed_mps=None,
         speed_limit_mps=mph_to_mps(45),
         movement=PreCrashMovement.GOING_STRAIGHT,
@@ -36,18 +36,18 @@ def unreported(**changes: object) -> Party:
         speeding=False,
         **changes,
     )
-    return party(CASE.record, vehicle)
+    return party(sample_case(KEY).record, vehicle)
 
 
 def distribution(own: Party) -> Distribution:
     rule = travel_speed(own.vehicle, own.crash_type, own.turn, None, crossing=True)
-    return travel_speed_distribution(CASE.record, own, rule)
+    return travel_speed_distribution(sample_case(KEY).record, own, rule)
 
 
 def test_the_tables_name_every_feature_class_and_role_at_every_level() -> None:
     own = unreported()
     rule = travel_speed(own.vehicle, own.crash_type, own.turn, None, crossing=True)
-    assert set(features(CASE.record, own, rule)) == set(SHIFTS_MPH)
+    assert set(features(sample_case(KEY).record, own, rule)) == set(SHIFTS_MPH)
     assert (set(SPREAD_MPH), set(BRAKING)) == (set(SpeedClass), set(Role))
     for values in (*SPREAD_MPH.values(), *BRAKING.values()):
         assert len(values) == len(LEVELS)
@@ -68,7 +68,7 @@ def changed(vehicle: VehicleRecord, **changes: object) -> VehicleRecord:
 
 def test_who_stood_stands() -> None:
     own = unreported()
-    stood = party(CASE.record, changed(own.vehicle, movement=PreCrashMovement.STOPPED))
+    stood = party(sample_case(KEY).record, changed(own.vehicle, movement=PreCrashMovement.STOPPED))
     assert distribution(stood).at(0.9) == 0.0
     assert speed_kept_distribution(stood).at(0.1) == 1.0
 
@@ -77,7 +77,7 @@ def test_braking_takes_speed_unless_the_report_says_that_nothing_was_done() -> N
     own = unreported()
     kept = speed_kept_distribution(own)
     assert 0.0 < kept.at(0.1) < kept.median <= 1.0
-    nothing = party(CASE.record, changed(own.vehicle, avoidance_code=1))
+    nothing = party(sample_case(KEY).record, changed(own.vehicle, avoidance_code=1))
     assert speed_kept_distribution(nothing).at(0.1) == 1.0
 
 
