@@ -14,41 +14,55 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from cases import SAMPLE, SETTINGS, sample_case
+from cases import SAMPLE, SETTINGS
 
 import trace_dag
+from trace_dag.crash.parse import read_report
+from trace_dag.osm.catalog import MapCatalog
+from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.roads.build import build_road_map
+from trace_dag.roads.map.reader import read_opendrive
+from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.sim.backends import backend
 from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.verdict.judge import judge
 
 PACKAGE = Path(trace_dag.__file__).parent
-KEY = "2023-319003"
-"""The sample's crash that the README shows: a car turns left across a motorcycle at Main Street and Elder Street."""
+REPORTS = {
+    "record": "reports/crash_319003.xml",  # a car turns left across a motorcycle: the crash that the README shows
+    "queue_record": "chains/reports/crash_319101.xml",  # a car runs into one that stands and pushes it into the next
+    "pedestrian_record": "people/reports/crash_319081.xml",  # a car strikes a man who crosses the road
+    "tree_record": "roadside/reports/crash_319111.xml",  # a car runs off the road to the right into a tree
+}
+OF_THE_FIRST = (
+    *("report_xml", "extract", "xodr", "network", "map_report"),
+    *("state_estimate", "hypothesis", "log", "verdict"),
+)
 
 
 @cache
 def sample_names() -> dict[str, object]:
-    """What the program has of the sample's crash ``2023-319003``, from its report to its verdict."""
-    case = sample_case(KEY)
-    estimated = estimate(case.record, case.network, case.report, SETTINGS.states)
-    logs = simulate(backend(SETTINGS.sim), case.network, case.xodr, estimated, SETTINGS.sim, record=case.record)
-    return {
-        "report_xml": (SAMPLE / "reports" / "crash_319003.xml").read_bytes(),
-        "record": case.record,
-        "xodr": case.xodr,
-        "network": case.network,
-        "map_report": case.report,
-        "state_estimate": estimated,
-        "log": logs[0],
-        "verdict": judge(case.record, case.network, case.report, estimated, logs, SETTINGS.verdict),
-    }
+    """Crashes of the bundled sample as read, and of the first of them all that the program makes of it."""
+    files = {name: (SAMPLE / path).read_bytes() for name, path in REPORTS.items()}
+    records = {name: read_report(data, name=name, settings=SETTINGS.crash) for name, data in files.items()}
+    record = records["record"]
+    site = Site(record.key, record.latitude_deg, record.longitude_deg)
+    extract = MapCatalog.open([SAMPLE / "osm"]).extract([site], SETTINGS.osm)[record.key]
+    assert isinstance(extract, OsmExtract)
+    built = build_road_map(extract, record, SETTINGS.roads)
+    xodr = write_opendrive(built.network)
+    network, report = read_opendrive(xodr, name="map.xodr"), built.report
+    estimated = estimate(record, network, report, SETTINGS.states)
+    logs = simulate(backend(SETTINGS.sim), network, xodr, estimated, SETTINGS.sim, record=record)
+    verdict = judge(record, network, report, estimated, logs, SETTINGS.verdict)
+    made = (files["record"], extract, xodr, network, report, estimated, estimated.hypotheses[0], logs[0], verdict)
+    return {**records, **dict(zip(OF_THE_FIRST, made, strict=True))}
 
 
 DOMAIN = ("crash", "osm", "roads", "states", "sim", "scenario", "verdict", "units.py", "geometry.py", "markdown.py")
 PLAIN = {"int", "float", "str", "bool", "bytes", "None", "object", "tuple", "list", "dict", "set", "frozenset"}
 PLAIN |= {"Sequence", "Iterable", "Mapping", "Collection"}
-NAMES = "report_xml|record|xodr|network|map_report|state_estimate|log|verdict"
 
 
 def modules_with_examples() -> list[str]:
@@ -60,7 +74,7 @@ def modules_with_examples() -> list[str]:
 def test_the_examples_of_a_module_hold(name):
     module = importlib.import_module(name)
     examples = re.findall(r">>> (.*)", Path(str(module.__file__)).read_text(encoding="utf-8"))
-    uses = any(re.search(rf"\b({NAMES})\b", each) for each in examples)
+    uses = any(re.search(rf"\b({'|'.join((*REPORTS, *OF_THE_FIRST))})\b", each) for each in examples)
     result = doctest.testmod(module, extraglobs=sample_names() if uses else {})
     assert result.attempted > 0
     assert result.failed == 0

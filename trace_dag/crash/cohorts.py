@@ -79,12 +79,25 @@ class CohortFilter:
 
 
 def select(crashes: Iterable[CrashListing], wanted: CohortFilter) -> list[CrashListing]:
-    """The crashes the filter admits, in order of their keys."""
+    """The crashes the filter admits, in order of their keys.
+
+    >>> from trace_dag.crash.listing import list_report
+    >>> listed = list_report(report_xml, name="crash_319003.xml")
+    >>> [each.key for each in select([listed], CohortFilter(states=frozenset({31})))]  # Nebraska
+    ['2023-319003']
+    """
     return sorted((crash for crash in crashes if wanted.admits(crash)), key=lambda crash: crash.key)
 
 
 def sample(crashes: Iterable[CrashListing], size: int, *, seed: int) -> list[CrashListing]:
-    """A random sample without replacement, in order of choice; all crashes if there are no more than ``size``."""
+    """A random sample without replacement, in order of choice; all crashes if there are no more than ``size``.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.crash.listing import list_report
+    >>> listed = list_report(report_xml, name="crash_319003.xml")
+    >>> len(sample([replace(listed, key=f"2023-{case}") for case in range(310001, 310100)], 5, seed=1))
+    5
+    """
     _check_size(size)
     return _shuffled(crashes, seed)[:size]
 
@@ -95,6 +108,14 @@ def stratified_sample(crashes: Iterable[CrashListing], size: int, *, seed: int) 
     Greedy: every next crash is the one whose three classes have been chosen least so far (the sum over the
     dimensions of 1 / (1 + chosen) is largest), ties broken at random by the seed. The first crashes thus cover
     every class that occurs, and rare classes are used up before frequent ones repeat.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.crash.listing import list_report
+    >>> listed = list_report(report_xml, name="crash_319003.xml")
+    >>> many = [replace(listed, key=f"2023-{case}") for case in range(310001, 310100)]
+    >>> rare = replace(listed, key="2023-310100", manner_of_collision_code=2)  # head-on; the others are at an angle
+    >>> rare in stratified_sample([*many, rare], 2, seed=1)
+    True
     """
     _check_size(size)
     cells: dict[tuple[object, ...], list[CrashListing]] = {}

@@ -58,6 +58,11 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
 
     The cohort's filters come first, then the kind of crash, then completeness: a crash that nobody wants or nobody can
     model is named as such, complete or not.
+
+    >>> check(record, CrashSettings())
+    >>> check(record, CrashSettings(vehicles=3))
+    Traceback (most recent call last):
+    trace_dag.errors.Rejection: outside_cohort: 2 motor vehicles in transport; the cohort takes 3
     """
     for rule in (*filters_of(settings), *further, *KINDS, *RULES, *OF_VERDICTS):
         detail = rule.shortcoming(record)
@@ -66,7 +71,12 @@ def check(record: CrashRecord, settings: CrashSettings, *, further: Sequence[Rul
 
 
 def shortcomings(record: CrashRecord, rules: Sequence[Rule]) -> list[tuple[Rule, str]]:
-    """Every rule a record falls short of, with its sentence."""
+    """Every rule a record falls short of, with its sentence.
+
+    >>> daylight = filters_of(CrashSettings(filters={"LGT_COND": (1,)}))
+    >>> [sentence for _, sentence in shortcomings(record, daylight)]
+    ['LGT_COND is 3; the cohort takes 1']
+    """
     return [(rule, detail) for rule in rules if (detail := rule.shortcoming(record)) is not None]
 
 
@@ -74,6 +84,9 @@ def filters_of(settings: CrashSettings) -> tuple[Rule, ...]:
     """The cohort filters that settings ask for.
 
     Raises :class:`UserError` for an unknown kind of crash, and for an element that records do not have.
+
+    >>> [rule.reason.value for rule in filters_of(CrashSettings(vehicles=2))]
+    ['outside_cohort']
     """
     kinds = () if settings.kinds is None else (_of_kinds(settings.kinds),)
     vehicles = () if settings.vehicles is None else (_number_of_vehicles(settings.vehicles),)

@@ -11,12 +11,20 @@ _DARK: Final = frozenset({2, 3, 6})  # LGT_COND: not lit, lit, dark without more
 
 
 def is_dark(record: CrashRecord) -> bool:
-    """Whether it was dark, lit or not (``LGT_COND``)."""
+    """Whether it was dark, lit or not (``LGT_COND``).
+
+    >>> is_dark(record), is_dark(pedestrian_record)  # LGT_COND 3, dark and lighted; 1, daylight
+    (True, False)
+    """
     return record.light_code in _DARK
 
 
 def conditions_in_words(record: CrashRecord) -> str:
-    """Light and weather, what the report says of them: "in daylight, in rain"; empty where it says nothing."""
+    """Light and weather, what the report says of them: "in daylight, rain"; empty where it says nothing.
+
+    >>> conditions_in_words(record)
+    'in the dark on a lit road, clear weather'
+    """
     said = []
     for table, code in ((LGT_COND, record.light_code), (WEATHER, record.weather_code)):
         if code is not None and code not in table.unknown and table.meaning(code):

@@ -56,17 +56,29 @@ class VehicleContact:
 
 def is_of_contacts(record: CrashRecord) -> bool:
     """Whether the crash is reconstructed by all contacts of its vehicles. A crash of two vehicles in transport is not:
-    it is reconstructed by their first contact, whatever came before and after it."""
+    it is reconstructed by their first contact, whatever came before and after it.
+
+    >>> is_of_contacts(queue_record), is_of_contacts(record)  # three vehicles, two vehicles
+    (True, False)
+    """
     return record.kind in OF_CONTACTS and not (record.colliding_vehicles and record.moving_vehicles == 2)
 
 
 def order_is_told(record: CrashRecord) -> bool:
-    """Whether the report says in which order the contacts came."""
+    """Whether the report says in which order the contacts came.
+
+    >>> order_is_told(queue_record)
+    True
+    """
     return ORDER_OF_CONTACTS not in record.implied
 
 
 def contacts_of(record: CrashRecord) -> tuple[VehicleContact, ...]:
-    """The contacts in the order of their events; empty where :func:`untold_contact` says what is missing."""
+    """The contacts in the order of their events; empty where :func:`untold_contact` says what is missing.
+
+    >>> [contact.pair for contact in contacts_of(queue_record)]
+    [(1, 2), (2, 3)]
+    """
     if not is_of_contacts(record) or untold_contact(record) is not None:
         return ()
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
@@ -103,6 +115,9 @@ def untold_contact(record: CrashRecord) -> str | None:
     """What the report leaves open about which vehicles met, as a sentence.
 
     None if it leaves nothing open, or if the crash is not reconstructed by its contacts.
+
+    >>> untold_contact(replace(queue_record, vehicles_in_transport=4))
+    'the report lists 3 of 4 vehicles in transport'
     """
     if not is_of_contacts(record):
         return None

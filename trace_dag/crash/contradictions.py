@@ -65,12 +65,20 @@ _STOPPED_MAX_MPS: Final = 2.3
 
 
 def contradictions_of(record: CrashRecord) -> tuple[str, ...]:
-    """Every disagreement found, as sentences that name the fields and their values."""
+    """Every disagreement found, as sentences that name the fields and their values.
+
+    >>> contradictions_of(record)
+    ()
+    """
     return tuple(sentence for _, sentence in named_contradictions(record))
 
 
 def named_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
-    """Every disagreement found: what it is about, in a word or two that stay the same, and its sentence."""
+    """Every disagreement found: what it is about, in a word or two that stay the same, and its sentence.
+
+    >>> list(named_contradictions(record))
+    []
+    """
     for about, check in _CHECKS.items():
         for sentence in check(record):
             yield about, sentence

@@ -236,12 +236,20 @@ def crash_type(acc_type: int | None) -> CrashType:
 
 
 def crash_type_of(vehicle: VehicleRecord) -> CrashType:
-    """The row of the table for a vehicle; one that says nothing where its type is unknown."""
+    """The row of the table for a vehicle; one that says nothing where its type is unknown.
+
+    >>> crash_type_of(record.vehicles[0]).turn.value  # ACC_TYPE 68: turns across the path of an oncoming vehicle
+    'left'
+    """
     return crash_type(vehicle.crash_type_code)
 
 
 def turn_of(vehicle: VehicleRecord) -> Turn | None:
-    """The turn a vehicle made: by its movement, else by its crash type."""
+    """The turn a vehicle made: by its movement, else by its crash type.
+
+    >>> turn_of(record.vehicles[0]).value  # P_CRASH1 11: turning left
+    'left'
+    """
     return _TURN_OF_MOVEMENT.get(vehicle.movement, crash_type_of(vehicle).turn)
 
 

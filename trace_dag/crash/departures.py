@@ -83,12 +83,21 @@ _SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
 
 
 def is_of_departure(record: CrashRecord) -> bool:
-    """Whether the crash is reconstructed by how one vehicle leaves the road."""
+    """Whether the crash is reconstructed by how one vehicle leaves the road.
+
+    >>> is_of_departure(tree_record), is_of_departure(record)
+    (True, False)
+    """
     return record.kind in OF_DEPARTURES
 
 
 def departure_of(record: CrashRecord) -> Departure | None:
-    """What the report says of the departure; None where :func:`untold_departure` says what is missing."""
+    """What the report says of the departure; None where :func:`untold_departure` says what is missing.
+
+    >>> departure = departure_of(tree_record)
+    >>> departure.side.value, [each.code for each in departure.objects]  # SOE 42: a standing tree
+    ('right', [42])
+    """
     if not is_of_departure(record) or untold_departure(record) is not None:
         return None
     vehicle = _vehicle(record)
@@ -109,6 +118,9 @@ def untold_departure(record: CrashRecord) -> str | None:
     """What the report leaves open about which vehicle left the road and what it struck, as a sentence.
 
     None if it leaves nothing open, or if the crash is not reconstructed by a departure.
+
+    >>> untold_departure(tree_record) is None
+    True
     """
     if not is_of_departure(record):
         return None
@@ -119,12 +131,20 @@ def untold_departure(record: CrashRecord) -> str | None:
 
 
 def overturns_first(record: CrashRecord) -> bool:
-    """Whether the vehicle overturned before it struck anything."""
+    """Whether the vehicle overturned before it struck anything.
+
+    >>> overturns_first(tree_record)
+    False
+    """
     return record.kind is CrashKind.OVERTURN
 
 
 def overturns_on_road(record: CrashRecord) -> bool:
-    """Whether the vehicle overturned on the roadway, so that it left it to no side."""
+    """Whether the vehicle overturned on the roadway, so that it left it to no side.
+
+    >>> overturns_on_road(tree_record)
+    False
+    """
     return overturns_first(record) and record.road_relation_code in ON_ROADWAY
 
 
@@ -132,6 +152,9 @@ def untold_side(record: CrashRecord) -> str | None:
     """A sentence saying that the report does not tell where the vehicle left the road.
 
     None if it does tell, or if the crash is not reconstructed by a departure.
+
+    >>> untold_side(tree_record) is None  # SOE 63: ran off the road to the right
+    True
     """
     departure = departure_of(record)
     if departure is None or departure.side is not None or overturns_on_road(record):

@@ -56,7 +56,13 @@ _CRASH_TYPE_UNKNOWN: Final = 99
 
 
 def with_crash_types(vehicles: Sequence[VehicleRecord], events: Sequence[EventRecord]) -> tuple[VehicleRecord, ...]:
-    """The vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked."""
+    """The vehicles, the one of a pair without ``ACC_TYPE`` with the type its partner's implies, marked.
+
+    >>> silent = replace(record.vehicles[0], crash_type_code=None)
+    >>> car, motorcycle = with_crash_types([silent, record.vehicles[1]], record.events)
+    >>> motorcycle.crash_type_code, car.crash_type_code, car.implied  # 69 crossed the turn of a 68
+    (69, 68, ('crash_type_code',))
+    """
     pair = _pair(vehicles, events)
     if pair is None:
         return tuple(vehicles)
@@ -109,7 +115,11 @@ UNSAID_MOVEMENTS: Final = frozenset({PreCrashMovement.OTHER, PreCrashMovement.UN
 
 
 def implied_movement(vehicle: VehicleRecord) -> PreCrashMovement | None:
-    """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does."""
+    """The movement that ``ACC_TYPE``, else ``P_CRASH2``, else a speed of zero says, None if none of them does.
+
+    >>> implied_movement(record.vehicles[0]).name  # ACC_TYPE 68
+    'TURNING_LEFT'
+    """
     movement = crash_type_of(vehicle).movement
     if movement is None:
         movement = _MOVEMENT_OF_CRITICAL_EVENT.get(vehicle.critical_event_code or 0)
@@ -163,7 +173,12 @@ _DAMAGE_CONCENTRATION: Final = 0.7
 
 
 def is_near(area: ImpactArea, clock_h: float, tolerance_h: float = SAME_AREA_H) -> bool:
-    """Whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre."""
+    """Whether a clock position lies in an area, or no more than ``tolerance_h`` from its centre.
+
+    >>> struck = record.vehicles[0].impact  # at 3 o'clock
+    >>> is_near(struck, 4.0), is_near(struck, 6.0)
+    (True, False)
+    """
     reach_h = max(tolerance_h, area.half_width_rad / HOUR_RAD)
     return clock_difference_h(area.clock_h, clock_h) <= reach_h
 
@@ -175,6 +190,10 @@ def with_impacts(
 
     ``IMPACT1`` is the vehicle's first impact with anything. A vehicle that struck something else before it collided
     with the other vehicle has its collision's area in the event, and that is the one a reconstruction needs.
+
+    >>> silent = [replace(vehicle, impact=None, initial_impact_code=None) for vehicle in record.vehicles]
+    >>> [vehicle.impact.clock_h for vehicle in with_impacts(silent, record.events, 6)]  # by the event's areas
+    [3.0, 1.0]
     """
     collision = first_vehicle_contact(events)
     pair = _pair(vehicles, events) or ()
@@ -207,7 +226,11 @@ def _with_own_impact(
 
 
 def area_in(event: EventRecord, number: int) -> ImpactArea | None:
-    """Where on its body an event touched the vehicle of that number."""
+    """Where on its body an event touched the vehicle of that number.
+
+    >>> area_in(record.events[0], 1).clock_h
+    3.0
+    """
     if event.party_1 == number:
         return event.area_1
     return event.area_2 if event.party_2 == number else None
@@ -237,7 +260,12 @@ CORNER_H: Final = 2.0
 
 
 def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: ImpactArea | None) -> bool | None:
-    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
+    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known.
+
+    >>> front, right = record.vehicles[1].impact, record.vehicles[0].impact
+    >>> agrees_with_manner(1, front, right)  # MAN_COLL 1: front to rear
+    False
+    """
     needs = _MANNERS.get(man_coll or 0)
     return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
 

@@ -121,6 +121,10 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
 
     A release may lack tables: its crashes can then be counted and listed, not reconstructed, which is logged. Raises
     UserError if there is no table that tells of every crash.
+
+    >>> find_releases(Path("no-such-folder"))
+    Traceback (most recent call last):
+    trace_dag.errors.UserError: no-such-folder does not exist; expected a folder or zip of FARS CSV files
     """
     if not path.exists():
         raise UserError(f"{path} does not exist; expected a folder or zip of FARS CSV files")

@@ -113,5 +113,9 @@ class Fields:
 
 
 def local_name(element: etree._Element) -> str:
-    """The element's name without its namespace, which lxml writes before it in braces."""
+    """The element's name without its namespace, which lxml writes before it in braces.
+
+    >>> local_name(etree.fromstring('<Count xmlns="http://example.org">1</Count>'))
+    'Count'
+    """
     return element.tag.rpartition("}")[2]

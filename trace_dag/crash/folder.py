@@ -79,6 +79,10 @@ def scan(paths: Iterable[Path]) -> FolderScan:
 
     Raises:
         UserError: for a path that does not exist or cannot be read.
+
+    >>> scan([Path("no-such-folder")])
+    Traceback (most recent call last):
+    trace_dag.errors.UserError: no-such-folder does not exist; expected a folder or file of crash reports
     """
     by_key: dict[str, list[FoundReport]] = {}
     unrecognised: list[Unrecognised] = []

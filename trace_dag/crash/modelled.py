@@ -24,7 +24,11 @@ _MOST_TOLD: Final = 4
 
 def another_kind(record: CrashRecord) -> str | None:
     """Why the crash cannot be judged: its kind and what happened, as a sentence. None if it can be judged, or if the
-    report does not tell."""
+    report does not tell.
+
+    >>> another_kind(record) is None
+    True
+    """
     kind = record.kind
     met = record.colliding_vehicles is not None
     if untold_meeting(record) is not None or (met and record.moving_vehicles == 2):
@@ -57,7 +61,11 @@ def another_kind(record: CrashRecord) -> str | None:
 
 def untold_meeting(record: CrashRecord) -> str | None:
     """Why the report does not tell which two vehicles met first, or whether any did. None if it tells, or if the crash
-    is of a kind in which no vehicles meet."""
+    is of a kind in which no vehicles meet.
+
+    >>> untold_meeting(record) is None
+    True
+    """
     if is_of_contacts(record):
         return untold_contact(record)
     if record.colliding_vehicles is not None or record.kind not in COLLISIONS:

@@ -58,6 +58,9 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
         Rejection: ``not_released`` for a response without a case, ``malformed_report`` for anything that cannot be
             read or holds a code its element does not have in that year, ``incomplete_location`` where no position is
             reported, since a record without a place cannot exist.
+
+    >>> read_report(report_xml, name="crash_319003.xml", settings=CrashSettings()).key
+    '2023-319003'
     """
     root, repaired = parse_untrusted(data, name=name, repair=settings.repair_malformed)
     crash = crash_element(root, name=name)
@@ -75,7 +78,11 @@ def read_report(data: bytes, *, name: str, settings: CrashSettings, expected_key
 
 def crash_element(root: etree._Element, *, name: str) -> etree._Element:
     """The one ``CrashResultSet`` of a response. Raises ``not_released`` if it holds none, ``malformed_report``
-    if it is not a response or holds several."""
+    if it is not a response or holds several.
+
+    >>> crash_element(etree.fromstring(report_xml), name="crash_319003.xml").findtext("STATENAME")
+    'Nebraska'
+    """
     found = [
         element for element in root.iter() if isinstance(element.tag, str) and local_name(element) == "CrashResultSet"
     ]
@@ -164,7 +171,11 @@ def _read_crash(element: etree._Element, name: str) -> CrashRecord:
 
 
 def case_of(crash: Fields) -> tuple[int, int, str]:
-    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they cannot be read."""
+    """Case year, state case and key of a ``CrashResultSet``. Raises ``malformed_report`` if they cannot be read.
+
+    >>> case_of(Fields(crash_element(etree.fromstring(report_xml), name="crash_319003.xml"), "crash_319003.xml"))
+    (2023, 319003, '2023-319003')
+    """
     case_year = crash.integer("CASEYEAR", "YEAR", low=FIRST_YEAR, high=LATEST_YEAR)
     state_case = crash.integer("ST_CASE")
     if case_year is None or state_case is None:

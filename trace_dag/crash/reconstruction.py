@@ -25,7 +25,11 @@ class Reconstruction(StrEnum):
 
 
 def reconstruction_of(record: CrashRecord) -> Reconstruction:
-    """What the crash is reconstructed as."""
+    """What the crash is reconstructed as.
+
+    >>> [reconstruction_of(each).value for each in (record, queue_record, pedestrian_record, tree_record)]
+    ['collision', 'contacts', 'strikes', 'departure']
+    """
     if is_of_departure(record):
         return Reconstruction.OVERTURN if overturns_first(record) else Reconstruction.DEPARTURE
     if is_of_strikes(record):

@@ -338,6 +338,10 @@ def first_vehicle_contact(events: Sequence[EventRecord]) -> EventRecord | None:
     """The first event in which two named vehicles touch.
 
     Also None where an earlier contact in transport does not name its parties: then the first one is not known.
+
+    >>> contact = first_vehicle_contact(record.events)
+    >>> contact.party_1, contact.party_2  # VNUMBER1, VNUMBER2
+    (2, 1)
     """
     for event in events:
         if event.is_vehicle_contact:

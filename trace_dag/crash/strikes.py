@@ -46,13 +46,21 @@ class Strike:
 
 def is_of_strikes(record: CrashRecord) -> bool:
     """Whether the crash is reconstructed by its strikes: of a kind with people or a live animal, and no two vehicles in
-    transport collided in it alone (such a crash is one of two vehicles, whatever came first)."""
+    transport collided in it alone (such a crash is one of two vehicles, whatever came first).
+
+    >>> is_of_strikes(pedestrian_record), is_of_strikes(record)
+    (True, False)
+    """
     alone = record.colliding_vehicles and record.moving_vehicles == 2
     return record.kind in OF_STRIKES and not alone and not strikes_ridden_animal(record)
 
 
 def strikes_ridden_animal(record: CrashRecord) -> bool:
-    """Whether the crash is one with a ridden animal, or with a conveyance that an animal drew."""
+    """Whether the crash is one with a ridden animal, or with a conveyance that an animal drew.
+
+    >>> strikes_ridden_animal(pedestrian_record)
+    False
+    """
     if record.kind is not CrashKind.ANIMAL:
         return False
     first = record.first_harmful_event_code
@@ -61,7 +69,11 @@ def strikes_ridden_animal(record: CrashRecord) -> bool:
 
 
 def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
-    """The strikes in the order of their events; empty where :func:`untold_strike` says what is missing."""
+    """The strikes in the order of their events; empty where :func:`untold_strike` says what is missing.
+
+    >>> [(strike.vehicle.number, strike.person.number) for strike in strikes_of(pedestrian_record)]
+    [(1, 1)]
+    """
     if untold_strike(record) is not None:
         return ()
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
@@ -81,7 +93,11 @@ def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
 
 
 def order_is_told(record: CrashRecord) -> bool:
-    """Whether the report says in which order its strikes happened."""
+    """Whether the report says in which order its strikes happened.
+
+    >>> order_is_told(pedestrian_record)
+    True
+    """
     return ORDER_OF_STRIKES not in record.implied
 
 
@@ -89,6 +105,10 @@ def untold_strike(record: CrashRecord) -> str | None:
     """What the report leaves open about who struck whom, as a sentence.
 
     None if it leaves nothing open, or if the crash is not reconstructed by its strikes.
+
+    >>> silent = replace(pedestrian_record.events[0], party_2=None)
+    >>> untold_strike(replace(pedestrian_record, events=(silent,)))
+    'event 1 does not say which of 1 persons was struck'
     """
     if not is_of_strikes(record):
         return None

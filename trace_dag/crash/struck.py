@@ -52,6 +52,10 @@ def with_struck(
         persons: in order of their numbers.
         order_known: False if the sequence was put together from those of the vehicles, which leaves open which of
             two vehicles struck somebody first.
+
+    >>> unnamed = [replace(event, party_2=None) for event in pedestrian_record.events]
+    >>> with_struck(unnamed, pedestrian_record.non_motorists).events[0].party_2  # person 1
+    1001
     """
     strikes = [event for event in events if event.kind is EventKind.PERSON_STRUCK]
     found: dict[int, NonMotorist] = {}

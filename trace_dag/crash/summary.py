@@ -41,7 +41,11 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def summarise(record: CrashRecord) -> str:
-    """Some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or disagrees."""
+    """Some sentences on the crash: the scene, each vehicle, the sequence of events, what was implied or disagrees.
+
+    >>> print(summarise(pedestrian_record).splitlines()[3])
+    Person 1: pedestrian, crossing the roadway, in a travel lane, struck by vehicle 1.
+    """
     paragraphs = [
         _scene(record),
         *(_vehicle(vehicle) for vehicle in record.vehicles),
@@ -53,7 +57,11 @@ def summarise(record: CrashRecord) -> str:
 
 
 def in_one_sentence(record: CrashRecord) -> str:
-    """When, where, who and what: the first contact of vehicles, or the first harmful event of another kind of crash."""
+    """When, where, who and what: the first contact of vehicles, or the first harmful event of another kind of crash.
+
+    >>> in_one_sentence(pedestrian_record)
+    'On June 14, 2023 at 15:20 on NE-411, Nebraska, a sedan that was going straight at 45 mph struck a pedestrian.'
+    """
     streets = " and ".join(name for name in (record.trafficway_1, record.trafficway_2) if name)
     place = ", ".join(part for part in (f" on {streets}" if streets else "", record.state_name) if part)
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
@@ -215,7 +223,11 @@ def _sequence(record: CrashRecord) -> str:
 
 
 def event_in_words(event: EventRecord) -> str:
-    """An event as a clause: who did what to whom, and at which parts of the bodies."""
+    """An event as a clause: who did what to whom, and at which parts of the bodies.
+
+    >>> event_in_words(tree_record.events[1])
+    "vehicle 1 struck a tree (at 12 o'clock (front))"
+    """
     subject = f"vehicle {event.party_1}" if event.party_1 is not None else "a vehicle"
     at_1 = f" (at {_area(event.area_1)})" if event.area_1 else ""
     if event.code in VEHICLE_EVENTS and event.party_2 is not None:
@@ -240,7 +252,11 @@ def _non_motorists(record: CrashRecord) -> str:
 
 
 def place_in_words(person: NonMotorist) -> str:
-    """Where a person was when struck, by the typing, else by ``LOCATION``; empty where neither says."""
+    """Where a person was when struck, by the typing, else by ``LOCATION``; empty where neither says.
+
+    >>> place_in_words(pedestrian_record.non_motorists[0])  # PEDPOS 3
+    'in a travel lane'
+    """
     position = person_codes.PEDPOS.meaning(person.pedestrian_position_code) or person_codes.BIKEPOS.meaning(
         person.cyclist_position_code
     )

@@ -182,12 +182,20 @@ CRASH_RECORD: Final = TableSchema(
 
 
 def record_to_parquet(record: CrashRecord) -> bytes:
-    """The record as a Parquet file of one row."""
+    """The record as a Parquet file of one row.
+
+    >>> record_to_parquet(record)[:4]  # every Parquet file begins and ends so
+    b'PAR1'
+    """
     return records_to_parquet([record])
 
 
 def records_to_parquet(records: list[CrashRecord]) -> bytes:
-    """Records as a Parquet file, one row each, in order."""
+    """Records as a Parquet file, one row each, in order.
+
+    >>> len(records_from_parquet(records_to_parquet([record, tree_record])))
+    2
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

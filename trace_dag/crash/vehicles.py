@@ -31,7 +31,13 @@ _UNBELTED: Final = frozenset({0, 7, 20})  # none used: until 2009, until 2018, s
 
 
 def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """A motor vehicle in transport."""
+    """A motor vehicle in transport.
+
+    >>> vehicle = "<Vehicle><VEH_NO>1</VEH_NO><BODY_TYP>4</BODY_TYP><TRAV_SP>45</TRAV_SP></Vehicle>"
+    >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
+    >>> round(read_vehicle(etree.fromstring(vehicle), crash).travel_speed_mps, 2)  # 45 mph of 0.44704 m/s
+    20.12
+    """
     fields, number = _numbered(element, crash)
     tow_code = fields.known_code(codes.TOW_VEH)
     trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)
@@ -103,7 +109,13 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
 
 
 def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
-    """A motor vehicle that was parked, or at work on the road; its elements are those of vehicles with a P before."""
+    """A motor vehicle that was parked, or at work on the road; its elements are those of vehicles with a P before.
+
+    >>> vehicle = "<ParkWork><VEH_NO>2</VEH_NO><PBODYTYP>4</PBODYTYP><PTYPE>2</PTYPE></ParkWork>"
+    >>> crash = Fields(etree.fromstring("<CrashResultSet/>"), "a report", 2023)
+    >>> read_parked_vehicle(etree.fromstring(vehicle), crash).travel_speed_mps
+    0.0
+    """
     fields, number = _numbered(element, crash)
     tow_code = fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH")
     trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)

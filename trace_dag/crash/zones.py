@@ -52,12 +52,20 @@ _CROSSWALK: Final = 2  # PEDPOS
 
 
 def in_crosswalk(person: NonMotorist) -> bool:
-    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
+    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``.
+
+    >>> in_crosswalk(pedestrian_record.non_motorists[0])
+    False
+    """
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
 
 
 def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
-    """Where the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``; empty if none says."""
+    """Where the person was struck: by the typing, else by ``LOCATION``, else by ``REL_ROAD``; empty if none says.
+
+    >>> sorted(zone.value for zone in reported_zones(pedestrian_record, pedestrian_record.non_motorists[0]))  # PEDPOS 3
+    ['carriageway']
+    """
     tables = (
         (person.pedestrian_position_code, ZONES_OF_PEDPOS),
         (person.cyclist_position_code, ZONES_OF_BIKEPOS),
@@ -68,5 +76,9 @@ def reported_zones(record: CrashRecord, person: NonMotorist) -> frozenset[Zone]:
 
 
 def zones_of_first_event(record: CrashRecord) -> frozenset[Zone]:
-    """Where the first harmful event was (``REL_ROAD``); empty if that is not known."""
+    """Where the first harmful event was (``REL_ROAD``); empty if that is not known.
+
+    >>> sorted(zone.value for zone in zones_of_first_event(tree_record))  # REL_ROAD 4: on the roadside
+    ['beside', 'walked']
+    """
     return _ZONES_OF_REL_ROAD.get(record.road_relation_code or 0, frozenset())

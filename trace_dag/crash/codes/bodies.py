@@ -199,7 +199,12 @@ class BodyEvidence:
 
 
 def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
-    """The body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``)."""
+    """The body a vehicle is simulated with, and whether its kind is implied (not said by ``BODY_TYP``).
+
+    >>> body, implied = body_of(BodyEvidence(body_type=4))  # BODY_TYP 4: four-door sedan
+    >>> body.vehicle_class.value, implied
+    ('car', False)
+    """
     known = BODY_TYP.known(evidence.body_type)
     body = _BODY_TYPES[known][1] if known in _BODY_TYPES else _implied_kind(evidence)
     if body is TRACTOR and evidence.trailers:
