@@ -42,10 +42,10 @@ def read_non_motorists(crash: Fields, vehicles: Sequence[VehicleRecord]) -> Read
     Raises :class:`UnknownCodeError` for a code that its element does not have.
 
     >>> from lxml import etree
-    >>> row = "<Person><PER_NO>1</PER_NO><VEH_NO>0</VEH_NO><PER_TYP>5</PER_TYP><AGE>41</AGE></Person>"
-    >>> crash = etree.fromstring(f"<CrashResultSet><Persons>{row}</Persons></CrashResultSet>")
-    >>> read_non_motorists(Fields(crash, "a report", 2023), []).non_motorists[0].age_years
-    41
+    >>> row = "<NPerson><VEH_NO>0</VEH_NO><PER_NO>1</PER_NO><PER_TYP>5</PER_TYP></NPerson>"
+    >>> crash = etree.fromstring(f"<CrashResultSet><NPersons>{row}</NPersons></CrashResultSet>")
+    >>> read_non_motorists(Fields(crash, "a report", 2023), []).non_motorists[0].kind.value  # PER_TYP 5
+    'pedestrian'
     """
     rows: _Rows = {}
     misplaced: dict[str, None] = {}

@@ -168,7 +168,12 @@ def _with_remedy(error: UnreadableMapError, path: Path) -> str:
 
 
 def box_around(site: Site, radius_m: float) -> BoundingBox:
-    """The box reaching ``radius_m`` from a site in each direction, cut off at the poles and at 180 degrees."""
+    """The box reaching ``radius_m`` from a site in each direction, cut off at the poles and at 180 degrees.
+
+    >>> box = box_around(Site("a place", 0.0, -101.5), 1113.2)  # a degree of the equator is 111.32 km
+    >>> round(box.north_deg, 4), round(box.east_deg, 4)
+    (0.01, -101.49)
+    """
     lat_deg = math.degrees(radius_m / _EARTH_RADIUS_M)
     lon_deg = lat_deg / max(math.cos(math.radians(site.latitude_deg)), _MIN_COS_LATITUDE)
     return BoundingBox(
@@ -214,7 +219,11 @@ def _may_cover(header: FileHeader, box: BoundingBox) -> bool:
 
 
 def is_on_earth(site: Site) -> bool:
-    """Whether a site has coordinates that any place has."""
+    """Whether a site has coordinates that any place has.
+
+    >>> is_on_earth(Site("a place", 41.8, -101.5)), is_on_earth(Site("FARS has no place", 99.9999, 999.9999))
+    (True, False)
+    """
     return abs(site.latitude_deg) <= 90 and abs(site.longitude_deg) <= 180
 
 

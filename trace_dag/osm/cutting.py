@@ -41,6 +41,12 @@ def cut_roads(
     Where a way crosses the border a node is made there (``clipped``, negative id). A way that comes into the box
     several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
     ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
+
+    >>> from trace_dag.osm.collecting import RawWay
+    >>> way = RawWay(7, np.array([1, 2]), np.array([0.5, 1.5]), np.array([0.5, 0.5]), {"highway": "primary"})
+    >>> cut = cut_roads(BoundingBox(0.0, 0.0, 1.0, 1.0), [way], {}, [])
+    >>> sorted(node.longitude_deg for node in cut.nodes.values())  # the way leaves the box on its east side
+    [0.5, 1.0]
     """
     ordered = sorted(ways, key=_ID)
     roads = _Cutter(box, [way for way in ordered if not is_walkway(way.tags)], node_tags)

@@ -53,7 +53,12 @@ class FileHeader:
 
 
 def read_header(path: Path) -> FileHeader:
-    """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file."""
+    """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file.
+
+    >>> read_header(Path("no-such-map.osm.pbf"))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    trace_dag.osm.plausibility.UnreadableMapError: no-such-map.osm.pbf: cannot be read as OSM data (Open failed ...
+    """
     import osmium
 
     with _reading(path), osmium.io.Reader(str(path), osmium.osm.NOTHING, thread_pool=_threads(os.getpid())) as reader:
@@ -100,6 +105,14 @@ def extract_raw(
 
     Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if its
     roads find no room on the disk.
+
+    >>> from trace_dag.osm.xml import write_osm
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "town.osm"
+    ...     _ = path.write_bytes(write_osm(extract))
+    ...     (in_box,) = extract_raw(path, read_header(path), [extract.box], service_roads=True).ways
+    >>> len(in_box) == len(extract.ways) + len(extract.walkways)
+    True
     """
     found, negative = _one_pass(path, header, boxes, nearer, service_roads=service_roads)
     if not negative:

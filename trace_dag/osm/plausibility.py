@@ -43,12 +43,19 @@ class UnreadableMapError(UserError):
 
 
 def xml_opener(path: Path) -> Callable[..., Any] | None:
-    """What opens a file as text of XML; None for a binary one."""
+    """What opens a file as text of XML; None for a binary one.
+
+    >>> xml_opener(Path("town.osm")).__name__, xml_opener(Path("town.osm.pbf"))
+    ('open', None)
+    """
     return next((opener for suffix, opener in XML_OPENERS.items() if path.name.endswith(suffix)), None)
 
 
 def check_text(path: Path) -> None:
-    """Raise :class:`UnreadableMapError` for XML with a tag or comment that never ends, or that unpacks without end."""
+    """Raise :class:`UnreadableMapError` for XML with a tag or comment that never ends, or that unpacks without end.
+
+    >>> check_text(Path("town.osm.pbf"))  # is not text
+    """
     opener = xml_opener(path)
     if opener is None:
         return
@@ -97,6 +104,8 @@ def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: f
     """Raise :class:`UnreadableMapError` for roads that no road network has.
 
     ``length_m`` is that of all roads of the extract, within ``area_km2``.
+
+    >>> check_roads(extract, Path("town.osm"), area_km2=0.36, length_m=4000.0)
     """
     for way in extract.ways:
         if len(way.node_ids) > _MAX_WAY_NODES:
@@ -122,7 +131,11 @@ def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: f
 def with_positive_ids(source: Path, target: Path) -> bool:
     """Copy XML to ``target`` (``.osm``), with ids below 0 (which editors give to new objects) moved above all others.
 
-    Returns whether there were any."""
+    Returns whether there were any.
+
+    >>> with_positive_ids(Path("town.osm.pbf"), Path("copy.osm"))  # binary: editors write XML
+    False
+    """
     opener = xml_opener(source)
     if opener is None:
         return False

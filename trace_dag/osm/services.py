@@ -102,12 +102,21 @@ class MapSourceFactory(Protocol):
 
 
 def overpass_source(settings: ServiceSettings, http: HttpClient) -> OverpassSource:
-    """Overpass, at the endpoints of the settings."""
+    """Overpass, at the endpoints of the settings.
+
+    >>> settings = ServiceSettings(overpass_urls=("https://overpass.example/api/interpreter",))
+    >>> overpass_source(settings, HttpClient()).endpoints
+    ('https://overpass.example/api/interpreter',)
+    """
     return OverpassSource(http, settings.overpass_urls or OVERPASS_ENDPOINTS)
 
 
 def osm_api_source(settings: ServiceSettings, http: HttpClient) -> OsmApiSource:
-    """The OSM API, at the address of the settings."""
+    """The OSM API, at the address of the settings.
+
+    >>> osm_api_source(ServiceSettings(osm_api_url="https://api.example/0.6/"), HttpClient()).url
+    'https://api.example/0.6'
+    """
     return OsmApiSource(http, (settings.osm_api_url or OSM_API).rstrip("/"))
 
 

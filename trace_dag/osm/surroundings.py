@@ -85,6 +85,11 @@ def feature_of_way(
     """A thing that is a way, cut at ``box``: an area or a line; None if nothing of it lies in the box.
 
     ``longitudes_deg`` and ``latitudes_deg`` are (n,), NaN where the source lacks a node, which is passed over.
+
+    >>> corners_x, corners_y = np.array([0.0, 2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0, 2.0, 0.0])
+    >>> box = BoundingBox(0.0, 0.0, 1.0, 1.0)  # south, west, north, east
+    >>> feature_of_way(7, corners_x, corners_y, {"building": "yes"}, box).geometry.area  # cut from 4 square degrees
+    1.0
     """
     places = np.column_stack([longitudes_deg, latitudes_deg])
     closed = len(places) > 3 and bool(np.all(places[0] == places[-1]))
@@ -113,6 +118,11 @@ def surroundings_to_geojson(features: Iterable[OsmFeature], attribution: str) ->
     """The features as a GeoJSON collection, by their ids, the same bytes for the same features.
 
     ``attribution`` is who has to be named with them, a foreign member of the collection (RFC 7946, section 6.1).
+
+    >>> import shapely
+    >>> tree = OsmFeature("n1", shapely.Point(-101.5, 41.8), {"natural": "tree"})
+    >>> json.loads(surroundings_to_geojson([tree], "© Some Town"))["features"][0]["geometry"]["coordinates"]
+    [-101.5, 41.8]
     """
     ordered = sorted(features, key=lambda each: each.id)
     shapes = shapely.to_geojson([each.geometry for each in ordered])

@@ -63,6 +63,10 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
 
     Raises :class:`Rejection`: ``map_distorted``, ``crash_off_road``, or ``vertical_geometry`` if elevation is switched
     off; as :class:`RejectedRoadMap` if there is a map to look at.
+
+    >>> built = build_road_map(extract, record, RoadSettings())
+    >>> built.network.road_by_id[built.report.placement.road_id].names
+    ('Main Street', 'NE 411')
     """
     frame = LocalFrame(record.latitude_deg, record.longitude_deg)
     converter = road_converter(settings)
@@ -102,7 +106,11 @@ def build_road_map(extract: OsmExtract, record: CrashRecord, settings: RoadSetti
 
 
 def road_converter(settings: RoadSettings) -> Converter:
-    """The converter that the settings name. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
+    """The converter that the settings name. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded.
+
+    >>> type(road_converter(RoadSettings())).__name__
+    'NativeConverter'
+    """
     converter: Converter = load(PluginKind.CONVERTER, settings.converter)()
     return converter
 

@@ -15,7 +15,12 @@ def _reports() -> TypeAdapter[MapReport]:
 
 
 def map_report_to_json(report: MapReport) -> bytes:
-    """The report as stored."""
+    """The report as stored.
+
+    >>> import json
+    >>> json.loads(map_report_to_json(map_report))["placement"]["moved_m"]
+    0.0
+    """
     return _reports().dump_json(report, indent=1)
 
 
@@ -34,7 +39,13 @@ def _rejected() -> TypeAdapter[RejectedMapReport]:
 
 
 def rejected_report_to_json(report: RejectedMapReport) -> bytes:
-    """The report on a map for which its crash is rejected, as stored."""
+    """The report on a map for which its crash is rejected, as stored.
+
+    >>> import json
+    >>> from trace_dag.roads.report import RejectedMapReport
+    >>> json.loads(rejected_report_to_json(RejectedMapReport("native", 30.0, ())))["max_move_m"]
+    30.0
+    """
     return _rejected().dump_json(report, indent=1)
 
 

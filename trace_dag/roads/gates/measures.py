@@ -35,7 +35,11 @@ class LinkGap(NamedTuple):
 
 
 def link_gaps(network: RoadNetwork) -> list[LinkGap]:
-    """Gaps at every link between drivable lanes, sections and junctions included."""
+    """Gaps at every link between drivable lanes, sections and junctions included.
+
+    >>> max(gap.position_m for gap in link_gaps(network)) < 0.001
+    True
+    """
     gaps = []
     for ref in network.drivable_lanes():
         following = network.successors(ref)
@@ -69,7 +73,11 @@ class LanesBeside(NamedTuple):
 
 def lanes_beside(network: RoadNetwork) -> LanesBeside:
     """The sidewalks and cycle lanes of a map, looked at every five metres. Cycle lanes in junctions are left out:
-    traffic that turns right drives across them."""
+    traffic that turns right drives across them.
+
+    >>> lanes_beside(network).share_on_roadway
+    0.0
+    """
     length_m, places = 0.0, 0
     wrong: Counter[str] = Counter()
     for ref in network.lanes():
@@ -89,7 +97,11 @@ def lanes_beside(network: RoadNetwork) -> LanesBeside:
 
 
 def one_sided_links(network: RoadNetwork) -> list[str]:
-    """Lanes that name a next lane which names no lane back, inside roads and between roads."""
+    """Lanes that name a next lane which names no lane back, inside roads and between roads.
+
+    >>> one_sided_links(network)
+    []
+    """
     found = []
     for ref in network.drivable_lanes():
         road = network.road_by_id[ref.road_id]
@@ -111,6 +123,9 @@ def stranded_lanes(network: RoadNetwork) -> list[str]:
     """Full-width lanes that end at a junction or another road without any movement into it.
 
     Bidirectional lanes and lanes that have closed (narrower than 1 m) end anywhere.
+
+    >>> stranded_lanes(network)
+    []
     """
     found = []
     for ref in network.drivable_lanes():
@@ -139,7 +154,12 @@ class TightestTurn(NamedTuple):
 
 
 def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
-    """Tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``)."""
+    """Tightest turn of all lanes through junctions, and the tightest of U-turns (``u_turn``).
+
+    >>> turns, u_turns = tightest_turns(network)
+    >>> turns.radius_m < 10, u_turns.road_id is None  # corners of the crossing; no U-turn
+    (True, True)
+    """
     tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
     for road in network.roads:
         if road.junction_id is None:
@@ -159,7 +179,11 @@ def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
 
 
 def shortest_element(network: RoadNetwork) -> tuple[float, str | None]:
-    """Length (m) of the shortest piece of a reference line, and the road it is in."""
+    """Length (m) of the shortest piece of a reference line, and the road it is in.
+
+    >>> shortest_element(network)[0] <= min(road.length_m for road in network.roads)
+    True
+    """
     return min(
         ((element.length_m, road.id) for road in network.roads for element in road.plan), default=(math.inf, None)
     )
@@ -173,7 +197,11 @@ class SteepestGrade(NamedTuple):
 
 
 def steepest_grades(network: RoadNetwork) -> tuple[SteepestGrade, SteepestGrade]:
-    """Steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or to them)."""
+    """Steepest main road, and steepest ramp or driveway (``*_link`` and ``service``, and movements from or to them).
+
+    >>> [steepest.grade for steepest in steepest_grades(network)]  # the town's plan is flat here
+    [0.0, 0.0]
+    """
     minor = {road.id for road in network.roads if road.highway.endswith("_link") or road.highway == "service"}
     for road in network.roads:
         if road.junction_id is not None:
@@ -203,7 +231,11 @@ class RoadCrossing(NamedTuple):
 
 
 def crossings(network: RoadNetwork) -> list[RoadCrossing]:
-    """Where reference lines cross although their roads share neither junction nor link."""
+    """Where reference lines cross although their roads share neither junction nor link.
+
+    >>> crossings(network)
+    []
+    """
     found = []
     for crossing in find_separations(network):
         heights = [

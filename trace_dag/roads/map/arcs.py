@@ -38,7 +38,13 @@ def along_arc(
 def along_arcs(
     x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray, length_m: FloatArray, curvature_1pm: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """:func:`along_arc` for many arcs, arrays of one shape."""
+    """:func:`along_arc` for many arcs, arrays of one shape.
+
+    >>> zero, ahead_m = np.zeros(2), np.array([10.0, 5.0 * math.pi])
+    >>> x_m, y_m, _ = along_arcs(zero, zero, zero, ahead_m, np.array([0.0, 0.1]))  # straight on; a quarter to the left
+    >>> x_m.round(6).tolist(), y_m.round(6).tolist()
+    ([10.0, 10.0], [0.0, 10.0])
+    """
     turn = curvature_1pm * length_m
     chord_m = length_m * np.sinc(turn / math.tau)  # numpy's sinc(x) is sin(pi x) / (pi x)
     direction = heading_rad + turn / 2

@@ -42,7 +42,11 @@ class PlanView(NamedTuple):
 
 
 def element_pose(element: PlanElement, ds_m: float) -> PlanPose:
-    """Pose ``ds_m`` along one line or arc."""
+    """Pose ``ds_m`` along one line or arc.
+
+    >>> element_pose(PlanElement(0.0, 2.0, 3.0, 0.0, 100.0), 25.0)
+    PlanPose(x_m=27.0, y_m=3.0, heading_rad=0.0)
+    """
     return PlanPose(*along_arc(element.x_m, element.y_m, element.heading_rad, ds_m, element.curvature_1pm))
 
 
@@ -90,7 +94,12 @@ def reverse_plan(plan: PlanView) -> PlanView:
 
 
 def join_plans(plans: Sequence[PlanView]) -> PlanView:
-    """Plans one after the other; each must begin with the pose at which the one before ends."""
+    """Plans one after the other; each must begin with the pose at which the one before ends.
+
+    >>> first, second = (connect(PlanPose(x, 0.0, 0.0), PlanPose(x + 50.0, 0.0, 0.0)) for x in (0.0, 50.0))
+    >>> join_plans([first, second]).length_m
+    100.0
+    """
     elements: list[PlanElement] = []
     offset = 0.0
     for plan in plans:
@@ -191,6 +200,10 @@ def without_slivers(plan: PlanView) -> PlanView:
 
     It begins, ends and turns as before and runs within a few millimetres of where it did. A reader that samples a line
     or drops what is shorter than its tolerance would lose the heading that such an element adds.
+
+    >>> line = PlanView((PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), PlanElement(50.0, 50.0, 0.0, 0.0, 0.004)), 50.004)
+    >>> min(element.length_m for element in without_slivers(line).elements) > 0.01
+    True
     """
     if plan.length_m < 2 * SHORTEST_ELEMENT_M:
         return plan

@@ -48,7 +48,11 @@ class LaneShape:
 
 
 def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False, step_m: float = STEP_M) -> tuple[LaneShape, ...]:
-    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic."""
+    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic.
+
+    >>> len(lane_shapes(network, drivable_only=True)) == len(list(network.drivable_lanes()))
+    True
+    """
     refs = network.drivable_lanes() if drivable_only else network.lanes()
     return tuple(_shape(network, ref, step_m) for ref in refs)
 

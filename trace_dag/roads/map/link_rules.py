@@ -12,7 +12,12 @@ from lxml import etree
 
 
 def broken_links(root: etree._Element) -> Iterator[str]:
-    """Every broken rule of links, with where it is broken."""
+    """Every broken rule of links, with where it is broken.
+
+    >>> link = '<link><successor elementType="road" elementId="2"/></link>'
+    >>> list(broken_links(etree.fromstring(f'<OpenDRIVE><road id="1">{link}</road></OpenDRIVE>')))
+    ['successor is road 2, which does not exist (road 1)']
+    """
     ends = _Ends(root)
     for rule in (_road_links, _lane_links, _junctions):
         yield from rule(ends)

@@ -68,7 +68,11 @@ class ValueReader:
 
 
 def notes_of(element: etree._Element) -> Notes:
-    """Values of an element's ``<userData>`` by code, in order."""
+    """Values of an element's ``<userData>`` by code, in order.
+
+    >>> notes_of(etree.fromstring('<road><userData code="osmWays" value="12 13"/></road>'))
+    {'osmWays': ['12 13']}
+    """
     notes: Notes = {}
     for child in element.iterchildren("userData"):
         notes.setdefault(child.get("code", ""), []).append(child.get("value", ""))

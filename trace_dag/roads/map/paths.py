@@ -59,6 +59,11 @@ def follow(
     ``choose`` gets the lanes of a way so far and those that follow the last one, and returns those to continue in: none
     ends the way, several split it. Depth first, so the ways of the first choice come first. At most ``most`` ways are
     returned, so that a network with very many ways cannot take forever.
+
+    >>> start = map_report.placement.lane.lane
+    >>> ways = follow(network, start, lambda way, following: following[:1] if len(way) < 3 else [])
+    >>> [len(way) for way in ways], ways[0][0] == start  # the first lane of those that follow, twice
+    ([3], True)
     """
     ways: list[tuple[LaneRef, ...]] = []
     pending: list[tuple[LaneRef, ...]] = [(start,)]
@@ -83,6 +88,11 @@ def trace_forward(
     """Every way to drive ``distance_m`` on from ``s_m`` of a lane, straightest first; starts at that place.
 
     No way uses a lane twice.
+
+    >>> lane = map_report.placement.lane
+    >>> straightest = trace_forward(network, lane.lane, lane.s_m, 50.0)[0]
+    >>> straightest.lanes[0] == lane.lane, float(straightest.stations_m[-1]), straightest.complete
+    (True, 50.0, True)
     """
     geometry = network.geometry(ref)
     s = min(max(s_m, geometry.begin_m), geometry.end_m)

@@ -46,18 +46,31 @@ class LaneBeside(NamedTuple):
 
 
 def crosswalks(network: RoadNetwork) -> list[CrosswalkPlace]:
-    """Every crosswalk of the map, by road."""
+    """Every crosswalk of the map, by road.
+
+    >>> len(crosswalks(network)) == xodr.count(b'type="crosswalk"')
+    True
+    """
     return [_placed(network, road.id, crosswalk) for road in network.roads for crosswalk in road.crosswalks]
 
 
 def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float) -> list[CrosswalkPlace]:
-    """The crosswalks within a distance of a point, nearest first."""
+    """The crosswalks within a distance of a point, nearest first.
+
+    >>> len(crosswalks_near(network, 0.0, 0.0, 1000.0)) == len(crosswalks(network))
+    True
+    """
     found = [(place.distance_m(x_m, y_m), number, place) for number, place in enumerate(crosswalks(network))]
     return [place for distance_m, _, place in sorted(found, key=lambda row: row[:2]) if distance_m <= max_distance_m]
 
 
 def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: LaneType) -> tuple[LaneBeside, ...]:
-    """The lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes."""
+    """The lanes of one type at a station of a road, from left to right: its sidewalks, or its cycle lanes.
+
+    >>> road_id = map_report.placement.road_id  # Main Street: two lanes each way between two sidewalks
+    >>> [beside.lane.lane_id for beside in lanes_beside(network, road_id, 10.0, LaneType.SIDEWALK)]
+    [3, -3]
+    """
     road = network.road_by_id[road_id]
     section = max((k for k, each in enumerate(road.lane_sections) if each.s_m <= s_m), default=0)
     found = []
@@ -72,7 +85,12 @@ def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: Lane
 
 
 def sidewalks_at(network: RoadNetwork, road_id: str, s_m: float) -> tuple[LaneBeside | None, LaneBeside | None]:
-    """The sidewalk left and the one right of the reference line of a road at a station, where the map has them."""
+    """The sidewalk left and the one right of the reference line of a road at a station, where the map has them.
+
+    >>> left, right = sidewalks_at(network, map_report.placement.road_id, 10.0)
+    >>> left.t_m > 0 > right.t_m
+    True
+    """
     found = lanes_beside(network, road_id, s_m, LaneType.SIDEWALK)
     left = next((each for each in found if each.lane.lane_id > 0), None)
     return left, next((each for each in found if each.lane.lane_id < 0), None)

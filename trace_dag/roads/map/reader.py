@@ -76,7 +76,11 @@ def read_opendrive(data: bytes, *, name: str) -> RoadNetwork:
 
 
 def network_of(root: etree._Element, *, name: str) -> RoadNetwork:
-    """The network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`."""
+    """The network of a document that :func:`parse_opendrive` has parsed; otherwise as :func:`read_opendrive`.
+
+    >>> network_of(parse_opendrive(xodr, "map.xodr"), name="map.xodr").converter == network.converter
+    True
+    """
     reader = _Reader(name)
     header = root.find("header")
     if header is None:

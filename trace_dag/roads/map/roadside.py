@@ -59,7 +59,11 @@ class RoadsidePlace:
 
 
 def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | None = None) -> RoadsidePlace | None:
-    """Where a point is relative to the roads of one level (``z_m``, else any); None if none is within 60 m."""
+    """Where a point is relative to the roads of one level (``z_m``, else any); None if none is within 60 m.
+
+    >>> roadside_at(network, 0.0, 0.0).zone.value  # the reported point, in the middle of a crossing
+    'roadway'
+    """
     near = network.nearest_lanes(x_m, y_m, _LOOK_AROUND_M, z_m=z_m)
     if not near:
         return None

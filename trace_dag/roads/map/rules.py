@@ -111,7 +111,12 @@ def find_violations(xodr: bytes, *, name: str = "map") -> list[str]:
 
 
 def violations_of(root: etree._Element) -> list[str]:
-    """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed."""
+    """As :func:`find_violations`, of a document that ``parse_opendrive`` has parsed.
+
+    >>> from trace_dag.roads.map.reader import parse_opendrive
+    >>> violations_of(parse_opendrive(xodr, "map.xodr"))
+    []
+    """
     found = list(_schema(root))
     if found:
         return found  # the rules below rely on attributes that exist and can be read

@@ -36,7 +36,11 @@ class Separation(NamedTuple):
 
 
 def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> list[Separation]:
-    """All crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels."""
+    """All crossings of roads that do not meet, in their order; with ``between_levels`` only those of two levels.
+
+    >>> find_separations(network)  # no bridge or tunnel near the crash
+    []
+    """
     roads = _around_structures(network.roads) if between_levels else list(network.roads)
     asked = [i for i, road in enumerate(roads) if not between_levels or _level(road) != _GROUND]
     if not asked:
