@@ -68,16 +68,14 @@ class Trailer:
         """Headings of the trailer, shape (n,), whose vehicle goes slowly through these poses, from a heading at the
         first, else in line with it: the tractrix of its hitch, d(heading)/ds = sin(course - heading) / drawbar."""
         x, y = self.hitch(puller, puller_length_m)
-        x, y = x.tolist(), y.tolist()
-        heading = float(puller[2][0]) if from_rad is None else from_rad
+        dx_m, dy_m = np.diff(x), np.diff(y)
+        parts = np.maximum(1, np.ceil(np.hypot(dx_m, dy_m) / _FOLLOWS_STEP_M)).astype(int)
+        moves = zip((dx_m / parts).tolist(), (dy_m / parts).tolist(), parts.tolist(), strict=True)
+        heading, drawbar_m = float(puller[2][0]) if from_rad is None else from_rad, self.drawbar_m
         headings = [heading]
-        for k in range(1, len(x)):
-            dx, dy = x[k] - x[k - 1], y[k] - y[k - 1]
-            # The axle stays on the line that it had: where it comes to lie is exact for a straight pull.
-            parts = max(1, math.ceil(math.hypot(dx, dy) / _FOLLOWS_STEP_M))
-            for _ in range(parts):
-                c, s = math.cos(heading), math.sin(heading)
-                heading = math.atan2(self.drawbar_m * s + dy / parts, self.drawbar_m * c + dx / parts)
+        for dx, dy, times in moves:
+            for _ in range(times):  # the axle stays on the line that it had: exact for a straight pull
+                heading = math.atan2(drawbar_m * math.sin(heading) + dy, drawbar_m * math.cos(heading) + dx)
             headings.append(heading)
         return np.unwrap(headings) + math.tau * round((float(puller[2][0]) - headings[0]) / math.tau)
 
