@@ -154,11 +154,15 @@ def test_verdicts_survive_their_file() -> None:
         verdict_from_json(b"{}")
 
 
+FIRE, TREE = 2, 42
+
+
 def test_another_collision_of_the_same_vehicles_is_looked_for_among_the_contacts() -> None:
     events = (
         EventRecord(1, 12, 1, None, 2, None),
         EventRecord(2, 12, 1, None, 2, None),
-        EventRecord(3, 42, 1, None, None, None),
+        EventRecord(3, FIRE, 1, None, None, None),
+        EventRecord(4, TREE, 1, None, None, None),  # shown with the aftermath
     )
     hypothesis, log = simulated(*HEAD_ON)
     observation = observe(STREET, hypothesis, log)

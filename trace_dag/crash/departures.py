@@ -69,11 +69,12 @@ class Departure:
     objects: tuple[ObjectStruck, ...]
 
 
-_SIDE_OF_EVENT: Final = {
+SIDE_OF_EVENT: Final = {
     codes.RAN_OFF_RIGHT: DepartureSide.RIGHT,
     codes.RAN_OFF_LEFT: DepartureSide.LEFT,
     codes.RAN_OFF_AT_END: DepartureSide.AHEAD,
 }
+"""``SOE`` of a departure from the road to a known side."""
 _SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
 _SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, 14: DepartureSide.AHEAD}
 _FORWARD: Final = frozenset(range(11, 17))  # ACC_TYPE
@@ -198,7 +199,7 @@ def _events(record: CrashRecord, vehicle: VehicleRecord) -> tuple[EventRecord, .
 def _side(record: CrashRecord, vehicle: VehicleRecord) -> DepartureSide | None:
     first = _first_harmful(record)
     before = [e for e in record.events if first is not None and e.number < first.number and e.party_1 == vehicle.number]
-    sides = [_SIDE_OF_EVENT[event.code] for event in before if event.code in _SIDE_OF_EVENT]
+    sides = [SIDE_OF_EVENT[event.code] for event in before if event.code in SIDE_OF_EVENT]
     if sides:
         return sides[-1]
     departure = crash_type_of(vehicle).departure

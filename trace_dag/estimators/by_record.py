@@ -7,6 +7,7 @@ from typing import Final
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
+from trace_dag.estimators.aftermath import with_aftermath
 from trace_dag.estimators.contacts import estimate_contacts
 from trace_dag.estimators.overturns import estimate_overturn
 from trace_dag.estimators.strikes import estimate_strikes
@@ -35,4 +36,5 @@ def estimate_by_record(
 
     Raises :class:`trace_dag.errors.Rejection` (``no_feasible_state``) where none lets happen what is reported.
     """
-    return _MADE_BY[reconstruction_of(record)](record, network, report, settings)
+    made = _MADE_BY[reconstruction_of(record)](record, network, report, settings)
+    return with_aftermath(made, record, network, report)

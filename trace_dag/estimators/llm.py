@@ -9,6 +9,7 @@ from typing import Final
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure, UserError
+from trace_dag.estimators.aftermath import with_aftermath
 from trace_dag.estimators.by_record import estimate_by_record
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -35,7 +36,8 @@ class LlmEstimator:
         if reconstruction_of(record) is not Reconstruction.COLLISION:
             made = estimate_by_record(record, network, report, self._settings)
             return replace(made, run=_in_place_of(self._settings, made.run))
-        return estimate_llm(record, network, report, self._settings, self._client)
+        made = estimate_llm(record, network, report, self._settings, self._client)
+        return with_aftermath(made, record, network, report)
 
     def require(self) -> None:
         """The language model has to answer: prompt, key, model, budget and the way to it are right."""

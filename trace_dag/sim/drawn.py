@@ -44,12 +44,15 @@ class DrawnCrash:
         drawn = zip(hypothesis.participants, sample.parties, strict=True)
         lines = [PlannedLine(state, draw, meets_s) for state, draw in drawn]
         apart = np.ones(len(_BACK_S), dtype=bool)
-        bodies = [line.shapes(-_BACK_S) for line in lines] + [_standing(item) for item in hypothesis.objects]
+        # What is struck after a first contact of others is not planned; a draw ends before it.
+        planned = {event.party_2 for event in hypothesis.planned}
+        objects = tuple(item for item in hypothesis.objects if item.number in planned)
+        bodies = [line.shapes(-_BACK_S) for line in lines] + [_standing(item) for item in objects]
         for (i, one), (_, two) in combinations(enumerate(bodies), 2):
             if i < len(lines):
                 apart &= shape_gaps_m(one, two) >= _APART_M
         back = np.flatnonzero(apart)
-        return cls(lines, hypothesis.objects, float(_BACK_S[back[0]])) if len(back) else None
+        return cls(lines, objects, float(_BACK_S[back[0]])) if len(back) else None
 
     def participants(self, after_s: float) -> tuple[Participant, ...]:
         """The parties as the simulation takes them, their plans going on until so long after the planned impact."""
@@ -133,4 +136,6 @@ class PlannedLine:
             trajectory=Trajectory(time_s, x, y, z, heading, np.full_like(time_s, speed)),
             skids_from_s=max(planned.skids_from_s - self._meets_s + back_s, 0.0),
             trailer_heading_rad=0.0 if trailing is None else float(trailing[0]),
+            beyond_edge=False,
+            turned_wheels=None,
         )

@@ -70,6 +70,8 @@ class Vehicle:
         "_rows",
         "_toppled",
         "_traction_n",
+        "_turned_from_step",
+        "_turned_rad",
         "_yaw_damping",
         "crashed",
         "ground",
@@ -127,6 +129,7 @@ class Vehicle:
         self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
         self._locked_wheels = locked_wheels
+        self._turned_from_step, self._turned_rad = sys.maxsize, 0.0
         self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
         self._mass = model.body.mass_kg
         self._traction_n = (self._mass + model.pulled_kg) * model.max_acceleration_mps2
@@ -150,6 +153,10 @@ class Vehicle:
         self._front_grip_2 = (friction * self.model.front_load_n) ** 2
         self._rear_grip_2 = (friction * self.model.rear_load_n) ** 2
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
+
+    def turn_wheels(self, from_step: int, turned_rad: float) -> None:
+        """From a step on, where nobody drives it any more, its front wheels are turned so far to the left."""
+        self._turned_from_step, self._turned_rad = from_step, turned_rad
 
     def carry(self, time_s: float, step_s: float) -> None:
         """Be where the plan has the vehicle at a time, and move as there."""
@@ -248,7 +255,8 @@ class Vehicle:
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
         if self.crashed:
             rolls = self.roll is not None and self.roll.over and not self._toppled
-            return self._rolling() if rolls else self._free(self._locked_wheels)
+            turned_rad = self._turned_rad if step >= self._turned_from_step else 0.0
+            return self._rolling() if rolls else self._free(self._locked_wheels, turned_rad)
         if self._after_strike is not None:
             ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)
             return self._driven(self._after_strike.row(step, self.x, self.y, ahead_v))
@@ -354,7 +362,9 @@ class Vehicle:
         slowing = -drag_n * self.model.wheelbase_m / 4 * max(-1.0, min(1.0, self.yaw_rate / _REST_RPS / 4))
         return -drag_n * self.vx / speed, -drag_n * self.vy / speed, slowing
 
-    def _free(self, locked: float) -> tuple[float, float, float]:
+    def _free(self, locked: float, turned_rad: float = 0.0) -> tuple[float, float, float]:
+        """Nobody drives: a share of the load slides on locked wheels, the rest rolls, in front on wheels turned so far
+        to the left."""
         friction = self._friction
         c, s = math.cos(self.heading), math.sin(self.heading)
         ahead_v, left_v = self.vx * c + self.vy * s, self.vy * c - self.vx * s
@@ -368,11 +378,13 @@ class Vehicle:
             across_v = left_v + arm * self.yaw_rate
             slide = friction * load * locked / max(math.hypot(ahead_v, across_v), _SLIDE_FLOOR_MPS)
             grip = friction * load
-            side = -rolling * grip * math.tanh(stiffness * across_v / floor_v / grip) - slide * across_v
-            side *= self.side_grip
-            ahead -= slide * ahead_v + load * resist
+            turned = turned_rad if arm > 0 else 0.0
+            slips_n = stiffness * across_v / floor_v - stiffness * math.copysign(turned, turned * ahead_v)
+            rolls = -rolling * grip * math.tanh(slips_n / grip)
+            side = (rolls - slide * across_v) * self.side_grip
+            ahead -= slide * ahead_v + load * resist + rolls * math.sin(turned)
             left += side
             moment += arm * side
-        self.steer = 0.0
+        self.steer = turned_rad
         self._along_n = -locked * self._limit_n
         return ahead * c - left * s, ahead * s + left * c, moment

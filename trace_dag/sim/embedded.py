@@ -76,9 +76,11 @@ class EmbeddedSimulation:
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
         people = any(p.body.is_figure for p in participants)
         what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
-        animals = any(p.body.kind is BodyKind.ANIMAL for p in participants)
-        if not objects and not animals and all(math.isinf(p.skids_from_s) for p in participants):
-            return (PeopleRun if people else VehicleRun)(*what).log()
         # Who strikes an animal often leaves the road or falls afterwards.
+        leaves = any(
+            p.beyond_edge or p.body.kind is BodyKind.ANIMAL or not math.isinf(p.skids_from_s) for p in participants
+        )
+        if not objects and not leaves:
+            return (PeopleRun if people else VehicleRun)(*what).log()
         run = RoadsidePeopleRun if people else RoadsideRun
         return run(*what, objects=objects, network=self._network).log()

@@ -61,6 +61,8 @@ def participant(state: ParticipantState) -> Participant:
         skids_from_s=math.inf if state.skids_from_s is None else state.skids_from_s,
         trailer=state.trailer,
         trailer_heading_rad=0.0 if state.trailer_heading_rad is None else float(state.trailer_heading_rad[0]),
+        beyond_edge=state.beyond_edge,
+        turned_wheels=state.turned_wheels,
     )
 
 

@@ -73,6 +73,7 @@ class VehicleRun:
         self._everybody = "vehicles"
         self._after_contact_s = after_contact_s
         self._vehicles: list[Vehicle] = []
+        turned_wheels = {p.number: p.turned_wheels for p in participants}
         self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
         for participant in participants:
             if participant.body.is_figure:
@@ -89,6 +90,10 @@ class VehicleRun:
             vehicle = CommandedVehicle(participant, model, plan, **common, step_s=settings.step_s)
             self._vehicles.append(vehicle)
             self._driven.append((vehicle, driver, max(1, round(driver.period_s / settings.step_s))))
+        for free in self._vehicles:
+            turned = turned_wheels[free.number]
+            if turned is not None:
+                free.turn_wheels(math.ceil(turned.from_s / settings.step_s), turned.angle_rad)
         self._hitches = self._couple(friction)
         self._people = self._make_people()
         self._movers: Sequence[Vehicle | Person] = [*self._vehicles, *self._people]

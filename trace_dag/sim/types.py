@@ -21,7 +21,7 @@ from trace_dag.geometry import FloatArray, Pose, Poses
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.driving import Driver
 from trace_dag.states.objects import FixedObject
-from trace_dag.states.types import Trajectory
+from trace_dag.states.types import Trajectory, TurnedWheels
 
 if TYPE_CHECKING:
     from trace_dag.settings import SimSettings
@@ -118,7 +118,8 @@ class Participant:
     A driver goes on after striking a person, as ``after_striking`` says or, where it is None, as the settings do. A
     person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
     vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes. A ``trailer``
-    heads ``trailer_heading_rad`` at the start.
+    heads ``trailer_heading_rad`` at the start. With ``beyond_edge`` the ground beyond the carriageway's edge is
+    simulated, and vehicles can roll over; its ``turned_wheels`` are of the time when nobody drives it any more.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
@@ -130,6 +131,8 @@ class Participant:
     skids_from_s: float = math.inf
     trailer: Trailer | None = None
     trailer_heading_rad: float = 0.0
+    beyond_edge: bool = False
+    turned_wheels: TurnedWheels | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,9 +315,19 @@ class SimulationLog:
         return next((item for item in self.objects if item.number == number), None)
 
     @property
+    def meetings(self) -> tuple[Contact, ...]:
+        """The contacts between two participants, in order."""
+        met = (contact for contact in self.contacts if self.object_of(contact.number_2) is None)
+        return tuple(sorted(met, key=lambda contact: contact.time_s))
+
+    def strikes_of(self, item_number: int) -> tuple[Contact, ...]:
+        """The contacts with a fixed object, in order."""
+        return tuple(sorted((c for c in self.contacts if c.number_2 == item_number), key=lambda c: c.time_s))
+
+    @property
     def first_contact(self) -> Contact | None:
-        """The first contact between two participants."""
-        return min(self.contacts, key=lambda contact: contact.time_s, default=None)
+        """The first contact between two participants; where nobody met anybody, the first with a fixed object."""
+        return min(self.meetings or self.contacts, key=lambda contact: contact.time_s, default=None)
 
 
 def _poses(pose: Pose) -> Poses:

@@ -214,7 +214,7 @@ def _aside_to_object(
                 station_m += float(error @ along)
             missed_m = float(error @ left) if mapped.along_rad is not None else float(np.linalg.norm(error))
             if abs(missed_m) < _SAME_PLACE_M:
-                return led, (as_mapped(objects[0], mapped), *objects[1:]), planned
+                return led, (as_mapped(objects[0], mapped.thing), *objects[1:]), planned
             off_m += sign * float(error @ left)
     beyond_m = _beyond_edge_m(scene, base.pose(place_m), sign, edge, code)
     led = _aside(departure, base, place_m, edge + beyond_m, course, impact_mps, None)
@@ -237,7 +237,7 @@ def _aside(
     slope = FLATTEST
     for _ in range(3):  # the spot's position depends on the slope, and the slope on the distance
         turn_rad = sign * math.atan(slope) + course.slip_rad
-        spot = touching(departure, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
+        spot = touching(departure.vehicle, first, course.slip_rad, sign * math.pi / 2 - turn_rad)
         off_m = face_m - sign * (spot.ahead_m * math.sin(turn_rad) + spot.left_m * math.cos(turn_rad))
         off_m = max(off_m, _LEAST_OFF_M)
         slope = slope_of(off_m, course.lateral_mps2, impact_mps)
@@ -254,7 +254,7 @@ def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float,
     end_m = None if None in ends else max(each for each in ends if each is not None)
     reach_m = place_m if end_m is None else end_m + KINDS[first.code].beyond_edge_m
     slip = course.slip_rad
-    spot = touching(departure, first, slip, -slip)
+    spot = touching(departure.vehicle, first, slip, -slip)
     spot_m = spot.ahead_m * math.cos(slip) - spot.left_m * math.sin(slip)
     here = base.pose(reach_m)
     across_rad = here.heading_rad + math.pi / 2

@@ -8,7 +8,7 @@ reported zone.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -76,6 +76,14 @@ class MappedObject:
     along_rad: float | None
 
 
+def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedThing]:
+    """The things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road."""
+    runs = KINDS[code].form is ObjectForm.LINE
+    for thing in things:
+        if code in _KINDS_OF.get(thing.tag, ()) and runs == (len(thing.xy_m) > 1):
+            yield thing
+
+
 def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> MappedObject | None:
     """The nearest thing of a kind that stands where a vehicle on ``base`` can have left the road; None if there is
     none.
@@ -86,12 +94,9 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
         return None
     farthest_m = _OF_SHOULDER_M if scene.record.road_relation_code == _ON_SHOULDER else _OFF_M
     place_m, _ = base.project(*scene.place_xy_m)
-    runs = KINDS[code].form is ObjectForm.LINE
     found = []
-    for thing in scene.things:
-        if code not in _KINDS_OF.get(thing.tag, ()) or runs != (len(thing.xy_m) > 1):
-            continue
-        xy_m, along_rad = _nearest(thing, base.pose(place_m).xy_m) if runs else (thing.xy_m[0], None)
+    for thing in things_of_kind(scene.things, code):
+        xy_m, along_rad = nearest_of(thing, base.pose(place_m).xy_m)
         station_m, left_m = base.project(*xy_m)
         beyond_m = side_sign * left_m - edge_beside_m(scene, base.pose(station_m), side_sign)
         apart_m = abs(station_m - place_m)
@@ -107,8 +112,10 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     return min(found, key=lambda each: each[:2])[2] if found else None
 
 
-def _nearest(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float]:
-    """The point of a line nearest to another, and the line's direction there."""
+def nearest_of(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float | None]:
+    """The point of a thing that is nearest to another, and a line's direction there."""
+    if len(thing.xy_m) == 1:
+        return thing.xy_m[0], None
     line = shapely.LineString(thing.xy_m)
     at = line.project(shapely.Point(to_xy_m))
     here, ahead, behind = line.interpolate(at), line.interpolate(at + 0.5), line.interpolate(max(at - 0.5, 0.0))

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from trace_dag.crash.departures import Departure, ObjectStruck
-from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.record import VehicleClass, VehicleRecord
 from trace_dag.geometry import Pose
+from trace_dag.roads.report import MappedThing
 from trace_dag.states.departing import Course
 from trace_dag.states.leaving import GOES_ON_M, turned_by
-from trace_dag.states.mapped_objects import MappedObject
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
 from trace_dag.states.paths import Path
 from trace_dag.states.spots import Spot, spots_of
@@ -41,18 +41,17 @@ class Led:
     ended: bool
 
 
-def as_mapped(item: FixedObject, mapped: MappedObject) -> FixedObject:
+def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
     """An object that stands where the map has it, marked as the map's."""
     pose = item.pose
-    if mapped.along_rad is None:
-        pose = replace(pose, x_m=mapped.xy_m[0], y_m=mapped.xy_m[1])
-    return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=mapped.thing.osm_id)
+    if len(thing.xy_m) == 1:
+        pose = replace(pose, x_m=thing.xy_m[0][0], y_m=thing.xy_m[0][1])
+    return replace(item, pose=pose, placed_by=PlacedBy.OPENSTREETMAP, osm_id=thing.osm_id)
 
 
-def touching(departure: Departure, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
+def touching(vehicle: VehicleRecord, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
     """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
     the foremost corner towards ``outward_rad`` (in the vehicle's axes)."""
-    vehicle = departure.vehicle
     half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
     if KINDS[struck.code].form is ObjectForm.LINE:
         outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])
@@ -85,7 +84,8 @@ def objects_along(
         if on_m > GOES_ON_M:
             break
         pose = turned_by(path.pose(station_m + on_m), course.slip_rad)
-        item, contact = _placed(departure, struck, path, pose, along_rad, course)
+        straight_m = _straight_m(path, pose)
+        item, contact = placed(departure.vehicle, struck, pose, course.slip_rad, along_rad, straight_m=straight_m)
         objects.append(item)
         planned.append((on_m / impact_mps, contact))
         if not _passes(departure, item):
@@ -100,23 +100,33 @@ def _passes(departure: Departure, item: FixedObject) -> bool:
     return item.resistance is Resistance.DRIVEN_OVER or (item.energy_j is not None and item.energy_j <= _BREAKS_J)
 
 
-def _placed(
-    departure: Departure, struck: ObjectStruck, path: Path, pose: Pose, along_rad: float, course: Course
+def placed(
+    vehicle: VehicleRecord,
+    struck: ObjectStruck,
+    pose: Pose,
+    slip_rad: float,
+    along_rad: float,
+    *,
+    straight_m: float = math.inf,
 ) -> tuple[FixedObject, tuple[float, float]]:
-    """An object that touches the vehicle in a pose, and the point of contact. A compact object lies outside the spot
-    where it is struck; the near face of an object along the edge goes through the vehicle's foremost corner."""
+    """An object that touches a vehicle in a pose, and the point of contact.
+
+    A compact object lies outside the spot where it is struck; the near face of an object along the edge, which runs
+    along ``along_rad`` and is at most ``straight_m`` long, goes through the vehicle's foremost corner. ``slip_rad``:
+    the vehicle's heading less its course.
+    """
     kind = KINDS[struck.code]
-    course_rad = pose.heading_rad - course.slip_rad
+    course_rad = pose.heading_rad - slip_rad
     if kind.form is ObjectForm.LINE:
         heading = along_rad if math.cos(along_rad - course_rad) >= 0 else along_rad + math.pi
-        length_m = min(kind.length_m, _straight_m(path, pose))
+        length_m = min(kind.length_m, straight_m)
         outward = heading + math.copysign(math.pi / 2, math.sin(course_rad - heading))
-        spot = touching(departure, struck, course.slip_rad, outward - pose.heading_rad)
+        spot = touching(vehicle, struck, slip_rad, outward - pose.heading_rad)
         depth_m = kind.width_m / 2
         on_m = 0.0 if abs(math.sin(course_rad - heading)) > _CROSSES else _FARTHER_ON * length_m
     else:
         heading, length_m, on_m = pose.heading_rad, kind.length_m, 0.0
-        spot = touching(departure, struck, course.slip_rad, 0.0)
+        spot = touching(vehicle, struck, slip_rad, 0.0)
         depth_m = (kind.length_m if abs(spot.normal[0]) > abs(spot.normal[1]) else kind.width_m) / 2
     contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
     normal = pose.to_world(np.array(spot.normal)) - pose.xy_m

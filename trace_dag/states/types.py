@@ -84,6 +84,17 @@ class Trajectory:
     speed_mps: Series
 
 
+@dataclass(frozen=True)
+class TurnedWheels:
+    """Front wheels that are turned to the left (rad; right: negative) from a time on (s), while nobody drives.
+
+    An assumption: what led a vehicle off the road after a contact, its driver or its damage, is not reported.
+    """
+
+    from_s: float
+    angle_rad: float
+
+
 @dataclass(frozen=True, eq=False)
 class ParticipantState:
     """One party of a hypothesis: its body, impact and initial state, and the motion between them.
@@ -114,6 +125,9 @@ class ParticipantState:
     kind: PartyKind = PartyKind.MOTOR_VEHICLE
     drives_on: bool = False  # after striking a person: the record says that the driver left
     skids_from_s: float | None = None  # out of control from then on: it moves along the trajectory whatever its heading
+    # What the report has it do after a contact is off the road: the ground there, and rolling over, are simulated.
+    beyond_edge: Annotated[bool, Field(exclude_if=lambda beyond: not beyond)] = False
+    turned_wheels: Annotated[TurnedWheels | None, Field(exclude_if=lambda turned: turned is None)] = None
     trailer: Annotated[Trailer | None, Field(exclude_if=lambda trailer: trailer is None)] = None
     trailer_heading_rad: Annotated[Series | None, Field(exclude_if=lambda heading: heading is None)] = None
 
@@ -147,7 +161,8 @@ class Hypothesis:
     impact_point_xy_m: tuple[float, float]
     checks: tuple[EstimateCheck, ...] = ()
     planned: tuple[PlannedEvent, ...] = ()  # strikes of persons, in order; a collision of two vehicles has none
-    objects: tuple[FixedObject, ...] = ()  # objects beside the road, in the order of their events
+    aftermath: tuple[EstimateCheck, ...] = ()  # what came of the events after a contact
+    objects: tuple[FixedObject, ...] = ()  # beside the road, in the order of their events; planned or struck afterwards
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.contacts import VehicleContact, order_is_told
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord, VehicleRecord
@@ -56,7 +57,7 @@ class ObservedContacts:
 
 def observe_contacts(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedContacts:
     """What happened between the vehicles of a simulated hypothesis."""
-    contacts = tuple(sorted(log.contacts, key=lambda contact: contact.time_s))
+    contacts = log.meetings
     sides = []
     for contact in contacts:
         one, two = (struck_side(side, log, contact) for side in sides_of(contact))
@@ -240,8 +241,9 @@ def _shown(
 
 
 def _other_events(record: CrashRecord, contacts: Sequence[VehicleContact]) -> list[Criterion]:
-    """Harmful events of the report that are not contacts of their own: overturns, objects, more of the same contact."""
-    own = {contact.event_number for contact in contacts}
+    """Harmful events of the report that are neither contacts of their own nor of the aftermath: what came before, more
+    of the same contact."""
+    own = {contact.event_number for contact in contacts} | {each.event_number for each in aftermath_of(record)}
     going_on = {number for contact in contacts for number in contact.going_on}
     found = []
     for event in record.events:

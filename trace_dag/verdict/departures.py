@@ -14,18 +14,17 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import shapely
-from shapely.ops import nearest_points
 
 from trace_dag.crash.codes.events import OVERTURN
 from trace_dag.crash.departures import Departure, DepartureSide, ObjectStruck, departure_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Failure, Reason
-from trace_dag.geometry import FloatArray, Pose, contact_clock_h, rectangle_corners
+from trace_dag.geometry import contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, overturned_at
+from trace_dag.sim.leaving_road import left_road
+from trace_dag.sim.types import Contact, SimulationLog, overturned_at
 from trace_dag.states.types import Hypothesis
 from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street, street_criterion
 from trace_dag.verdict.metrics import (
@@ -53,11 +52,7 @@ _IN_WORDS: Final = {
     DepartureSide.RIGHT: "to the right",
     DepartureSide.AHEAD: "straight ahead",
 }
-_REACH_M: Final = 100.0
 _WIDEST_SHOULDER_M: Final = 4.0
-_ASIDE, _AHEAD = math.sin(math.radians(30)), math.sin(math.radians(60))
-"""A vehicle that crosses the edge at a flatter angle leaves the road to a side, at a steeper one ahead; in between it
-can be called either."""
 
 
 @dataclass(frozen=True)
@@ -119,45 +114,9 @@ def _object(network: RoadNetwork, contact: Contact, log: SimulationLog) -> Obser
     return ObservedObject(contact, clock_h, place, along_m)
 
 
-def left_road(
-    network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float
-) -> tuple[float | None, tuple[DepartureSide, ...]]:
-    """When a corner of the vehicle left the carriageway for good before a time, and to where."""
-    now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
-    area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
-    poses = [_moment(driven, until_s)]
-    before = np.flatnonzero(driven.time_s < until_s)[::-1]
-    poses += [_moment(driven, float(driven.time_s[k])) for k in before]
-    left: tuple[float, FloatArray, float] | None = None
-    for time_s, pose, course in poses:
-        corners = rectangle_corners(pose, body.length_m, body.width_m)
-        outside = corners[~shapely.contains_xy(area, corners[:, 0], corners[:, 1])]
-        if not len(outside):
-            break
-        left = time_s, outside[0], course
-    if left is None:
-        return None, ()
-    time_s, corner, course = left
-    point = shapely.Point(corner)
-    edge, _ = nearest_points(area, point)
-    out_rad = math.atan2(point.y - edge.y, point.x - edge.x)
-    ahead, left_of = math.cos(out_rad - course), math.sin(out_rad - course)
-    aside = DepartureSide.LEFT if left_of > 0 else DepartureSide.RIGHT
-    if ahead < _ASIDE:
-        return time_s, (aside,)
-    return time_s, (DepartureSide.AHEAD,) if ahead > _AHEAD else (aside, DepartureSide.AHEAD)
-
-
 def reported_zone(record: CrashRecord) -> RoadZone | None:
     """Where across the road the first harmful event was (``REL_ROAD``); None if that is not known."""
     return _ZONES.get(record.road_relation_code or 0)
-
-
-def _moment(driven: VehicleLog, time_s: float) -> tuple[float, Pose, float]:
-    """Time, pose and course of a vehicle at a time."""
-    columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
-    x, y, heading, vx, vy = (float(np.interp(time_s, driven.time_s, values)) for values in columns)
-    return time_s, Pose(x, y, heading), math.atan2(vy, vx)
 
 
 def along_road_m(x_m: float, y_m: float, place: RoadsidePlace | None) -> float:

@@ -17,6 +17,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.types import Hypothesis, StateEstimate
+from trace_dag.verdict.aftermath import aftermath_shown
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.contacts import contact_criteria, observe_contacts
 from trace_dag.verdict.departures import departure_criteria, observe_departure
@@ -115,9 +116,12 @@ def observe_crash(
     Only the kind of crash is taken from the record.
     """
     observed = _observed(record, network, hypothesis, log, settings)
-    if not log.trailers:
-        return observed
-    return replace(observed, criteria=lambda told: (*observed.criteria(told), *articulation_shown(told, log)))
+
+    def with_what_is_shown(told: CrashRecord) -> tuple[Criterion, ...]:
+        shown = (*aftermath_shown(told, network, hypothesis, log), *articulation_shown(told, log))
+        return (*observed.criteria(told), *shown)
+
+    return replace(observed, criteria=with_what_is_shown)
 
 
 def _observed(

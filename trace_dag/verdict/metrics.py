@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.classes import RoadTopology
 from trace_dag.crash.record import CrashRecord, ImpactArea, PreCrashMovement, VehicleRecord, first_vehicle_contact
 from trace_dag.geometry import Pose, contact_clock_h
@@ -113,9 +114,8 @@ class FirstContact:
 
 
 def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> FirstContact | None:
-    """The first contact of a simulated hypothesis; None if there was none."""
-    contact = log.first_contact
-    return None if contact is None else observe_contact(network, hypothesis, log, contact)
+    """The first contact of two participants in a simulated hypothesis; None if there was none."""
+    return observe_contact(network, hypothesis, log, log.meetings[0]) if log.meetings else None
 
 
 def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog, contact: Contact) -> FirstContact:
@@ -126,8 +126,8 @@ def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
         observed_vehicle(network, side, states[side.number], logs[side.number], log, contact)
         for side in sides_of(contact)
     )
-    later = sorted((other for other in log.contacts if other is not contact), key=lambda other: other.time_s)
-    return FirstContact(contact, tuple(later), (one, two))
+    later = tuple(other for other in log.meetings if other is not contact)
+    return FirstContact(contact, later, (one, two))
 
 
 def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
@@ -306,15 +306,16 @@ def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> flo
 
 
 def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> tuple[LaterEvent, ...]:
-    """Events after the first collision of two vehicles. Another collision of vehicles is looked for among the
-    contacts; what happened beside the road, or to a vehicle's balance, is not simulated."""
+    """Events after the first collision of two vehicles but for those of :mod:`trace_dag.verdict.aftermath`. Another
+    collision of vehicles is looked for among the contacts."""
     first = first_vehicle_contact(record.events)
     if first is None:
         return ()
     contacts = list(later_contacts)
+    elsewhere = {each.event_number for each in aftermath_of(record)}
     later = []
     for event in record.events:
-        if event.number <= first.number:
+        if event.number <= first.number or event.number in elsewhere:
             continue
         occurred = None
         if event.is_vehicle_contact:

@@ -17,9 +17,10 @@ from trace_dag.errors import Failure, Reason
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, roadside_at
 from trace_dag.settings import VerdictSettings
+from trace_dag.sim.leaving_road import left_road
 from trace_dag.sim.types import SimulationLog, overturned_at
 from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street, street_criterion
-from trace_dag.verdict.departures import along_road_m, departing, left_road
+from trace_dag.verdict.departures import along_road_m, departing
 from trace_dag.verdict.metrics import speed_error_rel
 from trace_dag.verdict.rules import RULE_SETS, at_most, shown
 from trace_dag.verdict.types import Criterion

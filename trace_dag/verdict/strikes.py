@@ -15,16 +15,16 @@ from typing import Final
 import numpy as np
 import shapely
 
+from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.crash_types import Turn, turn_of
-from trace_dag.crash.kind import CrashKind
-from trace_dag.crash.parties import EventKind, PartyKind, party_in_words
+from trace_dag.crash.parties import PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord, NonMotorist
 from trace_dag.crash.strikes import Strike, order_is_told, strikes_of
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.errors import Reason
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import VerdictSettings
-from trace_dag.sim.types import Contact, SimulationLog, VehicleLog, overturned_at
+from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
 from trace_dag.states.types import Hypothesis
 from trace_dag.units import kmh_to_mps, wrap_angle
@@ -86,7 +86,7 @@ class ObservedStrikes:
 
 def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedStrikes:
     """What happened between the parties of a simulated hypothesis."""
-    contacts = tuple(sorted(log.contacts, key=lambda contact: contact.time_s))
+    contacts = log.meetings
     strikes = [contact for contact in contacts if log.is_figure(contact.number_2)]
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {each.number: each for each in log.vehicles}
@@ -160,7 +160,7 @@ def strike_criteria(
             happened_first = seen.contact.time_s == min(each.contact.time_s for each in matched if each is not None)
             rejecting += _of_strike(strike, seen, measures, record, limits, settings, first=happened_first)
             reported += _shown(strike, seen, measures, limits)
-    return (*rejecting, *reported, *_other_events(record, strikes, log), *_afterwards(observed, strikes, matched))
+    return (*rejecting, *reported, *_other_events(record, strikes), *_afterwards(observed, strikes, matched))
 
 
 def matched_strikes(
@@ -402,22 +402,17 @@ def _shown(strike: Strike, seen: ObservedStrike, measures: VehicleMeasures, limi
     ]
 
 
-def _other_events(record: CrashRecord, strikes: Sequence[Strike], log: SimulationLog) -> list[Criterion]:
-    """Events of the report that are not planned strikes: a vehicle that ran over whom it had struck, overturned, or met
-    a thing. Who strikes an animal can overturn in the simulation."""
-    animal = record.kind is CrashKind.ANIMAL
-    vehicles = {each.number: each for each in log.vehicles}
+def _other_events(record: CrashRecord, strikes: Sequence[Strike]) -> list[Criterion]:
+    """Events of the report that are neither planned strikes nor of the aftermath: a vehicle that ran over whom it had
+    struck, or met a thing after it struck a person."""
     planned = {strike.event_number for strike in strikes}
+    elsewhere = planned | {each.event_number for each in aftermath_of(record)}
     going_on = {number for strike in strikes for number in strike.going_on}
     found = []
     for event in record.events:
-        if event.number in planned or event.number < min(planned):
+        if event.number in elsewhere or event.number < min(planned):
             continue
         detail = f"event {event.number}, SOE {event.code}"
-        if animal and event.kind is EventKind.OVERTURN and event.party_1 in vehicles:
-            over = overturned_at(vehicles[event.party_1]) is not None
-            found.append(Criterion("later_event", float(over), 1.0, "", over, None, detail, None, event.number))
-            continue
         what = "part of the strike before it" if event.number in going_on else "not simulated"
         found.append(Criterion("later_event", None, 1.0, "", None, None, f"{detail}: {what}", None, event.number))
     return found

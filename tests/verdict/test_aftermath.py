@@ -1,0 +1,151 @@
+"""What comes after a contact: read from the report, looked for by the estimator, simulated, shown by the verdict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.sim.motions import CAR, participant, straight
+from tests.states.test_departures import PLACE
+from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, simulated, vehicle
+from trace_dag.crash.aftermath import aftermath_of
+from trace_dag.crash.departures import DepartureSide
+from trace_dag.crash.parties import thing_party
+from trace_dag.crash.record import CrashRecord, EventRecord
+from trace_dag.estimators.aftermath import with_aftermath
+from trace_dag.roads.report import MappedThing
+from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
+from trace_dag.sim.run import simulate
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import SimulationLog
+from trace_dag.sim.vehicles import vehicle_model
+from trace_dag.states.objects import PlacedBy
+from trace_dag.states.types import StateEstimate, TurnedWheels
+from trace_dag.verdict.judge import judge
+from trace_dag.verdict.types import Criterion, Verdict
+
+TREE, CURB, OVERTURN = 42, 33, 1
+RIGHT, LEFT = 63, 64
+
+
+def rear_ended(*later: EventRecord) -> CrashRecord:
+    """Car 1 runs into the rear of car 2 on the street; then the events."""
+    one, two = vehicle(1, 12, 20, speed_mps=30.0), vehicle(2, 6, 21, speed_mps=20.0)
+    first = EventRecord(1, 12, 1, area(12), 2, area(6))
+    return record(one, two, events=(first, *later))
+
+
+def event(number: int, code: int, party: int, clock_h: int | None = None) -> EventRecord:
+    second = thing_party(number) if code < 60 and code != OVERTURN else None
+    return EventRecord(number, code, party, area(clock_h) if clock_h else None, second, None)
+
+
+def followed(crash: CrashRecord, *things: MappedThing) -> tuple[StateEstimate, SimulationLog, Verdict]:
+    """Both go east in the right lane, the first 10 m/s faster; they touch near the origin."""
+    meets_s = 3.0
+    fast = straight(-CAR.length_m - 30.0 * meets_s, -1.75, 0.0, 30.0, until_s=6.0)
+    slow = straight(-20.0 * meets_s, -1.75, 0.0, 20.0, until_s=6.0)
+    hypothesis, _ = simulated(fast, slow, impact_time_s=meets_s)
+    report = replace(PLACE, things=things)
+    made = with_aftermath(estimate(hypothesis, key=crash.key), crash, STREET, report)
+    logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
+    return made, logs[0], judge(crash, STREET, report, made, logs, VerdictSettings())
+
+
+def shown(verdict: Verdict, name: str) -> Criterion:
+    (found,) = [each for each in verdict.criteria if each.name == name]
+    assert found.reason is None  # what comes after a contact rejects nothing
+    return found
+
+
+# --- what the report says ------------------------------------------------------------------------------------------
+def test_what_a_vehicle_does_after_it_met_another_is_read_with_the_side_it_left_to() -> None:
+    crash = rear_ended(event(2, RIGHT, 1), event(3, TREE, 1, 12), event(4, OVERTURN, 2))
+    tree, over = aftermath_of(crash)
+    assert (tree.event_number, tree.vehicle.number, tree.side) == (3, 1, DepartureSide.RIGHT)
+    assert tree.struck is not None
+    assert (tree.struck.code, tree.struck.area) == (TREE, area(12))
+    assert (over.event_number, over.vehicle.number, over.struck, over.side) == (4, 2, None, None)
+
+
+def test_what_was_struck_before_anybody_met_is_not_of_the_aftermath() -> None:
+    crash = rear_ended()
+    events = (event(1, CURB, 1), replace(crash.events[0], number=2), event(3, TREE, 2))
+    assert [each.event_number for each in aftermath_of(replace(crash, events=events))] == [3]
+
+
+# --- placed, simulated and shown ---------------------------------------------------------------------------------
+@pytest.mark.parametrize(("to", "sign"), [(RIGHT, -1.0), (LEFT, 1.0)])
+def test_an_object_stands_on_the_reported_side_and_is_struck_after_the_contact(to: int, sign: float) -> None:
+    made, log, verdict = followed(rear_ended(event(2, to, 2), event(3, TREE, 2, 12)))
+    assert verdict.accepted, verdict.detail
+    (tree,) = made.best.objects
+    assert (tree.code, tree.event_number, tree.placed_by) == (TREE, 3, PlacedBy.PROGRAM)
+    # The carriageway is 7 m wide about the x axis, the vehicles go along it.
+    assert tree.pose.y_m * sign > LANE_WIDTH_M
+    (struck,) = log.strikes_of(tree.number)
+    assert struck.number_1 == 2
+    assert log.first_contact is log.meetings[0]
+    assert struck.time_s > log.meetings[0].time_s
+    later, side = shown(verdict, "later_object"), shown(verdict, "later_side")
+    assert (later.vehicle_number, later.event_number, later.passed, side.passed) == (2, 3, True, True)
+    assert "front wheels taken to be turned" in later.detail
+
+
+def test_what_comes_after_a_contact_leaves_the_contact_as_it_is() -> None:
+    _, log, _ = followed(rear_ended(event(2, RIGHT, 2), event(3, TREE, 2, 12)))
+    _, alone, _ = followed(rear_ended())
+    with_tree, without = log.meetings[0], alone.meetings[0]
+    assert (with_tree.time_s, with_tree.delta_v_1_mps) == (without.time_s, without.delta_v_1_mps)
+
+
+def test_a_tree_of_the_map_on_the_way_is_used() -> None:
+    crash = rear_ended(event(2, RIGHT, 2), event(3, TREE, 2, 12))
+    made, _, _ = followed(crash)
+    (ours,) = made.best.objects
+    here = MappedThing("node/7", "natural=tree", ((ours.pose.x_m, ours.pose.y_m),))
+    made, _, verdict = followed(crash, here)
+    assert [(each.placed_by, each.osm_id) for each in made.best.objects] == [(PlacedBy.OPENSTREETMAP, "node/7")]
+    assert shown(verdict, "later_object").passed
+
+
+def test_an_event_that_cannot_be_met_is_shown_with_what_was_measured() -> None:
+    standing = rear_ended(event(2, 71, 2), event(3, TREE, 2, 12))  # the road does not end: nothing leads it off
+    made, log, verdict = followed(standing)
+    assert verdict.accepted, verdict.detail
+    assert made.best.objects == log.objects == ()
+    later = shown(verdict, "later_object")
+    assert not later.passed
+    edge_m = LANE_WIDTH_M / 2 - CAR.width_m / 2  # it stays in the middle of its lane
+    assert later.detail == f"vehicle 2 stays on the carriageway: it comes to {edge_m:.1f} m from its edge"
+
+
+def test_an_overturn_that_does_not_happen_is_shown_with_the_tilt() -> None:
+    _, _, verdict = followed(rear_ended(event(2, OVERTURN, 2)))
+    assert verdict.accepted, verdict.detail
+    later = shown(verdict, "later_overturn")
+    assert not later.passed
+    assert "tilts by" in later.detail
+
+
+# --- turned wheels ---------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("turned_rad", [0.05, -0.05])
+def test_front_wheels_that_are_turned_lead_along_a_circle(turned_rad: float) -> None:
+    """A slow vehicle that rolls on turned wheels goes along a circle of wheelbase over the tangent of their angle."""
+    settings = SimSettings(locked_wheels=0.0)
+    rolling = participant(1, straight(0.0, 0.0, 0.0, 5.0, until_s=1.0))
+    pushed = participant(2, straight(CAR.length_m + 0.2, 0.0, 0.0, 4.5, until_s=1.0))
+    one = replace(rolling, turned_wheels=TurnedWheels(1.0, turned_rad))
+    log = EmbeddedSimulation(settings, Surface(), settings.friction).run((one, pushed), time_limit_s=3.0)
+    assert log.meetings
+    driven = log.vehicles[0]
+    late = driven.time_s > 2.0
+    radius_m = np.abs(driven.speed_mps[late] / driven.yaw_rate_rps[late]).mean()
+    wheelbase_m = vehicle_model(CAR).wheelbase_m
+    assert radius_m == pytest.approx(wheelbase_m / math.tan(abs(turned_rad)), rel=0.1)
+    assert np.sign(driven.yaw_rate_rps[-1]) == np.sign(turned_rad)
+    assert driven.yaw_rate_rps[driven.time_s < 0.9] == pytest.approx(0.0, abs=1e-6)

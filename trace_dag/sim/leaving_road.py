@@ -1,0 +1,77 @@
+"""How a vehicle of a log leaves the carriageway: when, and to which side. Used by estimates and verdicts."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely.ops import nearest_points
+
+from trace_dag.crash.departures import DepartureSide
+from trace_dag.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.sim.types import Body, SimulationLog, VehicleLog
+
+_REACH_M: Final = 100.0
+_ASIDE, _AHEAD = math.sin(math.radians(30)), math.sin(math.radians(60))
+"""A vehicle that crosses the edge at a flatter angle leaves the road to a side, at a steeper one ahead; in between it
+can be called either."""
+
+
+def left_road(
+    network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
+) -> tuple[float | None, tuple[DepartureSide, ...]]:
+    """When a corner of the vehicle left the carriageway for good before a time, and to where: seen along its course,
+    and along ``came_rad`` as well."""
+    now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
+    area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
+    poses = [_moment(driven, until_s)]
+    before = np.flatnonzero(driven.time_s < until_s)[::-1]
+    poses += [_moment(driven, float(driven.time_s[k])) for k in before]
+    left: tuple[float, FloatArray, float] | None = None
+    for time_s, pose, course in poses:
+        corners = rectangle_corners(pose, body.length_m, body.width_m)
+        outside = corners[~shapely.contains_xy(area, corners[:, 0], corners[:, 1])]
+        if not len(outside):
+            break
+        left = time_s, outside[0], course
+    if left is None:
+        return None, ()
+    time_s, corner, course = left
+    point = shapely.Point(corner)
+    edge, _ = nearest_points(area, point)
+    out_rad = math.atan2(point.y - edge.y, point.x - edge.x)
+    seen = [course] if came_rad is None else [course, came_rad]
+    return time_s, tuple(dict.fromkeys(side for along in seen for side in _sides(out_rad - along)))
+
+
+def left_road_after_contact(
+    network: RoadNetwork, log: SimulationLog, number: int, until_s: float
+) -> tuple[DepartureSide, ...]:
+    """The sides to which a vehicle that touched somebody left the carriageway before a time; empty if it did not.
+
+    Seen along its course, or along the way it came to its first contact: a report can mean either.
+    """
+    driven = next(each for each in log.vehicles if each.number == number)
+    first = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
+    pose = None if first is None else log.pose_at_contact(first, number)
+    came_rad = None if pose is None else pose.heading_rad
+    return left_road(network, driven, log.bodies[number], until_s, came_rad=came_rad)[1]
+
+
+def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
+    """Where a vehicle leaves that goes out at an angle to its way, to the left of it."""
+    ahead = math.cos(out_rad)
+    aside = DepartureSide.LEFT if math.sin(out_rad) > 0 else DepartureSide.RIGHT
+    if ahead < _ASIDE:
+        return (aside,)
+    return (DepartureSide.AHEAD,) if ahead > _AHEAD else (aside, DepartureSide.AHEAD)
+
+
+def _moment(driven: VehicleLog, time_s: float) -> tuple[float, Pose, float]:
+    """Time, pose and course of a vehicle at a time."""
+    columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
+    x, y, heading, vx, vy = (float(np.interp(time_s, driven.time_s, values)) for values in columns)
+    return time_s, Pose(x, y, heading), math.atan2(vy, vx)
