@@ -36,6 +36,7 @@ def pytest_xdist_auto_num_workers() -> int | None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
+    gc.unfreeze()  # else DuckDB, when it ends, tells of all that is still there
     if not hasattr(config, "workerinput"):
         shutil.rmtree(os.environ.pop("TRACE_DAG_TESTS_SHARED", ""), ignore_errors=True)
 

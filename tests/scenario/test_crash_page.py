@@ -95,7 +95,8 @@ def test_a_crash_in_one_sentence():
     walker = NonMotorist(1, 5, striking_vehicle=1)
     struck = on_main_street(events=(EventRecord(1, 8, 1, None, walker.party, None),), non_motorists=(walker,))
     assert in_one_sentence(struck) == (
-        "On January 15, 2023 on MAIN ST, Virginia, a car that was going straight at 55 mph struck a pedestrian."
+        "On January 15, 2023 on MAIN ST, Virginia, a car that was going straight at 55 mph struck a pedestrian"
+        "; one more vehicle was involved."
     )
 
 
@@ -118,7 +119,7 @@ def test_numbers_and_reasons_are_said_in_words():
     assert "The reported parties touch" in for_it
     assert "First street agrees with the map: MAIN ST – Main Street" in for_it
     assert "Vehicle 1 struck where the report says: 1.5 clock positions off, 2 allowed" in for_it
-    assert "Person 1 struck in the part of the road that the report says: 0.0 m, 1 allowed" in for_it
+    assert "Person 1 in the part of the road that the report says: 0.0 m, 1 allowed" in for_it
     assert "Lanes differs with the map: 4 – 2" in against
     assert "The report contradicts itself: a, not b" in against
     assert "Vehicle 2 struck where the report says" in untold

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from calendar import month_name
 
+from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as person_codes
 from trace_dag.crash.codes import vehicle as codes
@@ -20,6 +21,7 @@ from trace_dag.crash.codes.events import (
     VEHICLE_CONTACTS,
     VEHICLE_EVENTS,
 )
+from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import (
     CrashRecord,
@@ -36,6 +38,13 @@ _CLASS_NAMES = {
     VehicleClass.SUV: "SUV",
     VehicleClass.LIGHT_TRUCK: "light truck",
     VehicleClass.TRACTOR_TRAILER: "tractor-trailer",
+}
+_TOPOLOGIES = {
+    RoadTopology.FOUR_WAY: "four-way intersection",
+    RoadTopology.T: "T intersection",
+    RoadTopology.Y: "Y intersection",
+    RoadTopology.L: "L intersection",
+    RoadTopology.FIVE_POINT_OR_MORE: "intersection of five or more roads",
 }
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
@@ -72,10 +81,25 @@ def in_one_sentence(record: CrashRecord) -> str:
         what = "collided"
     else:
         what = HARM_EV.meaning(event.code if event else record.first_harmful_event_code) or "crashed"
-    others = len(record.vehicles) - 2 if len(involved) == 2 and len(record.vehicles) > 2 else 0
+    others = len(record.vehicles) - len(involved) if involved else 0
     more = f"; {_count(others, 'more vehicle')} {'was' if others == 1 else 'were'} involved" if others else ""
     sentence = f"{_when(record)}{place}, {who} {what}{more}.".strip(" ,")
     return sentence[0].upper() + sentence[1:]
+
+
+def classes_in_words(record: CrashRecord) -> tuple[str, ...]:
+    """What kind of crash it was, at what kind of place, and which way the vehicles went; what is not told is left out.
+
+    >>> classes_in_words(pedestrian_record), classes_in_words(tree_record)
+    (('pedestrian', 'not an intersection'), ('fixed object', 'not an intersection'))
+    """
+    struck = record.kind if record.collision_type is CollisionType.OTHERS else record.collision_type
+    place, went = record.road_topology, record.vehicle_trajectory
+    return (
+        *((struck.replace("_", " "),) if struck is not CrashKind.OTHER else ()),
+        *((_TOPOLOGIES.get(place, place.replace("_", " ")),) if place is not RoadTopology.OTHERS else ()),
+        *((went.replace("_", " "),) if went is not VehicleTrajectory.OTHERS else ()),
+    )
 
 
 def _driving(vehicle: VehicleRecord) -> str:
@@ -83,7 +107,7 @@ def _driving(vehicle: VehicleRecord) -> str:
     kind = BODY_TYP.meaning(vehicle.body_type_code) or _CLASS_NAMES.get(vehicle.vehicle_class, vehicle.vehicle_class)
     article = "an" if kind[0] in "aeioAEIO" or kind.startswith("SUV") else "a"
     if not vehicle.in_transport:
-        return f"{article} {kind} that was not in transport"
+        return f"a parked or working {kind}"
     movement = codes.P_CRASH1.meaning(vehicle.movement)
     speed = _speed(vehicle).split(" (")[0] if vehicle.travel_speed_mps is not None else ""
     return f"{article} {kind}" + (f" that {movement}{speed}" if movement else speed)

@@ -207,12 +207,14 @@ def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
 
 def _numbers(verdict: Verdict) -> list[tuple[str, str]]:
     """The four numbers of a verdict, as value and what it is; those that were measured."""
-    distance = verdict.criterion("contact_distance") or verdict.criterion("station_distance")
+    distance, along = verdict.criterion("contact_distance"), verdict.criterion("station_distance")
     closing = verdict.criterion("closing_speed")
     clock_error_h = verdict.worst("clock_error")
     numbers = []
     if distance and distance.value is not None:
         numbers.append((f"{distance.value:.1f} m", "from the reported place to the first contact"))
+    elif along and along.value is not None:
+        numbers.append((f"{along.value:.1f} m", "from the reported place, along the road"))
     if clock_error_h is not None:
         numbers.append((f"{clock_error_h:.1f}", "clock positions at most between reported and simulated impact"))
     if closing and closing.value is not None:
@@ -316,9 +318,11 @@ _CRITERIA = {
     "departure": "left the carriageway",
     "departure_side": "left the road where the report says",
     "departed_street": "left a street that the report names",
-    "station_distance": "distance of the first contact from the reported place, along the road",
+    "station_distance": "distance from the reported place, along the road",
     "object_order": "objects struck in the reported order",
-    "zone_error": "struck in the part of the road that the report says",
+    "overturn": "overturned",
+    "strike": "struck whom the report says, in its turn",
+    "zone_error": "in the part of the road that the report says",
     "course_error": "way across or along the road as reported",
     "compass_error": "heading by the compass as reported",
     "initial_speed_error": "speed as reported",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from trace_dag.crash.conditions import conditions_in_words
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import classes_in_words
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, REPORTED_COLOUR, vehicle_colour
 from trace_dag.scenario.map_surfaces import MINOR_SURFACE
@@ -109,10 +110,7 @@ def place_line(record: CrashRecord) -> Words:
     """The first line of a headline: which crash it is, of what kind and where."""
     roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
     place = ", ".join(filter(None, (roads, record.state_name)))
-    classes = ", ".join(
-        value.replace("_", " ") for value in (record.collision_type, record.road_topology, record.vehicle_trajectory)
-    )
-    described = "; ".join(filter(None, (classes, conditions_in_words(record))))
+    described = "; ".join(filter(None, (", ".join(classes_in_words(record)), conditions_in_words(record))))
     return headline_words(0, f"{record.key}   {place}   ({described})")
 
 

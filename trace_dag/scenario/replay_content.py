@@ -14,6 +14,7 @@ import numpy as np
 from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.crash.parties import party_label
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import classes_in_words
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
@@ -99,10 +100,9 @@ def replay_content(
     wider = (east - west) * (_MAP_WIDER - 1) / 2
     map_window = (west - wider, south, east + wider, north)
     outcome = drive.title if drive else _outcome(verdict)
-    classes = (record.collision_type, record.road_topology, record.vehicle_trajectory)
     subtitles = (
         place_in_words(record),
-        " · ".join(value.replace("_", " ") for value in classes),
+        " · ".join(classes_in_words(record)),
         conditions_in_words(record),
         outcome,
     )
