@@ -64,6 +64,15 @@ def test_no_event_is_stored_as_plain_text(instance, tmp_path):
     assert sum(map(len, events)) < 0.3 * sum(len(unpacked(value)) for value in events)
 
 
+def test_a_log_of_dagsters_own_in_the_same_process_stays_plain_text(tmp_path):
+    with DagsterInstance.local_temp(str(tmp_path)) as theirs:
+        theirs.report_runless_asset_event(AssetMaterialization("verdict", partition="2023-510179"))
+        assert theirs.fetch_materializations(AssetKey("verdict"), limit=1).records
+    with closing(sqlite3.connect(tmp_path / "history/runs/index.db")) as database:
+        events = [event for (event,) in database.execute("SELECT event FROM event_logs")]
+    assert [event[:2] for event in events] == ['{"']
+
+
 def test_an_event_that_is_damaged_is_a_damaged_database(instance, tmp_path):
     instance.report_runless_asset_event(AssetMaterialization("verdict", partition="2023-510179"))
     with closing(sqlite3.connect(tmp_path / "root/dagster/history/packed/index.db")) as database, database:

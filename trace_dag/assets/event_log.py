@@ -32,14 +32,14 @@ from trace_dag.assets.dagster_internals import (
     SqlEventLogStorageTable,
     SqliteEventLogStorage,
 )
-from trace_dag.assets.event_packing import PackedText
+from trace_dag.assets.event_packing import PackedText, pack_events_of
 
 _FOLDER = "history/packed"  # below DAGSTER_HOME
 _WAIT_FOR_OTHERS_S = 60.0
 _AT_ONCE = {DagsterEventType.ASSET_MATERIALIZATION_PLANNED, DagsterEventType.ASSET_MATERIALIZATION}
 _FILES_OPEN = 8  # the index, and the runs last written to or looked at
 
-# All columns that hold events. Dagster's tables are one for all databases; only in SQLite are events packed.
+# All columns that hold events, of tables that are one for all databases: packed where the engine is ours.
 for _column in (
     SqlEventLogStorageTable.c.event,
     AssetKeyTable.c.last_materialization,
@@ -142,6 +142,7 @@ def _kind(event: EventLogEntry) -> DagsterEventType | None:
 
 def _open(address: str) -> Engine:
     engine = create_engine(address, connect_args={"timeout": _WAIT_FOR_OTHERS_S})
+    pack_events_of(engine)
 
     @event.listens_for(engine, "connect")
     def set_up(connection: Any, _record: Any) -> None:

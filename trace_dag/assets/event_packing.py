@@ -14,7 +14,7 @@ import zlib
 from pathlib import Path
 from typing import Any, Final
 
-from sqlalchemy import Dialect, Text
+from sqlalchemy import Dialect, Engine, Text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.types import TypeDecorator
 
@@ -41,19 +41,28 @@ def unpacked(data: bytes) -> str:
     return text.decode()
 
 
+def pack_events_of(engine: Engine) -> None:
+    """From now on this engine packs what it writes into :class:`PackedText`, and unpacks what it reads."""
+    engine.dialect.packs_events = True  # type: ignore[attr-defined]
+
+
 class PackedText(TypeDecorator[str]):
-    """A text column that holds packed text. In SQLite, text columns take bytes as they are."""
+    """A text column that holds packed text where :func:`pack_events_of` was told so, elsewhere plain text.
+
+    Dagster's tables are the same objects for all event logs of a process, and one that is not ours stays as it is. In
+    SQLite, text columns take bytes as they are.
+    """
 
     impl = Text
     cache_ok = True
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> Any:
         """What is stored of a text."""
-        return None if value is None else packed(value)
+        return value if value is None or not hasattr(dialect, "packs_events") else packed(value)
 
     def process_result_value(self, value: Any, dialect: Dialect) -> str | None:
         """The text that was stored. Raises :class:`SQLAlchemyError`, as for any other damage of a database."""
         try:
-            return None if value is None else unpacked(value)
+            return value if value is None or not hasattr(dialect, "packs_events") else unpacked(value)
         except zlib.error as error:
             raise SQLAlchemyError(f"an event cannot be read ({error})") from error
