@@ -23,7 +23,8 @@ def time_to_contact_s(one: Outline, velocity_1_mps: Velocity, two: Outline, velo
     dx, dy = two.x_m - one.x_m, two.y_m - one.y_m
     vx, vy = velocity_2_mps[0] - velocity_1_mps[0], velocity_2_mps[1] - velocity_1_mps[1]
     begin, end = 0.0, math.inf
-    for ax, ay, own_m, other_m in face_axes(one.ahead, one[3:], two.ahead, two[3:]):
+    halves_1, halves_2 = ((each.half_length_m, each.half_width_m) for each in (one, two))
+    for ax, ay, own_m, other_m in face_axes(one.ahead, halves_1, two.ahead, halves_2):
         reach = own_m + other_m
         apart, rate = dx * ax + dy * ay, vx * ax + vy * ay
         if abs(rate) < 1e-9:

@@ -102,8 +102,13 @@ def stiffness_npm2(body: Body, ahead: float, left: float) -> float:
     >>> round(rear / front, 6), round(side / front, 6)
     (0.8, 0.6)
     """
+    return front_stiffness_npm2(body) * _of_front(ahead, left)
+
+
+def _of_front(ahead: float, left: float) -> float:
+    """The stiffness of the face that a direction points to, as a share of the front's."""
     end = 1.0 if ahead >= 0 else _REAR
-    return front_stiffness_npm2(body) * (end * ahead * ahead + _SIDE * left * left)
+    return end * ahead * ahead + _SIDE * left * left
 
 
 class Crush:
@@ -113,6 +118,7 @@ class Crush:
         self._one, self._two = one, two
         self._given_restitution = restitution
         self._friction = friction
+        self._front_npm2 = front_stiffness_npm2(one.model.body), front_stiffness_npm2(two.model.body)
         self._last_s = -math.inf  # when they pressed last
         self._apart = False
         self._dent_m2 = 0.0  # overlap that was crushed before this contact
@@ -138,7 +144,8 @@ class Crush:
         if again:
             given = self._given_restitution
             self._restitution = restitution_at(closing) if given is None else given
-        stiffness_1, stiffness_2 = _facing(outlines[0], one, nx, ny), _facing(outlines[1], two, -nx, -ny)
+        front_1, front_2 = self._front_npm2
+        stiffness_1, stiffness_2 = _facing(outlines[0], front_1, nx, ny), _facing(outlines[1], front_2, -nx, -ny)
         stiffness = stiffness_1 * stiffness_2 / (stiffness_1 + stiffness_2)
         deep_m = _extent_m(polygon, nx, ny)
         stiffness *= 1.0 + (deep_m / _BOTTOMS_M) ** 6
@@ -270,13 +277,19 @@ def _is_corner(point: tuple[float, float], outline: Outline) -> bool:
     )
 
 
-def _facing(outline: Outline, vehicle: Vehicle, nx: float, ny: float) -> float:
-    """Stiffness of a vehicle's face in a direction outward from it."""
+def _facing(outline: Outline, front_npm2: float, nx: float, ny: float) -> float:
+    """Stiffness of a vehicle's face in a direction outward from it, by that of its front."""
     c, s = outline.ahead
-    return stiffness_npm2(vehicle.model.body, nx * c + ny * s, ny * c - nx * s)
+    return front_npm2 * _of_front(nx * c + ny * s, ny * c - nx * s)
 
 
 def _extent_m(polygon: list[tuple[float, float]], nx: float, ny: float) -> float:
     """How far a polygon reaches along a direction."""
-    along = [x * nx + y * ny for x, y in polygon]
-    return max(along) - min(along)
+    low, high = math.inf, -math.inf
+    for x, y in polygon:
+        along = x * nx + y * ny
+        if along < low:
+            low = along
+        if along > high:
+            high = along
+    return high - low

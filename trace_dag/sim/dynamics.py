@@ -269,9 +269,12 @@ class Vehicle:
         rx, ry, rvx, rvy, rax, ray, planned_speed, curvature, course, _ = row
         if self.held_mps2 is not None:  # what a trailer takes, the driver adds
             rax, ray = rax - self.held_mps2[0], ray - self.held_mps2[1]
+        vx, vy, yaw_rate, ground = self.vx, self.vy, self.yaw_rate, self.ground
+        if vx == 0.0 == vy == yaw_rate == planned_speed and self._drag_n == 0.0:
+            self._along_n = 0.0
+            return 0.0, 0.0, 0.0  # stands on its brakes: no tyre slips, so that none pushes
         model, mass, limit = self.model, self._mass, self._limit_n
         a, b = model.front_axle_m, model.rear_axle_m
-        vx, vy, yaw_rate, ground = self.vx, self.vy, self.yaw_rate, self.ground
         c, s = math.cos(self.heading), math.sin(self.heading)
         ahead_v, left_v = vx * c + vy * s, vy * c - vx * s
         ex, ey = rx - self.x, ry - self.y
@@ -279,9 +282,6 @@ class Vehicle:
         want_y = ray + _VELOCITY_GAIN * (rvy - vy) + _POSITION_GAIN * ey + GRAVITY_MPS2 * ground.slope_y
         want_left = want_y * c - want_x * s
         speed = -ahead_v if ahead_v < 0 else ahead_v
-        if speed == 0.0 == left_v == yaw_rate == planned_speed and self._drag_n == 0.0:
-            self._along_n = 0.0
-            return 0.0, 0.0, 0.0  # stands on its brakes: no tyre slips, so that none pushes
 
         # Along: traction up to what the class accelerates with, braking up to friction; shared by load.
         drag = self._drag_n

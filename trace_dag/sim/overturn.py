@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 from trace_dag.crash.record import VehicleClass
@@ -54,12 +55,17 @@ class RollModel:
     half_track_m: float
     gyration_m: float
 
-    @property
+    @cached_property
     def arm_m(self) -> float:
         """From the outer wheels to the centre of gravity."""
         return math.hypot(self.height_m, self.half_track_m)
 
-    @property
+    @cached_property
+    def standing_rad(self) -> float:
+        """Angle of that line above the road while it stands."""
+        return math.atan2(self.height_m, self.half_track_m)
+
+    @cached_property
     def inertia_m2(self) -> float:
         """About the outer wheels, per mass."""
         return self.gyration_m**2 + self.arm_m**2
@@ -164,7 +170,7 @@ class Roll:
         # The ground pushes against the sliding: to the left (positive) where it slides and tips to the right.
         self._lean(lateral_mps)
         pushed = max(self._side * lateral_mps2, 0.0)
-        angle = math.atan2(model.height_m, model.half_track_m) + self._tilt_rad
+        angle = model.standing_rad + self._tilt_rad
         turning = model.arm_m * (pushed * math.sin(angle) - weight_mps2 * math.cos(angle)) / model.inertia_m2
         self._rate_rps += turning * step_s
         self._tilt_rad += self._rate_rps * step_s

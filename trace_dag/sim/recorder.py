@@ -39,6 +39,7 @@ class StateRecorder:
         self._movers = movers
         self._states: dict[float, list[tuple[float, ...]]] = {}  # by time, a row per participant
         self._deepest: dict[tuple[tuple[int, int], int], _Moment] = {}  # by pair of bodies and tenth of a second
+        self._taken: tuple[float, list[tuple[float, ...]]] = (-1.0, [])  # the last state that was kept for its overlap
 
     def record(self, time_s: float) -> None:
         """Keep everybody's state now; a time already kept is not kept twice."""
@@ -49,7 +50,9 @@ class StateRecorder:
         window = pair, math.floor(time_s / DEEPEST_EVERY_S + 1e-9)
         known = self._deepest.get(window)
         if overlap_m > (known.overlap_m if known else 0.0):
-            self._deepest[window] = _Moment(overlap_m, time_s, self._now())
+            if self._taken[0] != time_s:
+                self._taken = time_s, self._now()
+            self._deepest[window] = _Moment(overlap_m, *self._taken)
 
     def _now(self) -> list[tuple[float, ...]]:
         return [mover.log_row() for mover in self._movers]

@@ -8,8 +8,19 @@ between them are computed in :mod:`trace_dag.sim.crush`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
 
 from trace_dag.sim.vehicles import VehicleModel
+
+_BODY: Final = (
+    '<body><inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
+    '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'
+    "{inside}</body>"
+)
 
 
 class RigidBodies:
@@ -20,8 +31,9 @@ class RigidBodies:
 
         self._mujoco = mujoco
         self._count = len(models)
-        self._model = mujoco.MjModel.from_xml_string(self._mjcf(models))
-        self._data = data = mujoco.MjData(self._model)
+        self._model = model = self._compiled(models)
+        self._data = data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, data)  # what MuJoCo derives from the masses
         # Parts of MuJoCo's own memory: the vehicles come first in it, three numbers each.
         numbers = 3 * len(models)
         self._positions, self._rates = data.qpos[:numbers], data.qvel[:numbers]
@@ -29,12 +41,11 @@ class RigidBodies:
         self._inverse = [(1.0 / m.body.mass_kg, 1.0 / m.yaw_inertia_kgm2) for m in models]
         self.version = mujoco.mj_versionString()
 
-    def _mjcf(self, models: list[VehicleModel]) -> str:
-        return (
-            '<mujoco><compiler inertiafromgeom="false"/>'
-            '<option gravity="0 0 0" integrator="Euler"/>'
-            f"<worldbody>{vehicle_bodies(models, lambda *_: '')}</worldbody></mujoco>"
-        )
+    def _compiled(self, models: list[VehicleModel]) -> Any:
+        model = copy(_bodies_of_a_kilogram(len(models)))
+        model.body_mass[1:] = [m.body.mass_kg for m in models]
+        model.body_inertia[1:] = np.array([m.yaw_inertia_kgm2 for m in models])[:, None]
+        return model
 
     def place(self, positions: list[float], velocities: list[float]) -> None:
         """Set every body's x, y, yaw and their rates, flat lists."""
@@ -61,12 +72,21 @@ class RigidBodies:
         return {}
 
 
+@cache
+def _bodies_of_a_kilogram(count: int) -> Any:
+    """So many bodies of a kilogram each: two crashes differ by their masses alone, and compiling takes long."""
+    import mujoco
+
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler inertiafromgeom="false"/><option gravity="0 0 0" integrator="Euler"/><worldbody>'
+        + _BODY.format(mass=1.0, inertia=1.0, inside="") * count
+        + "</worldbody></mujoco>"
+    )
+
+
 def vehicle_bodies(models: list[VehicleModel], inside: Callable[[int, VehicleModel], str]) -> str:
     """The vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box."""
     return "".join(
-        f'<body><inertial pos="0 0 0" mass="{m.body.mass_kg!r}" '
-        f'diaginertia="{m.yaw_inertia_kgm2!r} {m.yaw_inertia_kgm2!r} {m.yaw_inertia_kgm2!r}"/>'
-        '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'
-        f"{inside(i, m)}</body>"
+        _BODY.format(mass=repr(m.body.mass_kg), inertia=repr(m.yaw_inertia_kgm2), inside=inside(i, m))
         for i, m in enumerate(models)
     )

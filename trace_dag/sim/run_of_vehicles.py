@@ -16,7 +16,7 @@ from trace_dag.sim.commanded import CommandedVehicle
 from trace_dag.sim.crush import Crush
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.outlines import separation
+from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.people import Person
 from trace_dag.sim.plan import resample
 from trace_dag.sim.recorder import (
@@ -107,6 +107,12 @@ class VehicleRun:
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
         self._pairs = self._can_touch()
+        self._met = [
+            (pair, self._vehicles[pair[0]], self._vehicles[pair[1]], sum(self._vehicles[i].reach_m for i in pair))
+            for pair in self._pairs
+        ]
+        # Of each pair the outlines that were compared last, and how far they are apart.
+        self._compared: dict[tuple[int, int], tuple[Outline, Outline, float]] = {}
 
     def _can_touch(self) -> list[tuple[int, int]]:
         """The pairs of vehicles by their places, in the order of the parties that they belong to; nobody touches what
@@ -324,28 +330,26 @@ class VehicleRun:
         """The forces on the vehicles in a part of a step: those of the road, and of each other's crush."""
         self._pressed = {}
         total = list(forces)
-        for pair in self._pairs:
-            i, j = pair
-            one, two = self._vehicles[i], self._vehicles[j]
-            near = math.hypot(one.x - two.x, one.y - two.y) <= one.reach_m + two.reach_m
-            outlines = (one.outline(), two.outline()) if near and self._same_level(one, two) else None
-            if outlines is None or separation(*outlines)[0] >= 0:
+        for pair, one, two, reach_m in self._met:
+            apart = math.hypot(one.x - two.x, one.y - two.y) > reach_m or not self._same_level(one, two)
+            if apart or self._gap_m(pair) >= 0:
                 self._crushed.pop(pair, None)
                 continue
             crush = self._crushed.get(pair)
             if crush is None:
                 crush = Crush(one, two, self._settings.restitution, self._settings.contact_friction)
-            pressed = crush.press(outlines, now_s, part_s)
+            pressed = crush.press(self._compared[pair][:2], now_s, part_s)
             if pressed is None:
                 continue
             self._crushed[pair] = crush
             self._pressed[pair] = pressed.fx, pressed.fy
-            for k, value in zip(
-                (3 * i, 3 * i + 1, 3 * i + 2, 3 * j, 3 * j + 1, 3 * j + 2),
-                (-pressed.fx, -pressed.fy, pressed.moment_1, pressed.fx, pressed.fy, pressed.moment_2),
-                strict=True,
-            ):
-                total[k] += value
+            i, j = 3 * pair[0], 3 * pair[1]
+            total[i] -= pressed.fx
+            total[i + 1] -= pressed.fy
+            total[i + 2] += pressed.moment_1
+            total[j] += pressed.fx
+            total[j + 1] += pressed.fy
+            total[j + 2] += pressed.moment_2
         return total
 
     def _held(self, forces: list[float], part_s: float) -> list[float]:
@@ -395,8 +399,18 @@ class VehicleRun:
             self._watch_overlap(pair, time_s)
 
     def _watch_overlap(self, pair: tuple[int, int], time_s: float) -> None:
-        one, two = (self._vehicles[i].outline() for i in pair)
-        self._recorder.record_overlap(pair, -separation(one, two)[0], time_s)
+        self._recorder.record_overlap(pair, -self._gap_m(pair), time_s)
+
+    def _gap_m(self, pair: tuple[int, int]) -> float:
+        """How far two vehicles are apart now, as :func:`separation` has it: asked at the end of a part, and at the
+        beginning of the next."""
+        one, two = self._vehicles[pair[0]].outline(), self._vehicles[pair[1]].outline()
+        known = self._compared.get(pair)
+        if known is not None and known[0] is one and known[1] is two:
+            return known[2]
+        gap_m = separation(one, two)[0]
+        self._compared[pair] = one, two, gap_m
+        return gap_m
 
     def _close_ended(self, now_s: float) -> None:
         for pair, episode in list(self._open.items()):

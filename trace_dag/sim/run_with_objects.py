@@ -69,6 +69,9 @@ class RoadsideRun(VehicleRun):
         self._furrows_m = [0.0] * len(self._vehicles)  # so far each has slid sideways on soil
         self._overturned_s: float | None = None
         self._clear_until_step = 0  # no vehicle can touch an object before it
+        # Where each vehicle was when the objects were looked at last, and how far from there it touches none.
+        self._clear = [(vehicle.x, vehicle.y, vehicle.heading, 0.0) for vehicle in self._vehicles]
+        self._skids = [vehicle for vehicle in self._vehicles if vehicle.skids_from_s < math.inf]
         for vehicle in self._vehicles:
             vehicle.roll = None if isinstance(vehicle, Towed) else Roll(vehicle.model.body)
         self._soft_friction = friction / settings.friction * min(settings.roadside_friction, settings.friction)
@@ -196,7 +199,7 @@ class RoadsideRun(VehicleRun):
 
     def _carry(self, time_s: float) -> None:
         """Put every vehicle that skids, and has struck nothing yet, where its trajectory has it."""
-        for vehicle in self._vehicles:
+        for vehicle in self._skids:
             if vehicle.crashed or time_s < vehicle.skids_from_s or not vehicle.follows_plan:
                 continue
             over = time_s >= vehicle.plan_end_s  # nothing was struck: it slides on by itself
@@ -239,14 +242,25 @@ class RoadsideRun(VehicleRun):
         """The forces on the vehicles with those of the objects they touch."""
         total = super()._forces_now(forces, now_s, part_s)
         for i, vehicle in enumerate(self._vehicles):
+            x, y, heading, clear_m = self._clear[i]
+            turned_m = abs(vehicle.heading - heading) * vehicle.reach_m
+            if math.hypot(vehicle.x - x, vehicle.y - y) + turned_m < clear_m:
+                continue
+            clear_m = math.inf
             for j, obstacle in enumerate(self._obstacles):
                 struck = self._touching.get((i, j))
                 if struck is None or now_s > struck.over_s:
-                    if _between_m(vehicle, obstacle) > 0 or separation(vehicle.outline(), obstacle.outline)[0] > 0:
+                    apart_m = _between_m(vehicle, obstacle)
+                    if apart_m <= 0:
+                        apart_m = separation(vehicle.outline(), obstacle.outline)[0]
+                    if apart_m > 0:
+                        clear_m = min(clear_m, apart_m)
                         continue
                     struck = self._strike(i, j, now_s)
+                clear_m = 0.0
                 for k, value in enumerate(struck.force(now_s, part_s)):
                     total[3 * i + k] += value
+            self._clear[i] = vehicle.x, vehicle.y, vehicle.heading, clear_m
         return total
 
     def _strike(self, i: int, j: int, now_s: float) -> Struck:

@@ -304,6 +304,11 @@ class Scene(RigidBodies):
         mujoco.mj_subtreeVel(model, data)
 
     # --- the model ---------------------------------------------------------------------------------------------
+    def _compiled(self, models: list[VehicleModel]) -> Any:
+        import mujoco
+
+        return mujoco.MjModel.from_xml_string(self._mjcf(models))
+
     def _mjcf(self, models: list[VehicleModel]) -> str:
         vehicles = vehicle_bodies(models, _shell_mjcf)
         roads, figures, pairs = "", "", ""
