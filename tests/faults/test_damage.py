@@ -155,14 +155,14 @@ def test_a_finished_release_is_put_right_before_it_is_archived(root: Path, tmp_p
 
 
 def test_a_release_waits_for_a_crash_that_cannot_be_packed(root: Path, tmp_path: Path, packages) -> None:
-    flip(root / f"verdict/{KEY}.json")
+    flip(root / f"verdict/{KEY}.json.gz")
     workspace = Workspace.open(str(root), FLOW)
     built = build_warehouse(workspace.storage, root)
     assert built.incomplete_crashes == {KEY}
     heard: list[Failure] = []
     unknown = built.incomplete_crashes
     made = build_release(workspace, "1.0", tmp_path, unknown=unknown, complain=heard.append)
-    assert all(f"verdict/{KEY}.json: damaged" in str(each) for each in heard)
+    assert all(f"verdict/{KEY}.json.gz: damaged" in str(each) for each in heard)
     assert (made.missing, made.packages) == (1, len(packages) - 1)
     assert not (made.folder / "SHA256SUMS").exists()
 
@@ -208,10 +208,10 @@ EVERYTHING = (
     (f"raw_report/{KEY}.xml.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"crash_record/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
     (f"osm_extract/{KEY}.osm.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"road_map/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"road_map/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"state_estimate/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"simulation_log/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"verdict/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"verdict/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{OTHER}.outcome.json", DisagreementKind.UNREADABLE_RECORD),
     (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_ARTEFACT),
     (PACKAGE, DisagreementKind.DAMAGED_PAGE),

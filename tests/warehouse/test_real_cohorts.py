@@ -6,6 +6,7 @@ which nothing is changed but a copy.
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import shutil
@@ -135,8 +136,8 @@ def test_coverage_equals_a_count_over_the_parquet_records_and_verdicts(root, out
         (record,) = pq.read_table(path, columns=["key", *DIMENSIONS]).to_pylist()
         classes = [(dimension, record[dimension]) for dimension in DIMENSIONS]
         read.update(classes)
-        verdict = root / "verdict" / f"{record['key']}.json"
-        if verdict.exists() and json.loads(verdict.read_text())["accepted"]:
+        verdict = root / "verdict" / f"{record['key']}.json.gz"
+        if verdict.exists() and json.loads(gzip.decompress(verdict.read_bytes()))["accepted"]:
             verified.update(classes)
     table = {(row["dimension"], row["class"]): row for row in rows(root / "warehouse.duckdb", "coverage")}
     assert {name: row["verified"] for name, row in table.items() if row["verified"]} == verified

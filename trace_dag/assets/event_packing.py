@@ -11,14 +11,14 @@ beside it. zlib says which words a text was packed with, by their checksum, and 
 from __future__ import annotations
 
 import zlib
-from pathlib import Path
+from importlib import resources
 from typing import Any, Final
 
 from sqlalchemy import Dialect, Engine, Text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.types import TypeDecorator
 
-_WORDS: Final = Path(__file__).with_name("event_words.txt").read_bytes()
+_WORDS: Final = resources.files("trace_dag.assets").joinpath("event_words.txt").read_bytes()
 _LEVEL: Final = 6
 
 

@@ -53,7 +53,7 @@ INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
 _REPLAYS = "replays"
 # Of a crash without a package, as its page calls them.
-_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json": VERDICT}
+_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json.gz": VERDICT}
 
 
 def page_name(key: str) -> str:

@@ -54,7 +54,7 @@ def score_truth(root: str, as_json: bool) -> None:
         try:
             if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json.gz")):
                 estimate = estimate_from_json(read_artefact(storage, record, file))
-                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json")):
+                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json.gz")):
                     hypotheses[key] = verdict_from_json(read_artefact(storage, record, file)).hypothesis
                 estimates[key] = estimate
         except DamagedFile as damaged:

@@ -72,25 +72,25 @@ ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
-    Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
+    Stage.ROAD_MAP, ("json.gz",), "trace_dag.roads.json_io:map_report_from_json"
 )
 REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
     Stage.ROAD_MAP, ("rejected.xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
+    Stage.ROAD_MAP, ("rejected.json.gz",), "trace_dag.roads.json_io:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
     Stage.STATE_ESTIMATE, ("json.gz",), "trace_dag.states.json_io:estimate_from_json"
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
-    Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"
+    Stage.SIMULATION_LOG, ("parquet", "json.gz"), "trace_dag.sim.log_io:logs_from_files"
 )
 SAMPLED: Final[Artefact[SampledRuns]] = Artefact(
-    Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.sim.sampled:samples_from_json"
+    Stage.SIMULATION_LOG, ("samples.json.gz",), "trace_dag.sim.sampled:samples_from_json"
 )
-VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
-VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))
+VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json.gz",), "trace_dag.verdict.json_io:verdict_from_json")
+VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json.gz",))
 
 ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "report_xml": REPORT_XML,

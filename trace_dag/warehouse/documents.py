@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     import duckdb
 
 JSON_DOCUMENTS = {
-    "map_report": (Stage.ROAD_MAP, "json"),
+    "map_report": (Stage.ROAD_MAP, "json.gz"),
     "estimate": (Stage.STATE_ESTIMATE, "json.gz"),
-    "simulation": (Stage.SIMULATION_LOG, "json"),
-    "sampled": (Stage.SIMULATION_LOG, "samples.json"),
-    "verdict": (Stage.VERDICT, "json"),
+    "simulation": (Stage.SIMULATION_LOG, "json.gz"),
+    "sampled": (Stage.SIMULATION_LOG, "samples.json.gz"),
+    "verdict": (Stage.VERDICT, "json.gz"),
 }
 _RECORD = "crash_record"
 DOCUMENTS = (*JSON_DOCUMENTS.values(), (Stage.CRASH_RECORD, "parquet"))

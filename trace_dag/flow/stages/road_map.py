@@ -25,8 +25,8 @@ def road_map(
     try:
         built = build_road_map(replace(extract, surroundings=surroundings), record, settings)
     except RejectedRoadMap as rejected:
-        kept = {"rejected.xodr.gz": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
-        read_back = {"rejected.xodr.gz": rejected.network, "rejected.json": rejected.report}
+        kept = {"rejected.xodr.gz": rejected.xodr, "rejected.json.gz": rejected_report_to_json(rejected.report)}
+        read_back = {"rejected.xodr.gz": rejected.network, "rejected.json.gz": rejected.report}
         return StageProduct(kept, {"converter": rejected.report.converter}, rejected, parsed=read_back)
     report = built.report
     figures: dict[str, Figure] = {
@@ -40,5 +40,5 @@ def road_map(
         "things_beside_road": len(report.things),
         "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
     }
-    files = {"xodr.gz": built.stored.xodr, "json": map_report_to_json(report)}
+    files = {"xodr.gz": built.stored.xodr, "json.gz": map_report_to_json(report)}
     return StageProduct(files, figures, parsed={"xodr.gz": built.stored.network})

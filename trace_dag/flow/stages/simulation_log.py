@@ -33,7 +33,7 @@ def simulation_log(
     """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
-    files = {"parquet": steps, "json": summary}
+    files = {"parquet": steps, "json.gz": summary}
     collided = [log for log in logs if log.first_contact is not None or any(map(_overturns, log.vehicles))]
     shown = collided[0] if collided else logs[0]
     figures: dict[str, Figure] = {
@@ -49,7 +49,7 @@ def simulation_log(
     sampled = None
     if shown.first_contact is not None and estimate.samples:
         sampled = simulate_samples(road_map, estimate, logs, settings, record, place_of(map_report.placement))
-        files["samples.json"] = samples_to_json(sampled)
+        files["samples.json.gz"] = samples_to_json(sampled)
         figures["draws"] = f"{sampled.drawn}, worth {sampled.effective:g} of equal weight"
     rejection = None
     if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so
@@ -59,7 +59,7 @@ def simulation_log(
             measured=0.0,
             threshold=1.0,
         )
-    return StageProduct(files, figures, rejection, {"samples.json": sampled} if sampled is not None else {})
+    return StageProduct(files, figures, rejection, {"samples.json.gz": sampled} if sampled is not None else {})
 
 
 def _overturns(vehicle: VehicleLog) -> bool:
