@@ -1,16 +1,18 @@
 """Artefacts that are text are stored compressed: maps and reports are a tenth of the size so.
 
 The name says which: those that end with ``.gz``, which ``gunzip`` and most tools read as well. The same content gives
-the same bytes.
+the same bytes. libdeflate writes them a tenth smaller than zlib in three quarters of the time, and reads them in half
+of it; zlib-ng is as fast and no smaller than zlib.
 """
 
 from __future__ import annotations
 
-import gzip
 from typing import Final
 
+import deflate
+
 _ENDING: Final = ".gz"
-_LEVEL: Final = 5  # a map in three quarters of the time of level 6, and a twentieth larger
+_LEVEL: Final = 7  # level 8 takes half as long again for a fiftieth of the size
 
 
 def kept(name: str, content: bytes) -> bytes:
@@ -19,7 +21,7 @@ def kept(name: str, content: bytes) -> bytes:
     >>> kept('road_map/2023-1.json', b'{}')
     b'{}'
     """
-    return gzip.compress(content, _LEVEL, mtime=0) if name.endswith(_ENDING) else content
+    return bytes(deflate.gzip_compress(content, _LEVEL)) if name.endswith(_ENDING) else content
 
 
 def content_of(name: str, data: bytes) -> bytes:
@@ -28,4 +30,4 @@ def content_of(name: str, data: bytes) -> bytes:
     >>> content_of('2023-1.xodr.gz', kept('2023-1.xodr.gz', b'<OpenDRIVE/>'))
     b'<OpenDRIVE/>'
     """
-    return gzip.decompress(data) if name.endswith(_ENDING) else data
+    return bytes(deflate.gzip_decompress(data)) if name.endswith(_ENDING) else data
