@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
+from sqlalchemy.engine import make_url
 
 from trace_dag.settings import Settings, load_settings
 from trace_dag.version import __version__
@@ -54,6 +55,17 @@ def test_all_runs_together_ask_public_services_at_the_rate_of_one_machine(
 
 def test_the_image_is_that_of_this_version(location: dict[str, Any]) -> None:
     assert location["image"]["tag"] == __version__
+
+
+def test_the_database_is_reached_with_the_driver_that_is_installed(values: dict[str, Any]) -> None:
+    # dagster-postgres requires psycopg2; without a name SQLAlchemy 2.1 takes psycopg.
+    url = make_url(values["postgresql"]["postgresqlScheme"] + "://")
+    assert url.get_driver_name() == "psycopg2"
+
+
+def test_what_is_registered_becomes_known_to_dagster(settings: Settings) -> None:
+    # A command on another machine cannot tell the cluster's Dagster; a schedule of the root does.
+    assert [schedule.cohort for schedule in settings.automation.schedules] == [None]
 
 
 def test_names_of_services_are_not_taken_for_settings(
