@@ -315,7 +315,8 @@ def _poses(motion: TimedPoses) -> list[_Pose]:
 
 
 def _rounded(values: FloatArray, digits: int) -> list[float]:
-    return [round(value, digits) + 0.0 for value in values.tolist()]  # no minus before a zero
+    whole: list[float] = (values.round(digits) + 0.0).tolist()  # no minus before a zero
+    return whole
 
 
 def _at_start(name: str, flavour: Flavour) -> xosc.ValueTrigger:

@@ -45,7 +45,7 @@ def log_to_json(key: str, log: SimulationLog) -> bytes:
         "vehicles": {
             str(vehicle.number): {
                 "body": _plain(log.bodies[vehicle.number]),
-                **{name: _plain(getattr(vehicle, name).tolist()) for name in _COLUMNS},
+                **{name: (getattr(vehicle, name).round(_DECIMALS) + 0.0).tolist() for name in _COLUMNS},
             }
             for vehicle in log.vehicles
         },
