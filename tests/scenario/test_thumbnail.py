@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import gzip
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import sample_runs
 from lxml import etree
 
-from trace_dag.roads.map.reader import read_opendrive
+import trace_dag
 from trace_dag.scenario.thumbnail import moving_thumbnail
-from trace_dag.sim.log_io import logs_from_files
 
 
 @pytest.fixture(scope="module", params=["2023-319022", "2023-319024"])
 def crash(request):
-    root, key = sample_runs.finished(), request.param
-    network = read_opendrive(gzip.decompress((root / f"road_map/{key}.xodr.gz").read_bytes()), name=key)
-    files = [Path(root, "simulation_log", f"{key}.{extension}").read_bytes() for extension in ("parquet", "json")]
-    return network, next(log for log in logs_from_files(*files) if log.first_contact)
+    crash = trace_dag.open(sample_runs.finished())[request.param]
+    return crash.road_map, crash.log
 
 
 def values(group, kind):

@@ -130,6 +130,11 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
 
     Written by the program itself (APPNOTE 6.3.10 of PKWARE, sections 4.3.7, 4.3.12 and 4.3.16): Python's ``zipfile``
     compresses with zlib alone, and libdeflate takes a tenth less space in the same time.
+
+    >>> from io import BytesIO
+    >>> from zipfile import ZipFile
+    >>> ZipFile(BytesIO(zip_files({"README.txt": b"A crash."}, folder="2023-319003"))).read("2023-319003/README.txt")
+    b'A crash.'
     """
     entries, directory = bytearray(), bytearray()
     for name in sorted(files):
