@@ -10,14 +10,16 @@ import pytest
 
 from tests.sim.motions import CAR, participant, straight
 from tests.states.test_departures import PLACE
+from tests.states.test_strikes import with_animal
 from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, simulated, vehicle
 from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.departures import DepartureSide
 from trace_dag.crash.parties import thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord
 from trace_dag.estimators.aftermath import with_aftermath
+from trace_dag.estimators.strikes import estimate_strikes
 from trace_dag.roads.report import MappedThing
-from trace_dag.settings import SimSettings, VerdictSettings
+from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
 from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
 from trace_dag.sim.run import simulate
 from trace_dag.sim.surface import Surface
@@ -93,7 +95,7 @@ def test_an_object_stands_on_the_reported_side_and_is_struck_after_the_contact(t
     assert struck.time_s > log.meetings[0].time_s
     later, side = shown(verdict, "later_object"), shown(verdict, "later_side")
     assert (later.vehicle_number, later.event_number, later.passed, side.passed) == (2, 3, True, True)
-    assert "front wheels taken to be turned" in later.detail
+    assert "its front wheels turned by 1°" in later.detail
 
 
 def test_what_comes_after_a_contact_leaves_the_contact_as_it_is() -> None:
@@ -130,6 +132,20 @@ def test_an_overturn_that_does_not_happen_is_shown_with_the_tilt() -> None:
     later = shown(verdict, "later_overturn")
     assert not later.passed
     assert "tilts by" in later.detail
+
+
+def test_who_strikes_an_animal_leaves_the_road_afterwards_and_strikes_the_reported_object() -> None:
+    animal = with_animal()
+    crash = replace(animal, events=(*animal.events, event(2, RIGHT, 1), event(3, TREE, 1, 12)))
+    made = estimate_strikes(animal, STREET, PLACE, StateSettings())
+    made = with_aftermath(made, crash, STREET, PLACE)
+    logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
+    verdict = judge(crash, STREET, PLACE, made, logs, VerdictSettings())
+    assert verdict.accepted, verdict.detail
+    assert [contact.number_2 for contact in sorted(logs[0].contacts, key=lambda each: each.time_s)] == [2001, 2003]
+    assert shown(verdict, "later_object").passed
+    assert shown(verdict, "later_side").passed
+    assert made.best.objects[0].pose.y_m < -LANE_WIDTH_M  # to the right of who goes east
 
 
 # --- turned wheels ---------------------------------------------------------------------------------------------

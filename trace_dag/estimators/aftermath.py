@@ -1,8 +1,9 @@
 """What vehicles strike after a contact, and whether they overturn: placed and looked for in the order of the events.
 
-Nobody drives after a crash: where a vehicle goes is simulated, with the ground beyond the edge and with the usual
-settings. If it does not leave the road as reported on wheels that roll straight, its front wheels are taken to be
-turned, by as little as leads it off the road to the reported side: what led it there is not reported.
+Nobody drives after a crash of vehicles, and who strikes an animal drives on: where a vehicle goes is simulated, with
+the ground beyond the edge and with the usual settings. If it does not leave the road as reported it is taken to be out
+of control with its front wheels turned, by as little as leads it off the road to the reported side: what led it there
+is not reported.
 
 The object of an event is put where that way has come as far beyond the edge of the carriageway as such objects usually
 stand, or as far as the vehicle gets, outside the spot of the area of impact, or of the part that goes first where none
@@ -154,7 +155,7 @@ class _Run:
             angle_rad = round(SIGN[side] * math.radians(turned_deg), 6)
             turned = replace(state, turned_wheels=TurnedWheels(from_s, angle_rad))
             states = tuple(turned if each is state else each for each in course.states)
-            words = f", its front wheels taken to be turned by {turned_deg:g}° to the {side}"
+            words = f", taken to be out of control, its front wheels turned by {turned_deg:g}° to the {side}"
             yield self.simulated(states, course.objects), words
 
 

@@ -155,7 +155,7 @@ class Vehicle:
         self._front_floor_2, self._rear_floor_2 = _LEAST_GRIP_2 * self._front_grip_2, _LEAST_GRIP_2 * self._rear_grip_2
 
     def turn_wheels(self, from_step: int, turned_rad: float) -> None:
-        """From a step on, where nobody drives it any more, its front wheels are turned so far to the left."""
+        """From a step on nobody drives it any more, and its front wheels are turned so far to the left."""
         self._turned_from_step, self._turned_rad = from_step, turned_rad
 
     def carry(self, time_s: float, step_s: float) -> None:
@@ -253,6 +253,8 @@ class Vehicle:
         return self._after_strike is not None and self._after_strike.stops
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
+        if step >= self._turned_from_step:
+            self.crashed = True
         if self.crashed:
             rolls = self.roll is not None and self.roll.over and not self._toppled
             turned_rad = self._turned_rad if step >= self._turned_from_step else 0.0

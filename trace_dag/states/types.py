@@ -86,7 +86,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class TurnedWheels:
-    """Front wheels that are turned to the left (rad; right: negative) from a time on (s), while nobody drives.
+    """Front wheels that are turned to the left (rad; right: negative) from a time on (s), since when nobody drives.
 
     An assumption: what led a vehicle off the road after a contact, its driver or its damage, is not reported.
     """
