@@ -84,7 +84,7 @@ def test_vehicles_come_from_their_lane_and_strike_where_they_did(
     score = score_truth(truth, estimates, hypothesis={key: verdict.hypothesis for key, (_, verdict) in judged.items()})
     rows = [row for row in score.rows if row.impact_point_error_m is not None]
     assert {line.kind: line.crashes for line in contacts_by_kind(truth, score.rows)} == {
-        "fixed_object": 6,
+        "fixed_object": 8,
         "overturn": 2,
     }
     assert all(row.lane_correct for row in rows)
@@ -98,6 +98,7 @@ def test_sides_are_read_from_the_events(truth: SampleTruth, found: dict[str, Cas
     assert read == {
         **{f"2023-{number}": "right" for number in (319111, 319114, 319115, 319116, 319117, 319120)},
         **{f"2023-{number}": "left" for number in (319112, 319113)},
+        **{f"2023-{number}": "ahead" for number in (319121, 319122)},
     }
 
 
@@ -107,3 +108,13 @@ def test_a_report_that_tells_no_side_is_refused(sample: Path) -> None:
     with pytest.raises(Rejection) as caught:
         check(record, SETTINGS.crash)
     assert caught.value.reason is Reason.INCOMPLETE_TRAJECTORY
+
+
+def test_who_drives_off_a_dead_end_came_along_it(found: dict[str, Case], truth: SampleTruth) -> None:
+    """The road begins where it ends for the other direction: nobody came from there."""
+    case = found["2023-319122"]
+    (known,) = next(crash for crash in truth.crashes if crash.key == case.key).vehicles
+    best = estimate(case.record, case.network, case.report, SETTINGS.states).best
+    (state,) = best.participants
+    assert state.initial_pose.heading_rad == pytest.approx(known.initial_pose.heading_rad, abs=0.01)
+    assert best.evidence.get("a road that begins here") is None

@@ -22,13 +22,15 @@ from trace_dag.crash.record import CrashRecord, EventRecord, VehicleRecord
 class Afterwards:
     """An object that a vehicle struck after a contact, or its overturn where there is no ``struck``.
 
-    ``side`` is where it left the road before, as its driver sees it, None where no event says it.
+    ``side`` is where it left the road before, as its driver sees it, by the event ``departure``; None where no event
+    says it.
     """
 
     event_number: int
     vehicle: VehicleRecord
     struck: ObjectStruck | None
     side: DepartureSide | None
+    departure: int | None = None
 
     @property
     def name(self) -> str:
@@ -52,7 +54,9 @@ def aftermath_of(record: CrashRecord) -> tuple[Afterwards, ...]:
             if vehicle is not None:
                 overturns = event.code == OVERTURN
                 struck = None if overturns else ObjectStruck(event.number, event.code, event.area_1)
-                found.append(Afterwards(event.number, vehicle, struck, _side(record, event)))
+                left = _departure(record, event)
+                side, number = (None, None) if left is None else (SIDE_OF_EVENT[left.code], left.number)
+                found.append(Afterwards(event.number, vehicle, struck, side, number))
     return tuple(found)
 
 
@@ -60,6 +64,7 @@ def _is_meeting(event: EventRecord) -> bool:
     return event.is_vehicle_contact or event.code == LIVE_ANIMAL
 
 
-def _side(record: CrashRecord, until: EventRecord) -> DepartureSide | None:
+def _departure(record: CrashRecord, until: EventRecord) -> EventRecord | None:
+    """A vehicle's last departure to a known side before another event of it."""
     own = [each for each in record.events if each.number < until.number and each.party_1 == until.party_1]
-    return next((SIDE_OF_EVENT[each.code] for each in reversed(own) if each.code in SIDE_OF_EVENT), None)
+    return next((each for each in reversed(own) if each.code in SIDE_OF_EVENT), None)

@@ -76,11 +76,17 @@ SIDE_OF_EVENT: Final = {
 }
 """``SOE`` of a departure from the road to a known side."""
 _SIDE_OF_TYPE: Final = {Side.RIGHT: DepartureSide.RIGHT, Side.LEFT: DepartureSide.LEFT}
-_SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, 14: DepartureSide.AHEAD}
+_OFF_THE_END: Final = 14  # P_CRASH2
+_SIDE_OF_CRITICAL: Final = {12: DepartureSide.LEFT, 13: DepartureSide.RIGHT, _OFF_THE_END: DepartureSide.AHEAD}
 _FORWARD: Final = frozenset(range(11, 17))  # ACC_TYPE
 _CONTROL_LOST_TYPES, _AVOIDANCE_TYPES, _END_OF_ROAD = frozenset({2, 7}), frozenset({3, 8}), 14
 _STEERED: Final = frozenset({6, 7, 8, 9, 11, 12})  # P_CRASH3
 _SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
+
+
+def departs_at_end(vehicle: VehicleRecord) -> bool:
+    """Whether a vehicle drove on where its road ended, by its crash type or critical event."""
+    return vehicle.crash_type_code == _END_OF_ROAD or vehicle.critical_event_code == _OFF_THE_END
 
 
 def is_of_departure(record: CrashRecord) -> bool:

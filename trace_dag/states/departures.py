@@ -76,6 +76,8 @@ _CORRECTIONS: Final = 6
 _SAME_PLACE_M: Final = 0.02
 _LANE_CROSSED: Final = -0.4  # log-likelihood for each lane between the vehicle's lane and the side it left to
 _ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on the reported side
+_BEGINS_M: Final = 15.0  # before the place: nearer than that a road that begins led nobody there
+_NO_ROAD: Final = -4.0  # of a way that begins where the crash is: off the end of a road, onto it
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 _ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
@@ -180,6 +182,8 @@ def _plan(
         terms[f"impact area (vehicle {own.number})"] = float(area[0])
     if ahead and not ended and departure.manner is DepartureManner.END_OF_ROAD:
         terms["a road that goes on"] = _NO_END
+    if option.stream.station_m - option.stream.mapped_from_m < _BEGINS_M:
+        terms["a road that begins here"] = _NO_ROAD
     if objects[0].placed_by is PlacedBy.OPENSTREETMAP:
         terms["object on the map"] = _ON_MAP
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.classes import CollisionType
 from trace_dag.crash.crash_types import Turn
+from trace_dag.crash.departures import departs_at_end
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.road_classes import road_class
@@ -109,7 +110,7 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
         # median.
         terms["wrong way"] = -2.0 - 0.4 * stream.lane_from_left
     terms["around the roundabout"] = -1.5 * stream.share_of_ring  # of the way around: most leave a roundabout early
-    if stream.extended and not (road is not None and road.inferred):
+    if stream.extended and not (road is not None and road.inferred) and not departs_at_end(vehicle):
         terms["straight on where the road ends"] = -1.0
     return {name: value for name, value in terms.items() if value}
 

@@ -109,7 +109,7 @@ def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: Simulat
 def _object(network: RoadNetwork, contact: Contact, log: SimulationLog) -> ObservedObject:
     point = np.array([contact.x_m, contact.y_m])
     place = roadside_at(network, contact.x_m, contact.y_m, z_m=contact.z_m)
-    along_m = along_road_m(contact.x_m, contact.y_m, place)
+    along_m = along_road_m(network, contact.x_m, contact.y_m, place)
     clock_h = contact_clock_h(*log.clock_body(contact, contact.number_1), point)
     return ObservedObject(contact, clock_h, place, along_m)
 
@@ -119,11 +119,13 @@ def reported_zone(record: CrashRecord) -> RoadZone | None:
     return _ZONES.get(record.road_relation_code or 0)
 
 
-def along_road_m(x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
-    """Distance from the reported point: along the road for what is beside it, the whole one for what is on it."""
+def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
+    """Distance from the reported point: along the road for what is beside it, to its end for what is beyond that; the
+    whole one for what is on the road."""
     if place is None or place.zone is RoadZone.ROADWAY:
         return math.hypot(x_m, y_m)
-    return abs(x_m * math.cos(place.along_rad) + y_m * math.sin(place.along_rad))
+    beside = network.pose(place.lane.lane, place.lane.s_m)
+    return abs(beside.x_m * math.cos(place.along_rad) + beside.y_m * math.sin(place.along_rad))
 
 
 # --- criteria ----------------------------------------------------------------------------------------------------

@@ -312,7 +312,8 @@ def _later_events(record: CrashRecord, later_contacts: tuple[Contact, ...]) -> t
     if first is None:
         return ()
     contacts = list(later_contacts)
-    elsewhere = {each.event_number for each in aftermath_of(record)}
+    afterwards = aftermath_of(record)
+    elsewhere = {each.event_number for each in afterwards} | {each.departure for each in afterwards}
     later = []
     for event in record.events:
         if event.number <= first.number or event.number in elsewhere:

@@ -28,12 +28,14 @@ from trace_dag.verdict.types import Criterion
 
 @dataclass(frozen=True)
 class ObservedOverturn:
-    """What a vehicle did: when and where it overturned, when it left the carriageway before that (None if it did not)
-    and to where, its speed at the start and at the overturn, how far it slid from there, and its quarter turns."""
+    """What a vehicle did: when and where it overturned, how far along the road that is from the reported point, when it
+    left the carriageway before that (None if it did not) and to where, its speed at the start and at the overturn, how
+    far it slid from there, and its quarter turns."""
 
     time_s: float
     xy_m: tuple[float, float]
     place: RoadsidePlace | None
+    along_m: float
     left_s: float | None
     sides: tuple[DepartureSide, ...]
     initial_speed_mps: float
@@ -51,12 +53,14 @@ def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOvertu
         return None
     k, vehicle = min(found, key=lambda each: float(each[1].time_s[each[0]]))
     x, y = float(vehicle.x_m[k]), float(vehicle.y_m[k])
+    place = roadside_at(network, x, y, z_m=float(vehicle.z_m[k]))
     left_s, sides = left_road(network, vehicle, log.bodies[vehicle.number], float(vehicle.time_s[k]))
     speeds = np.hypot(vehicle.velocity_x_mps, vehicle.velocity_y_mps)
     return ObservedOverturn(
         time_s=float(vehicle.time_s[k]),
         xy_m=(x, y),
-        place=roadside_at(network, x, y, z_m=float(vehicle.z_m[k])),
+        place=place,
+        along_m=along_road_m(network, x, y, place),
         left_s=left_s,
         sides=sides,
         initial_speed_mps=float(speeds[0]),
@@ -81,13 +85,14 @@ def overturn_criteria(
     rules = RULE_SETS[settings.rule_set]
     limits = rules.limits or settings
     wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
-    distance = along_road_m(*observed.xy_m, observed.place)
     error = speed_error_rel(observed.initial_speed_mps, vehicle)
     return (
         Criterion("overturn", 1.0, 1.0, "", True, Reason.NO_OVERTURN, "", vehicle.number, event),
         *departing(observed.left_s, observed.sides, observed.place, departure, record, settings),
         street_criterion(observed.street, record, vehicle.number, event),
-        at_most("station_distance", distance, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION, None, event),
+        at_most(
+            "station_distance", observed.along_m, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION, None, event
+        ),
         at_most("initial_speed_error", error, limits.max_speed_error_rel, "rel", wrong_speed, vehicle.number, event),
         *(
             Criterion(

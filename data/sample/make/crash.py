@@ -103,6 +103,7 @@ class Crash:
     layer: int = 0  # of the road it happened on: 1 on a bridge, -1 in a tunnel
     other_harmful_first: tuple[int, int] | None = None  # (vehicle, SOE), first harmful, not a collision
     relation_to_road: int = 1  # REL_ROAD
+    afterwards: tuple[tuple[int, int, int], ...] = ()  # (vehicle, SOE, AOI) after the collision
 
 
 def swerve(base: Curve, near: Plan, knots: list[tuple[float, float]]) -> Curve:

@@ -6,9 +6,10 @@ _SOE = {
     1: "Rollover/Overturn", 8: "Pedestrian", 9: "Pedalcyclist", 11: "Live Animal",
     12: "Motor Vehicle In-Transport", 14: "Parked Motor Vehicle", 45: "Working Motor Vehicle",
     24: "Guardrail Face", 25: "Concrete Traffic Barrier", 30: "Utility Pole/Light Support", 33: "Curb", 34: "Ditch",
-    35: "Embankment", 42: "Tree (Standing Only)",
+    35: "Embankment", 39: "Wall", 42: "Tree (Standing Only)",
     49: "Ridden Animal or Animal-Drawn Conveyance", 53: "Mail Box",
     63: "Ran Off Roadway - Right", 64: "Ran Off Roadway - Left", 68: "Cross Centerline", 69: "Re-entering Roadway",
+    71: "End Departure",
 }  # fmt: skip
 _TURN = "Changing Trafficway, Vehicle Turning"
 _ACROSS, _INTO = f"{_TURN}-Turn Across Path-Initial", f"{_TURN}-Turn Into Path-Turn Into"
@@ -88,6 +89,7 @@ LABELS: dict[str, dict[int, str]] = {
         10: "Over the lane line on left side of travel lane", 11: "Over the lane line on right side of travel lane",
         6: "Traveling too fast for conditions", 8: "Other cause of control loss",
         12: "Off the edge of the road on the left side", 13: "Off the edge of the road on the right side",
+        14: "End departure",
         15: "Turning Left", 16: "Turning Right",
         17: "Crossing Over (Passing Through) Junction", 18: "This vehicle decelerating", 20: "Backing",
         21: "Making a U-Turn", 50: "Other vehicle stopped", 51: "Traveling in same direction with lower steady speed",
@@ -112,6 +114,7 @@ LABELS: dict[str, dict[int, str]] = {
     "ACC_TYPE": {
         11: "Single Driver-Configuration C-Forward Impact, Parked Vehicle",
         13: "Single Driver-Configuration C-Forward Impact, Pedestrian/Animal",
+        14: "C14-Single Driver-Forward Impact-End Departure",
         1: "A1-Single Driver-Right Roadside Departure-Drive Off Road",
         2: "A2-Single Driver-Right Roadside Departure-Control/Traction Loss",
         3: "A3-Single Driver-Right Roadside Departure-Avoid Collision with Vehicle, Pedestrian, Animal",
@@ -170,7 +173,7 @@ LABELS: dict[str, dict[int, str]] = {
 }  # fmt: skip
 
 CONFIGURATION_OF_TYPE = {
-    1: 101, 2: 101, 3: 101, 6: 102, 11: 103, 13: 103,
+    1: 101, 2: 101, 3: 101, 6: 102, 11: 103, 13: 103, 14: 103,
     20: 202, 21: 201, 24: 202, 25: 201, 28: 202, 29: 201, 45: 208, 46: 207, 47: 208, 50: 301, 51: 302, 64: 301, 65: 302,
     68: 401, 69: 402, 70: 403, 71: 404, 72: 405, 73: 406, 76: 408, 77: 409, 78: 410, 79: 411, 82: 414, 83: 415,
     86: 501, 87: 502, 88: 503, 89: 504, 92: 992, 93: 993, 98: 998, 99: 999,

@@ -179,4 +179,8 @@ def _events(crash: Crash, hours: list[int]) -> list[EventCodes]:
     ]
     first = min((0, 1), key=lambda i: min(hours[i] % 12, 12 - hours[i] % 12))  # the one that struck with its front
     events.append(EventCodes(12, first + 1, hours[first], 2 - first, hours[1 - first]))
+    for number, code, area in crash.afterwards:
+        events.append(
+            EventCodes(code, number, area, 5555, 55) if area == 55 else EventCodes(code, number, area, 9999, 77)
+        )
     return events

@@ -21,7 +21,7 @@ from make.roads import Road
 from make.truth import LocalFrame, rounded_to, vehicle_row
 
 _RIGHT, _LEFT, _END = 63, 64, 71
-_TREE, _POLE, _CURB, _GUARDRAIL, _BARRIER, _DITCH, _OVERTURN = 42, 30, 33, 24, 25, 34, 1
+_TREE, _POLE, _CURB, _GUARDRAIL, _BARRIER, _DITCH, _WALL, _OVERTURN = 42, 30, 33, 24, 25, 34, 39, 1
 _SHOULDER, _MEDIAN, _ROADSIDE, _ROADWAY = 2, 3, 4, 1
 
 
@@ -52,7 +52,7 @@ class RoadsideCrash:
 
 def crashes(r: dict[str, Road]) -> list[RoadsideCrash]:
     """All of them. In the plan u is roughly east, v north; the highway runs along u."""
-    return [*_objects(r), *_overturns(r), *_rejected(r)]
+    return [*_objects(r), *_ends(r), *_overturns(r), *_rejected(r)]
 
 
 def _leaving(
@@ -98,6 +98,30 @@ def _objects(r: dict[str, Road]) -> list[RoadsideCrash]:
             116, "Over the kerb, into a pole behind it",
             _leaving(east, bodies.COMPACT, 40, spot, -(half_m - 0.8), 45, 1), (_CURB, _POLE), ("NE-411", ""),
             corner=True,
+        ),
+    ]  # fmt: skip
+
+
+def _ends(r: dict[str, Road]) -> list[RoadsideCrash]:
+    """Straight on where the street ends: ``ahead_m`` is how far the vehicle's middle gets beyond that."""
+
+    def straight_on(lane: Approach, body: Any, mph: float, end: Plan, ahead_m: float) -> Unit:
+        return Unit(
+            body, lane, Speed(mph), 14, 1, 14, "leave_road", lane.curve(), end, ahead_m, location=4, before=(_END,)
+        )  # fmt: skip
+
+    prospect, mill = Approach(r["prospect"], 1, 1, (540, 260)), Approach(r["south_mill"], 1, 1, (-405, 130))
+    beyond_gable_m = 3.3 + 3.5  # to its far edge, and on to the tree
+    return [
+        RoadsideCrash(
+            121, "Straight on at a T, across Gable Street and into a tree",
+            straight_on(prospect, bodies.SEDAN, 40, (560, 258.3), beyond_gable_m - bodies.SEDAN.length_m / 2),
+            (_TREE,), ("PROSPECT AVE", "GABLE ST"), intersection=3, junction=2,
+        ),
+        RoadsideCrash(
+            122, "Off the end of a dead-end street and into a wall",
+            straight_on(mill, bodies.PICKUP, 30, (-406.65, 110), 5.0 - bodies.PICKUP.length_m / 2), (_WALL,),
+            ("S MILL LN", ""), when=(3, 4, 1, 30),
         ),
     ]  # fmt: skip
 

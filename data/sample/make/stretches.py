@@ -175,6 +175,16 @@ def _sideswipe(r: dict[str, Road]) -> list[Crash]:
         ), 7, 1, 1, ("I-780", ""), when=(3, 19, 14, 52),
     ))  # fmt: skip
 
+    left, right = Approach(r["freeway_west"], 1, 1, (-1000, 811)), Approach(r["freeway_west"], 1, 2, (-1000, 811))
+    change = swerve(left.curve(), (-1000, 811), [(-65, 0.0), (20, -3.2), (60, -3.4)])
+    out.append(Crash(
+        47, "Pushed off the freeway by a lane change, and into the guardrail", (
+            Unit(bodies.PICKUP, left, Speed(74), 46, 15, 11, "lane_change_right", change, (-1000, 811), 1.0,
+                 location=2),
+            Unit(bodies.COMPACT, right, Speed(68), 45, 1, 60, "straight", right.curve(), (-1000, 811)),
+        ), 7, 1, 1, ("I-780", ""), when=(9, 8, 23, 10), light=2, afterwards=((2, 63, 55), (2, 24, 1)),
+    ))  # fmt: skip
+
     right, left = Approach(r["main_east"], -1, 2, (760, 0)), Approach(r["main_east"], -1, 1, (760, 0))
     change = swerve(right.curve(), (760, 7), [(-40, 0.0), (14, 3.0), (50, 3.3)])
     out.append(Crash(
