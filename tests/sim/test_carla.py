@@ -34,6 +34,7 @@ from trace_dag.sim.carla_frame import (  # noqa: E402
 from trace_dag.sim.log_io import logs_from_files, logs_to_files  # noqa: E402
 from trace_dag.sim.plan import tracking_errors  # noqa: E402
 from trace_dag.sim.types import AfterStriking, Body, BodyKind, Participant, SimulationLog, Termination  # noqa: E402
+from trace_dag.states.objects import KINDS, FixedObject  # noqa: E402
 from trace_dag.states.types import Trajectory  # noqa: E402
 from trace_dag.units import wrap_angle  # noqa: E402
 
@@ -92,6 +93,20 @@ def test_a_head_on_crash_runs_and_its_log_is_like_any_other() -> None:
     assert log.vehicles[0].speed_mps[0] == pytest.approx(15.0, abs=1e-3)
     (again,) = logs_from_files(*logs_to_files([log]))
     assert again.contacts == log.contacts
+
+
+def test_an_object_that_is_struck_after_a_contact_stays_out() -> None:
+    """CARLA's props neither break nor yield; of one vehicle alone the object is the crash, and it is refused."""
+    kind = KINDS[42]
+    tree = FixedObject(
+        2003, 3, 42, kind.name, Pose(0.0, -8.0, 0.0), kind.length_m, kind.width_m, kind.height_m, kind.resistance
+    )
+    simulation = CarlaBackend(SETTINGS, StandIn()).load(NETWORK, XODR, friction=0.75)
+    log = simulation.run(HEAD_ON, time_limit_s=20.0, objects=(tree,))
+    assert len(log.meetings) == 1
+    assert log.objects == ()
+    with pytest.raises(UserError, match="tree"):
+        simulation.run(HEAD_ON[:1], time_limit_s=20.0, objects=(tree,))
 
 
 ADULT, CHILD = person_body(BodyKind.PEDESTRIAN), person_body(BodyKind.PEDESTRIAN, 6)

@@ -80,11 +80,13 @@ class CarlaSimulation:
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``.
 
-        Raises :class:`UserError` where fixed objects or animals take part, :class:`Failure` for a plan nobody can drive
-        or somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
+        Objects that are struck after others have met stay out: CARLA's props neither break nor yield. Raises
+        :class:`UserError` where one vehicle alone strikes a fixed object, or animals take part, :class:`Failure` for a
+        plan nobody can drive or somebody who cannot be spawned, :class:`TransientFailure` if the server goes away.
         """
         check_participants(participants)
-        _check_no_objects(objects)
+        if len(participants) == 1:
+            _check_no_objects(objects)
         _check_no_animals(participants)
         began = time.perf_counter()
         with server_errors("reading its settings"):

@@ -32,21 +32,23 @@ def aftermath_shown(
     for contact in log.meetings:
         for number in (contact.number_1, contact.number_2):
             since_s.setdefault(number, contact.time_s)
-    came_of = {check.name: check.detail for check in hypothesis.aftermath}
+    happens = {check.name: check.detail for check in hypothesis.aftermath if check.passed}
+    why_not = {check.name: check.detail for check in hypothesis.aftermath if not check.passed}
     for event in aftermath_of(record):
         number = event.vehicle.number
         if number not in since_s:  # it meets nobody, which is judged elsewhere
             continue
         if event.struck is None:
-            yield _overturn(event, log, since_s[number], came_of.get(event.name, ""))
+            yield _overturn(event, log, since_s[number], happens.get(event.name, ""))
             continue
         struck = next((c for c in log.strikes_of(event.struck.party) if c.number_1 == number), None)
         if struck is None or struck.time_s < since_s[number]:
-            detail = came_of.get(event.name, "no object was placed for it")
+            planned = "the simulation does not have it" if event.name in happens else "no object was placed for it"
+            detail = why_not.get(event.name, planned)
             yield _held("later_object", event, held=False, detail=detail)
             continue
         since_s[number] = struck.time_s
-        yield _held("later_object", event, held=True, detail=came_of.get(event.name, ""))
+        yield _held("later_object", event, held=True, detail=happens.get(event.name, ""))
         if event.side is not None:
             sides = left_road_after_contact(network, log, number, struck.time_s)
             held = event.side in sides
