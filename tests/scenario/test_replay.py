@@ -62,7 +62,7 @@ def test_the_page_needs_nothing_else(crash) -> None:
 
 
 def test_text_of_a_report_stays_text(crash) -> None:
-    evil = '</script><script>alert("1")</script>'
+    evil = '</script><script src="evil.js"></script>'
     vehicles = (replace(RECORD.vehicles[0], make_model=evil), RECORD.vehicles[1])
     page = write_html_player(replace(RECORD, vehicles=vehicles, trafficway_1=evil), STREET, *crash)
     assert evil.encode() not in page

@@ -25,6 +25,7 @@ from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.solid.scene import crash_glb
+from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
 from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog, moment_of, overturned_at
 from trace_dag.units import mps_to_mph
@@ -161,7 +162,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
                 "name": party_label(vehicle.number),
                 "kind": str(body.kind),
                 "label": ("" if body.is_figure else body.vehicle_class).replace("_", " "),
-                "make": said.make_model if said else "",
+                "make": vehicle_name(said.make_model) if said else "",
                 "colour": body_colour(vehicle.number, log.bodies),
                 "length": round(body.length_m, 2),
                 "width": round(body.width_m, 2),

@@ -1,0 +1,25 @@
+"""Makes and models as a person would say them, of the labels of FARS.
+
+A label tells coders more than a name: which model years a code holds for, which code has the others, and in asterisks
+that a footnote follows. Records and tables keep labels as they are; what is shown to people has names.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+_NOTE: Final = re.compile(r"\([^()]*\)")
+_FOOTNOTE: Final = re.compile(r"\*+:?")
+
+
+def vehicle_name(label: str) -> str:
+    """The name in a label of make and model (``MAK_MODNAME``): without notes in parentheses and marks of footnotes.
+
+    >>> vehicle_name("Mercury Marquis/Monterey (car version; for van version 2004 on see code 444) /Grand Marquis")
+    'Mercury Marquis/Monterey/Grand Marquis'
+    >>> vehicle_name("Subaru Outback (2003 on)(see 034 for prior to 2003)")
+    'Subaru Outback'
+    """
+    name = _FOOTNOTE.sub(" ", _NOTE.sub(" ", label))
+    return re.sub(r"\s*/\s*", "/", " ".join(name.split()))
