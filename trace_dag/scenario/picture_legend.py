@@ -200,7 +200,7 @@ def sign_entries(
         label = "; ".join([*said, *([f"{names(ours)}: placed by us"] if ours else [])])
         signs.append(({"color": OBJECT_COLOUR, "lw": 4}, label))
     if log and log.first_contact:
-        several = hypothesis is not None and len(hypothesis.planned) > 1
+        several = len({(contact.number_1, contact.number_2) for contact in log.contacts}) > 1
         what = "first contact of each pair" if several else "first contact"
         signs.append(({"color": CONTACT_COLOUR, "marker": "*", "ms": 9, "mew": 0}, what))
     if log and any(overturned_at(vehicle) is not None for vehicle in log.vehicles):
