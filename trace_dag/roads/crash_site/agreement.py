@@ -78,7 +78,11 @@ class SiteStreets:
 
 
 def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> tuple[Comparison, ...]:
-    """The attributes that report and map have in common, compared, in a fixed order."""
+    """The attributes that report and map have in common, compared, in a fixed order.
+
+    >>> [(each.attribute, each.reported, each.mapped) for each in compare(network, record, map_report.placement)][:2]
+    [('lanes', '4', '4'), ('intersection type', 'four_way', 'four_way')]
+    """
     streets = streets_at(network, record, placement)
     return (
         _per_vehicle(LANES, streets, _reported_lanes, _mapped_lanes),
@@ -90,7 +94,12 @@ def compare(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement
 
 
 def streets_at(network: RoadNetwork, record: CrashRecord, placement: CrashPlacement) -> SiteStreets:
-    """The streets at the crash, and which one each vehicle was on."""
+    """The streets at the crash, and which one each vehicle was on.
+
+    >>> streets = streets_at(network, record, map_report.placement)
+    >>> {road.name for road in streets.own.roads}, {road.name for road in streets.cross.roads}
+    ({'Main Street'}, {'Elder Street'})
+    """
     crossing = None
     if placement.junction_id is not None:
         crossings = (c for c in find_crossings(network) if placement.junction_id in c.junction_ids)
@@ -291,7 +300,11 @@ def _bends(network: RoadNetwork, placement: CrashPlacement) -> bool:
 
 def bend_rad(network: RoadNetwork, placement: CrashPlacement, reach_m: float) -> float:
     """How far the crash's road turns from ``reach_m`` before the crash to ``reach_m`` behind it, radians to the left
-    along the road's reference line."""
+    along the road's reference line.
+
+    >>> abs(math.degrees(bend_rad(network, map_report.placement, 20.0))) < 1.0  # Main Street runs straight through
+    True
+    """
     s_m = network.road_geometry(placement.road_id).line.project(placement.x_m, placement.y_m)[0]
     before, after = (_heading_along(network, placement.road_id, s_m + reach) for reach in (-reach_m, reach_m))
     return wrap_angle(after - before)

@@ -27,7 +27,12 @@ _BACKGROUND: Final = frozenset(
 def things_near(
     features: Iterable[OsmFeature], frame: LocalFrame, placement: CrashPlacement
 ) -> tuple[MappedThing, ...]:
-    """Things within 40 m of the crash, nearest first, in the local frame."""
+    """Things within 40 m of the crash, nearest first, in the local frame.
+
+    >>> things = things_near(extract.surroundings, network.frame, map_report.placement)
+    >>> [thing.tag for thing in things][:3], len(things) == len(map_report.things)
+    (['building'], True)
+    """
     place = shapely.Point(placement.x_m, placement.y_m)
     found: list[tuple[float, MappedThing]] = []
     for each in features:

@@ -59,7 +59,12 @@ class Carriageway:
 
 
 def carriageway_at(network: RoadNetwork, road_id: str, x_m: float, y_m: float) -> Carriageway:
-    """The street at the place on ``road_id`` nearest to a point."""
+    """The street at the place on ``road_id`` nearest to a point.
+
+    >>> street = carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)
+    >>> street.road.name, street.counts[0], street.divided
+    ('Main Street', LaneCount(along=2, against=2, centre=0), False)
+    """
     road = network.road_by_id[road_id]
     line = network.road_geometry(road_id).line
     s_m, _, _ = line.project(x_m, y_m)

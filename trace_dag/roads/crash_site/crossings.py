@@ -79,7 +79,13 @@ def _is_same_street(a: Arm, b: Arm) -> bool:
 
 
 def find_crossings(network: RoadNetwork) -> tuple[Crossing, ...]:
-    """All crossings of a network. Kinds of junctions that :func:`with_kinds` has set are used."""
+    """All crossings of a network. Kinds of junctions that :func:`with_kinds` has set are used.
+
+    >>> junction_id = map_report.placement.junction_id
+    >>> at_crash = next(each for each in find_crossings(network) if junction_id in each.junction_ids)
+    >>> at_crash.kind.value, sorted({name for arm in at_crash.arms for name in arm.names})
+    ('four_way', ['Elder Street', 'Main Street', 'NE 411'])
+    """
     return tuple(_with_stored_kind(network, crossing) for crossing in _find(network, frozenset()))
 
 
@@ -87,6 +93,9 @@ def with_kinds(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
     """The network with each junction's ``kind`` set to that of its crossing, also if that is not an intersection.
 
     The extract says what the network does not: which ways are roundabouts and which are private.
+
+    >>> sorted({junction.kind for junction in with_kinds(network, extract).junctions})
+    ['four_way', 'not_an_intersection', 't']
     """
     on_roundabout = {
         node_id
@@ -330,7 +339,11 @@ def _between(a_rad: float, b_rad: float) -> float:
 
 
 def is_one_way(road: Road) -> bool:
-    """Whether all traffic lanes of a road go along its reference line."""
+    """Whether all traffic lanes of a road go along its reference line.
+
+    >>> {road.name for road in network.roads if road.name and is_one_way(road) and not road.junction_id}  # oneway=yes
+    {'Cedar Street'}
+    """
     return not any(lane.id > 0 and lane.type.drivable for section in road.lane_sections for lane in section.lanes)
 
 

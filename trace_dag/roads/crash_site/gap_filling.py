@@ -46,6 +46,10 @@ def fill_gaps(network: RoadNetwork, extract: OsmExtract, record: CrashRecord, pl
     """Fill gaps in the map from the report, for the streets at the crash.
 
     A street is filled along its whole length on the map. Nothing is filled in if vehicles contradict each other.
+
+    >>> filling = fill_gaps(network, extract, record, map_report.placement)
+    >>> filling.attributes, filling.extract is extract  # the sample's ways have lanes, limits and signals of their own
+    (frozenset(), True)
     """
     streets = streets_at(network, record, placement)
     hints: dict[int, WayHints] = {}

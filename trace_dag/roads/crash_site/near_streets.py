@@ -30,7 +30,11 @@ class Nearness:
 
 
 def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> dict[str, Nearness]:
-    """Roads around a point, by id. A movement through a junction counts for the roads it comes from and leads to."""
+    """Roads around a point, by id. A movement through a junction counts for the roads it comes from and leads to.
+
+    >>> sorted({network.road_by_id[road_id].name for road_id in roads_near(network, 0.0, 0.0, 10.0)})
+    ['Elder Street', 'Main Street']
+    """
     near: dict[str, Nearness] = {}
     for match in network.nearest_lanes(x_m, y_m, reach_m):
         road = network.road_by_id[match.lane.road_id]
@@ -47,7 +51,12 @@ def roads_near(network: RoadNetwork, x_m: float, y_m: float, reach_m: float) -> 
 
 
 def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
-    """The roads that a movement through a junction comes from and leads to."""
+    """The roads that a movement through a junction comes from and leads to.
+
+    >>> through = network.road_by_id[map_report.placement.lane.lane.road_id]  # a movement through the crossing
+    >>> through.turn, [road.name for road in joined_by(network, through)]
+    ('straight', ['Main Street', 'Main Street'])
+    """
     links = (connecting.predecessor, connecting.successor)
     return tuple(
         network.road_by_id[link.element_id] for link in links if link is not None and link.element_type == "road"
@@ -55,7 +64,11 @@ def joined_by(network: RoadNetwork, connecting: Road) -> tuple[Road, ...]:
 
 
 def near_streets(network: RoadNetwork, record: CrashRecord) -> tuple[NearStreet, ...]:
-    """The streets within 100 m of the reported point, nearest first; if there are none, those within 400 m."""
+    """The streets within 100 m of the reported point, nearest first; if there are none, those within 400 m.
+
+    >>> [(street.name, street.distance_m, street.bears_reported_name) for street in near_streets(network, record)]
+    [('Main Street', 0.0, True), ('Elder Street', 0.0, True), ('East Main Street', 67.83, True)]
+    """
     x_m, y_m = (float(value) for value in network.frame.to_local(record.latitude_deg, record.longitude_deg))
     for reach_m in _REACHES_M:
         streets: dict[str, dict[str, Nearness]] = {}

@@ -81,19 +81,32 @@ def place_crash(network: RoadNetwork, record: CrashRecord, settings: RoadSetting
 
     Raises :class:`Rejection` (``crash_off_road``) if no road is that near, or if the road that the report names is
     farther away and the nearer ones have other names.
+
+    >>> from trace_dag.settings import RoadSettings
+    >>> placement = place_crash(network, record, RoadSettings())
+    >>> placement.moved_m, network.road_by_id[placement.road_id].name
+    (0.0, 'Main Street')
     """
     return _Placer(network, record, settings).place()
 
 
 def is_at_intersection(record: CrashRecord) -> bool:
-    """Whether the crash happened at or because of an intersection (``TYP_INT``, else ``RELJCT2``)."""
+    """Whether the crash happened at or because of an intersection (``TYP_INT``, else ``RELJCT2``).
+
+    >>> is_at_intersection(record), is_at_intersection(tree_record)
+    (True, False)
+    """
     if record.road_topology not in _NO_INTERSECTION:
         return True
     return record.road_topology == RoadTopology.OTHERS and record.junction_relation_code in _AT_INTERSECTION
 
 
 def is_named(crossing: Crossing, record: CrashRecord) -> bool:
-    """Whether a crossing is the one that the report names: both named streets meet there."""
+    """Whether a crossing is the one that the report names: both named streets meet there.
+
+    >>> sum(is_named(crossing, record) for crossing in find_crossings(network))
+    1
+    """
     return _are_same_streets(_name_similarities(crossing, record))
 
 
@@ -101,6 +114,10 @@ def class_steps(record: CrashRecord, road: Road) -> float | None:
     """How many classes the reported functional class (``FUNC_SYS``) and a road's class on the map are apart.
 
     None if one of the two is not known: a driveway or a track has no functional class.
+
+    >>> road = network.road_by_id[map_report.placement.road_id]
+    >>> record.function_class_code, road.highway, round(class_steps(record, road), 1)  # a minor arterial
+    (4, 'secondary', 0.2)
     """
     expected = _RANK_OF_FUNCTION.get(record.function_class_code or 0)
     mapped = road_class(road.highway)

@@ -53,17 +53,29 @@ _CONTROLS: Final = {
 
 
 def trafficway_of(vehicle: VehicleRecord) -> Trafficway | None:
-    """The trafficway; None if it is not reported or is a driveway."""
+    """The trafficway; None if it is not reported or is a driveway.
+
+    >>> record.vehicles[0].trafficway_code, trafficway_of(record.vehicles[0]).value
+    (1, 'undivided')
+    """
     return None if vehicle.trafficway_code is None else _TRAFFICWAYS.get(vehicle.trafficway_code)
 
 
 def control_of(vehicle: VehicleRecord) -> Control | None:
-    """The traffic control; None if it is not reported or no map has such (a person, a warning sign)."""
+    """The traffic control; None if it is not reported or no map has such (a person, a warning sign).
+
+    >>> record.vehicles[0].traffic_control_code, control_of(record.vehicles[0]).value
+    (3, 'signal')
+    """
     return None if vehicle.traffic_control_code is None else _CONTROLS.get(vehicle.traffic_control_code)
 
 
 def pair_of(record: CrashRecord) -> tuple[VehicleRecord, ...]:
-    """The two vehicles that collided; all vehicles if the record names no such two."""
+    """The two vehicles that collided; all vehicles if the record names no such two.
+
+    >>> [vehicle.number for vehicle in pair_of(record)], [vehicle.number for vehicle in pair_of(tree_record)]
+    ([2, 1], [1])
+    """
     return record.colliding_vehicles or record.vehicles
 
 
@@ -72,6 +84,11 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
 
     There are several values if lanes begin, end or only turn near the place, or if the two directions differ. If the
     report does not say whether the trafficway is divided, both ways to count a divided one are included.
+
+    >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
+    >>> main_street = carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)  # two lanes each way
+    >>> lanes_as_reported(main_street, Trafficway.UNDIVIDED), lanes_as_reported(main_street, Trafficway.DIVIDED)
+    (frozenset({4}), frozenset({2}))
     """
     values: set[int] = set()
     for count in street.counts:
@@ -89,7 +106,12 @@ def lanes_as_reported(street: Carriageway, trafficway: Trafficway | None) -> fro
 
 
 def trafficway_on_map(street: Carriageway) -> Trafficway:
-    """How ``VTRAFWAY`` would describe a street of the map."""
+    """How ``VTRAFWAY`` would describe a street of the map.
+
+    >>> from trace_dag.roads.crash_site.carriageways import carriageway_at
+    >>> trafficway_on_map(carriageway_at(network, map_report.placement.road_id, 0.0, 0.0)).value
+    'undivided'
+    """
     if street.road.highway.endswith("_link"):
         return Trafficway.RAMP
     if street.divided:
