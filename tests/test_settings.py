@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from trace_dag.errors import UserError, UserErrors
-from trace_dag.settings import Settings, load_settings
+from trace_dag.settings import Settings
+from trace_dag.settings_sources import load_settings
 
 
 def test_defaults_need_nothing():

@@ -20,7 +20,7 @@ LAYERS = (
     {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
     {"disks", "plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
-    {"http", "provenance"},
+    {"http", "provenance", "settings_sources"},
     {"alerts"},
     # the domain, in the order of the flow
     {"crash"},

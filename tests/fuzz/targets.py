@@ -36,7 +36,7 @@ from trace_dag.osm.xml import read_osm
 from trace_dag.reading.opening import open_place
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import load_settings
+from trace_dag.settings_sources import load_settings
 from trace_dag.sim.driving import Pedals
 from trace_dag.states.llm.answer import WrongAnswer, decide, parse
 

@@ -20,7 +20,7 @@ from trace_dag.osm.first_reading import FirstReader
 from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
-from trace_dag.settings import load_settings
+from trace_dag.settings_sources import load_settings
 from trace_dag.states.llm.answer import WrongAnswer, parse
 
 

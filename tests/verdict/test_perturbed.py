@@ -18,7 +18,7 @@ from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import BoundingBox, OsmExtract, OsmNode, OsmWay, Site
 from trace_dag.roads.build import build_road_map
-from trace_dag.studies.perturbed import has_same_map
+from trace_dag.studies.perturbed_rows import has_same_map
 from trace_dag.verdict.perturbed.kinds import KINDS, NOTHING, Needs, perturb
 from trace_dag.verdict.perturbed.places import is_same_street, random_point
 from trace_dag.verdict.perturbed.scene import PerturbedScene, Point

@@ -10,7 +10,7 @@ from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
-    from trace_dag.settings import DescribedSetting
+    from trace_dag.settings_sources import DescribedSetting
 
 
 @click.command(epilog=examples("trace-dag settings", "trace-dag settings sim --json"))

@@ -18,7 +18,8 @@ from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
 from trace_dag.progress import Progress, silent
-from trace_dag.settings import AutomationSettings, DescribedSetting, Settings, described_settings, load_settings
+from trace_dag.settings import AutomationSettings, Settings
+from trace_dag.settings_sources import DescribedSetting, described_settings, load_settings
 from trace_dag.storage import Storage
 
 ROOT_VARIABLE = "TRACE_DAG_ROOT"

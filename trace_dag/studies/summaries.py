@@ -13,7 +13,7 @@ from trace_dag.evaluation.metrics import OFF_ROAD_S, DriveOutcome
 from trace_dag.evaluation.table import Row
 from trace_dag.scenario.share_chart import Share
 from trace_dag.states.compare import EstimatorRow, EstimatorSummary, summarise
-from trace_dag.studies.perturbed import PerturbedRow
+from trace_dag.studies.perturbed_rows import PerturbedRow
 from trace_dag.studies.variations import FamilyReport
 from trace_dag.verdict.controls import ControlRow
 from trace_dag.verdict.peer import ComparisonRow

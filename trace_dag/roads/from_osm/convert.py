@@ -3,7 +3,8 @@
 Every street between two junctions becomes one road per stretch of one name, class and structure, with both directions
 in it; every junction gets a connecting road per permitted movement. The parts are beside this module:
 :mod:`~trace_dag.roads.from_osm.street_graph`, :mod:`~trace_dag.roads.from_osm.lanes`,
-:mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.movements` and
+:mod:`~trace_dag.roads.from_osm.junction_areas`, :mod:`~trace_dag.roads.from_osm.arm_cuts`,
+:mod:`~trace_dag.roads.from_osm.movements` and
 :mod:`~trace_dag.roads.from_osm.connecting_roads`; what people walk and ride on is laid beside the finished roads by
 :mod:`~trace_dag.roads.from_osm.beside`, across them by :mod:`~trace_dag.roads.from_osm.crosswalks` and through
 junctions by :mod:`~trace_dag.roads.from_osm.corners`.
@@ -20,6 +21,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.types import OsmExtract, OsmRelation, OsmWay
+from trace_dag.roads.from_osm.arm_cuts import end_profile
 from trace_dag.roads.from_osm.beside import with_lanes_beside
 from trace_dag.roads.from_osm.carriageways import Carriageways
 from trace_dag.roads.from_osm.connecting_roads import build_connections
@@ -28,7 +30,7 @@ from trace_dag.roads.from_osm.converter import MapLimits, WayHints
 from trace_dag.roads.from_osm.corners import with_lanes_through_junctions
 from trace_dag.roads.from_osm.crosswalks import with_crosswalks
 from trace_dag.roads.from_osm.elevation import elevate
-from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, end_profile, lay_out
+from trace_dag.roads.from_osm.junction_areas import JunctionArea, Layout, lay_out
 from trace_dag.roads.from_osm.movements import (
     InnerWay,
     JunctionArm,
