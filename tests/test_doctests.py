@@ -1,6 +1,6 @@
 """The examples in docstrings are what the functions give.
 
-An example may use what it does not make itself, by the names of :func:`sample_names`.
+An example may use what it does not make itself, by the names of :func:`sample_object`.
 """
 
 from __future__ import annotations
@@ -12,21 +12,31 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 from cases import SAMPLE, SETTINGS
 
 import trace_dag
 from trace_dag.crash.parse import read_report
+from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.roads.build import build_road_map
+from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.roads.report import MapReport
 from trace_dag.sim.backends import backend
 from trace_dag.sim.run import simulate
+from trace_dag.sim.types import SimulationLog
 from trace_dag.states.estimate import estimate
+from trace_dag.states.types import StateEstimate
+from trace_dag.verdict.controls import JudgedCrash
 from trace_dag.verdict.judge import judge
+from trace_dag.verdict.metrics import observe
+from trace_dag.verdict.perturbed.scene import PerturbedScene
 
 PACKAGE = Path(trace_dag.__file__).parent
 REPORTS = {
@@ -36,28 +46,71 @@ REPORTS = {
     "tree_record": "roadside/reports/crash_319111.xml",  # a car runs off the road to the right into a tree
 }
 OF_THE_FIRST = (
-    *("report_xml", "extract", "xodr", "network", "map_report"),
-    *("state_estimate", "hypothesis", "log", "verdict"),
+    *("report_xml", "pedestrian_xml", "extract", "xodr", "network", "map_report"),
+    *("state_estimate", "hypothesis", "log", "verdict", "first_contact", "perturbed_scene"),
 )
+JUDGED = {f"judged_{name.removesuffix('_record').replace('record', 'collision')}": name for name in REPORTS}
+NAMES = (*REPORTS, *OF_THE_FIRST, *JUDGED)
+
+
+class Made(NamedTuple):
+    """What the program makes of one crash of the sample."""
+
+    extract: OsmExtract
+    xodr: bytes
+    network: RoadNetwork
+    map_report: MapReport
+    state_estimate: StateEstimate
+    logs: tuple[SimulationLog, ...]
 
 
 @cache
-def sample_names() -> dict[str, object]:
-    """Crashes of the bundled sample as read, and of the first of them all that the program makes of it."""
-    files = {name: (SAMPLE / path).read_bytes() for name, path in REPORTS.items()}
-    records = {name: read_report(data, name=name, settings=SETTINGS.crash) for name, data in files.items()}
-    record = records["record"]
+def record_of(name: str) -> CrashRecord:
+    return read_report((SAMPLE / REPORTS[name]).read_bytes(), name=name, settings=SETTINGS.crash)
+
+
+@cache
+def made_of(name: str) -> Made:
+    record = record_of(name)
     site = Site(record.key, record.latitude_deg, record.longitude_deg)
     extract = MapCatalog.open([SAMPLE / "osm"]).extract([site], SETTINGS.osm)[record.key]
     assert isinstance(extract, OsmExtract)
     built = build_road_map(extract, record, SETTINGS.roads)
     xodr = write_opendrive(built.network)
-    network, report = read_opendrive(xodr, name="map.xodr"), built.report
-    estimated = estimate(record, network, report, SETTINGS.states)
+    network = read_opendrive(xodr, name="map.xodr")
+    estimated = estimate(record, network, built.report, SETTINGS.states)
     logs = simulate(backend(SETTINGS.sim), network, xodr, estimated, SETTINGS.sim, record=record)
-    verdict = judge(record, network, report, estimated, logs, SETTINGS.verdict)
-    made = (files["record"], extract, xodr, network, report, estimated, estimated.hypotheses[0], logs[0], verdict)
-    return {**records, **dict(zip(OF_THE_FIRST, made, strict=True))}
+    return Made(extract, xodr, network, built.report, estimated, tuple(logs))
+
+
+@cache
+def first_names() -> dict[str, object]:
+    """What the examples call by the names of ``OF_THE_FIRST``."""
+    record, made = record_of("record"), made_of("record")
+    hypothesis, log = made.state_estimate.hypotheses[0], made.logs[0]
+    verdict = judge(record, made.network, made.map_report, made.state_estimate, made.logs, SETTINGS.verdict)
+    return {
+        "report_xml": (SAMPLE / REPORTS["record"]).read_bytes(),
+        "pedestrian_xml": (SAMPLE / REPORTS["pedestrian_record"]).read_bytes(),
+        **{name: value for name, value in made._asdict().items() if name in OF_THE_FIRST},
+        "hypothesis": hypothesis,
+        "log": log,
+        "verdict": verdict,
+        "first_contact": observe(made.network, hypothesis, log),
+        "perturbed_scene": PerturbedScene(record, np.random.default_rng(0)),
+    }
+
+
+@cache
+def sample_object(name: str) -> object:
+    """What an example calls by this name: a crash of the bundled sample as read, as judged, or what the program makes
+    of the first of them."""
+    if name in REPORTS:
+        return record_of(name)
+    if name in JUDGED:
+        made = made_of(JUDGED[name])
+        return JudgedCrash(record_of(JUDGED[name]), made.network, made.state_estimate.hypotheses[0], made.logs[0])
+    return first_names()[name]
 
 
 DOMAIN = ("crash", "osm", "roads", "states", "sim", "scenario", "verdict", "units.py", "geometry.py", "markdown.py")
@@ -73,9 +126,9 @@ def modules_with_examples() -> list[str]:
 @pytest.mark.parametrize("name", modules_with_examples())
 def test_the_examples_of_a_module_hold(name):
     module = importlib.import_module(name)
-    examples = re.findall(r">>> (.*)", Path(str(module.__file__)).read_text(encoding="utf-8"))
-    uses = any(re.search(rf"\b({'|'.join((*REPORTS, *OF_THE_FIRST))})\b", each) for each in examples)
-    result = doctest.testmod(module, extraglobs=sample_names() if uses else {})
+    examples = re.findall(r"(?:>>>|\.\.\.) (.*)", Path(str(module.__file__)).read_text(encoding="utf-8"))
+    used = set(re.findall(r"\w+", " ".join(examples))) & set(NAMES)
+    result = doctest.testmod(module, extraglobs={each: sample_object(each) for each in used})
     assert result.attempted > 0
     assert result.failed == 0
 

@@ -26,14 +26,24 @@ _MIRRORED_ALIGNMENT: Final = {2: 3, 3: 2}
 
 # --- place -----------------------------------------------------------------------------------------------------------
 def move(report: ChangedReport, scene: PerturbedScene, *, east_m: float, north_m: float) -> str | None:
-    """The position, so far from the reported one."""
+    """The position, so far from the reported one.
+
+    >>> move(ChangedReport(report_xml), perturbed_scene, east_m=0.0, north_m=100.0)  # reported at 41.830333
+    'at 41.831234, -101.536875'
+    """
     frame = LocalFrame(scene.record.latitude_deg, scene.record.longitude_deg)
     latitude_deg, longitude_deg = frame.to_geographic(np.array([east_m, north_m])).tolist()
     return _put_place(report, latitude_deg, longitude_deg)
 
 
 def at_point(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The position, at the point drawn for the scene."""
+    """The position, at the point drawn for the scene.
+
+    >>> from trace_dag.verdict.perturbed.scene import Point
+    >>> scene = PerturbedScene(record, perturbed_scene.rng, Point(41.83, -101.54, 260.0, ("Oak Street",), False))
+    >>> at_point(ChangedReport(report_xml), scene)
+    'at 41.830000, -101.540000, 260 m away, on Oak Street'
+    """
     point = scene.point
     if point is None:
         return None
@@ -51,7 +61,12 @@ def _put_place(report: ChangedReport, latitude_deg: float, longitude_deg: float)
 
 
 def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) -> str | None:
-    """Another crash's report at the place of this one, with its own street names or (``named_here``) this one's."""
+    """Another crash's report at the place of this one, with its own street names or (``named_here``) this one's.
+
+    >>> report = ChangedReport(report_xml)
+    >>> set_down(report, perturbed_scene, named_here=True), report.crash.findtext("TWAY_ID2")
+    ('at 41.830333, -101.536875', 'ELDER ST')
+    """
     record = scene.record
     where = _put_place(report, record.latitude_deg, record.longitude_deg)
     if named_here:
@@ -63,7 +78,12 @@ def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) 
 
 # --- streets ---------------------------------------------------------------------------------------------------------
 def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tuple[str, ...]) -> str | None:
-    """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported."""
+    """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported.
+
+    >>> report = ChangedReport(report_xml)
+    >>> made_up_names(report, perturbed_scene, elements=("TWAY_ID",)) == report.crash.findtext("TWAY_ID")
+    True
+    """
     words = scene.rng.permutation(_MADE_UP)
     names = [f"{word} {scene.rng.choice(_TYPES)}" for word in words[: len(elements)]]
     reported = {"TWAY_ID": scene.record.trafficway_1, "TWAY_ID2": scene.record.trafficway_2}
@@ -76,12 +96,22 @@ def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tup
 
 
 def name_street(report: ChangedReport, scene: PerturbedScene, *, name: str) -> str | None:
-    """``TWAY_ID``."""
+    """``TWAY_ID``.
+
+    >>> report = ChangedReport(report_xml)
+    >>> name_street(report, perturbed_scene, name="I-999"), report.crash.findtext("TWAY_ID")
+    ('I-999', 'I-999')
+    """
     return name if scene.record.trafficway_1 and put(report.crash, "TWAY_ID", name) else None
 
 
 def set_intersection(report: ChangedReport, scene: PerturbedScene, *, kind: int, junction: int) -> str | None:
-    """``TYP_INT``, and ``RELJCT2`` so that it says the same."""
+    """``TYP_INT``, and ``RELJCT2`` so that it says the same.
+
+    >>> report = ChangedReport(report_xml)
+    >>> set_intersection(report, perturbed_scene, kind=6, junction=2), report.crash.findtext("TYP_INT")
+    ('a roundabout', '6')
+    """
     if not put(report.crash, "TYP_INT", kind):
         return None
     put(report.crash, "RELJCT2", junction)
@@ -97,7 +127,12 @@ def set_road(
     lanes: int | None = None,
     limit_mph: int | None = None,
 ) -> str | None:
-    """What kind of road it was: an interstate (``FUNC_SYS``, ``ROAD_FNC``, ``ROUTE``), so many lanes, such a limit."""
+    """What kind of road it was: an interstate (``FUNC_SYS``, ``ROAD_FNC``, ``ROUTE``), so many lanes, such a limit.
+
+    >>> report = ChangedReport(report_xml)
+    >>> set_road(report, perturbed_scene, lanes=6), [code_in(vehicle, "VNUM_LAN") for vehicle in report.vehicles()]
+    ('6 lanes', [6, 6])
+    """
     done = []
     if interstate:
         urban = scene.record.rural_urban_code == 2
@@ -113,12 +148,21 @@ def set_road(
 
 
 def mirror_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``VALIGN``: a curve to the left for one to the right, and the other way round."""
+    """``VALIGN``: a curve to the left for one to the right, and the other way round.
+
+    >>> mirror_alignment(ChangedReport(report_xml), perturbed_scene) is None  # no vehicle is reported in a curve
+    True
+    """
     return _align(report, scene, _MIRRORED_ALIGNMENT, "curves the other way")
 
 
 def other_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``VALIGN``: a curve to the right for a straight road, straight for a curve."""
+    """``VALIGN``: a curve to the right for a straight road, straight for a curve.
+
+    >>> report = ChangedReport(report_xml)
+    >>> other_alignment(report, perturbed_scene), [code_in(vehicle, "VALIGN") for vehicle in report.vehicles()]
+    ('curved for straight, straight for curved', [2, 2])
+    """
     return _align(report, scene, _ALIGNMENT, "curved for straight, straight for curved")
 
 
@@ -138,13 +182,23 @@ def _vehicles(report: ChangedReport, scene: PerturbedScene) -> list[etree._Eleme
 
 # --- what happened ---------------------------------------------------------------------------------------------------
 def set_manner(report: ChangedReport, scene: PerturbedScene, *, code: int) -> str | None:
-    """``MAN_COLL`` of the crash and where its vehicles repeat it."""
+    """``MAN_COLL`` of the crash and where its vehicles repeat it.
+
+    >>> report = ChangedReport(report_xml)
+    >>> set_manner(report, perturbed_scene, code=10), code_in(report.crash, "MAN_COLL")
+    ('MAN_COLL 10', 10)
+    """
     report.everywhere("MAN_COLL", code)
     return f"MAN_COLL {code}"
 
 
 def tree_as_first_harm(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``HARM_EV`` a tree, of the crash and where its vehicles repeat it; the events stay."""
+    """``HARM_EV`` a tree, of the crash and where its vehicles repeat it; the events stay.
+
+    >>> report = ChangedReport(report_xml)
+    >>> tree_as_first_harm(report, perturbed_scene), code_in(report.crash, "HARM_EV")
+    ('HARM_EV: a tree', 42)
+    """
     report.everywhere("HARM_EV", TREE)
     return "HARM_EV: a tree"
 
@@ -153,6 +207,10 @@ def tree_as_first_event(report: ChangedReport, scene: PerturbedScene, *, partner
     """The first event a tree: in the crash's sequence, in the vehicles' copies of it and in their own sequences.
 
     Its second party is then none, unless ``partner_stays``: a slip in the code alone.
+
+    >>> report = ChangedReport(report_xml)
+    >>> tree_as_first_event(report, perturbed_scene), code_in(report.crash_events()[0], "SOE")
+    ('first event: a tree', 42)
     """
     rows = report.crash_events()
     first = min((number for row in rows if (number := code_in(row, "EVENTNUM"))), default=None)
@@ -174,6 +232,10 @@ def blank(report: ChangedReport, scene: PerturbedScene, *, head_on: bool = False
     """Nothing left but the place (position, kind of intersection) and that the two vehicles collided.
 
     With ``named`` the street names stay too, with ``head_on`` both crash types say head-on (50 and 51).
+
+    >>> report = ChangedReport(report_xml)
+    >>> blank(report, perturbed_scene, head_on=True), [code_in(vehicle, "ACC_TYPE") for vehicle in report.vehicles()]
+    ('only the place, head-on types', [50, 51])
     """
     crash = report.crash
     place = ("LATITUDE", "LONGITUD", "LONGITUDE", "TYP_INT", "RELJCT2", *(("TWAY_ID", "TWAY_ID2") if named else ()))

@@ -60,6 +60,10 @@ def perturb(kind: PerturbationKind, report: bytes, scene: PerturbedScene) -> Cha
 
     ``report`` is another crash's for a kind that needs one. Raises :class:`~trace_dag.errors.Rejection` for data that
     is not a report.
+
+    >>> changed = perturb(KINDS["clock_3h"], report_xml, perturbed_scene)
+    >>> changed.detail, b"<IMPACT1>6</IMPACT1>" in changed.xml
+    ('areas of vehicle 1 turned by 3 h', True)
     """
     if reconstruction_of(scene.record) not in kind.of:
         return None

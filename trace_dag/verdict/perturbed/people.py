@@ -24,7 +24,13 @@ _STRIKES: Final = (PEDESTRIAN, CYCLIST, PERSON_ON_CONVEYANCE)
 
 
 def mirror_sides(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The side from which the person came: ``PEDSNR`` a for b, ``PEDDIR`` turned round."""
+    """The side from which the person came: ``PEDSNR`` a for b, ``PEDDIR`` turned round.
+
+    >>> report = ChangedReport(pedestrian_xml)
+    >>> (row,) = report.typings()
+    >>> put(row, "PEDSNR", "1a"), mirror_sides(report, perturbed_scene), text_in(row, "PEDSNR")
+    (True, 'the person from the other side', '1b')
+    """
     changed = False
     for row in report.typings():
         scenario, way = text_in(row, "PEDSNR"), code_in(row, "PEDDIR")
@@ -36,7 +42,12 @@ def mirror_sides(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def go_along(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """Typed as going along the road and struck from behind, whatever the person did."""
+    """Typed as going along the road and struck from behind, whatever the person did.
+
+    >>> report = ChangedReport(pedestrian_xml)
+    >>> go_along(report, perturbed_scene), [code_in(row, "PEDCTYPE") for row in report.typings()]
+    ('the person along the road', [410])
+    """
     changed = False
     for row in report.typings():
         for element, (kind, group) in _ALONG.items():
@@ -47,7 +58,12 @@ def go_along(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def on_sidewalk(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``PEDPOS``, ``BIKEPOS`` and ``LOCATION``: on a sidewalk."""
+    """``PEDPOS``, ``BIKEPOS`` and ``LOCATION``: on a sidewalk.
+
+    >>> report = ChangedReport(pedestrian_xml)
+    >>> on_sidewalk(report, perturbed_scene), [code_in(row, "PEDPOS") for row in report.typings()]
+    ('the person on a sidewalk', [5])
+    """
     changed = False
     for row in (*report.typings(), *report.people()):
         for element, code in _ON_SIDEWALK.items():
@@ -57,7 +73,12 @@ def on_sidewalk(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def swap_strikes(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The vehicles of the first two strikes exchanged, in all rows that say what happened between parties."""
+    """The vehicles of the first two strikes exchanged, in all rows that say what happened between parties.
+
+    >>> scene = PerturbedScene(pedestrian_record, perturbed_scene.rng)
+    >>> swap_strikes(ChangedReport(pedestrian_xml), scene) is None  # one vehicle struck one man
+    True
+    """
     if len(scene.vehicles) < 2:
         return None
     one, two = scene.vehicles[:2]

@@ -34,6 +34,11 @@ def random_point(
     ``frame`` is that of the crash, from which the point is :data:`LEAST_M` or more, and ``most_m`` at most in either
     direction of the frame; ``names`` those of the crash's street and the streets that cross it there. The crash's
     street is any street with one of them; streets without a name that could be compared are drawn for neither.
+
+    >>> names, rng = ("Main Street", "Elder Street"), np.random.default_rng(0)
+    >>> point = random_point(extract, network.frame, names, rng, on_same_street=False, most_m=500.0)
+    >>> point.distance_m >= LEAST_M, any(is_same_street(names, [name]) for name in point.names)
+    (True, False)
     """
     names = tuple(names)
     pieces: list[tuple[OsmWay, np.ndarray]] = []

@@ -125,17 +125,30 @@ class ChangedReport:
 
 
 def code_in(element: etree._Element, *names: str) -> int | None:
-    """The number in the first of the named children that has one."""
+    """The number in the first of the named children that has one.
+
+    >>> code_in(etree.fromstring("<Vehicle><VEH_NO>2</VEH_NO></Vehicle>"), "VEH_NO")
+    2
+    """
     return Fields(element, "report").integer(*names)
 
 
 def text_in(element: etree._Element, name: str) -> str:
-    """The text of the first child of that name, "" if there is none."""
+    """The text of the first child of that name, "" if there is none.
+
+    >>> text_in(etree.fromstring("<Crash><TWAY_ID>MAIN ST</TWAY_ID></Crash>"), "TWAY_ID")
+    'MAIN ST'
+    """
     return Fields(element, "report").text(name)
 
 
 def put(element: etree._Element, name: str, value: object) -> bool:
-    """Put a value into a child that is there, and take its label away; whether there is such a child."""
+    """Put a value into a child that is there, and take its label away; whether there is such a child.
+
+    >>> vehicle = etree.fromstring("<Vehicle><IMPACT1>3</IMPACT1><IMPACT1NAME>3 Clock Point</IMPACT1NAME></Vehicle>")
+    >>> put(vehicle, "IMPACT1", 9), put(vehicle, "TRAV_SP", 30), etree.tostring(vehicle)
+    (True, False, b'<Vehicle><IMPACT1>9</IMPACT1></Vehicle>')
+    """
     child = next((each for each in element if _is(each, name) and len(each) == 0), None)
     if child is None:
         return False
@@ -146,7 +159,13 @@ def put(element: etree._Element, name: str, value: object) -> bool:
 
 
 def exchange(one: etree._Element, two: etree._Element, name: str) -> None:
-    """Exchange a number between two elements that both have it."""
+    """Exchange a number between two elements that both have it.
+
+    >>> one, two = (etree.fromstring(f"<Vehicle><TRAV_SP>{mph}</TRAV_SP></Vehicle>") for mph in (14, 30))
+    >>> exchange(one, two, "TRAV_SP")
+    >>> code_in(one, "TRAV_SP"), code_in(two, "TRAV_SP")
+    (30, 14)
+    """
     first, second = code_in(one, name), code_in(two, name)
     if first is not None and second is not None:
         put(one, name, second)
@@ -154,21 +173,38 @@ def exchange(one: etree._Element, two: etree._Element, name: str) -> None:
 
 
 def remove(element: etree._Element, *names: str) -> None:
-    """Take children away, whatever they hold."""
+    """Take children away, whatever they hold.
+
+    >>> vehicle = etree.fromstring("<Vehicle><MODEL>42</MODEL><TRAV_SP>30</TRAV_SP></Vehicle>")
+    >>> remove(vehicle, "MODEL")
+    >>> [child.tag for child in vehicle]
+    ['TRAV_SP']
+    """
     for child in list(element):
         if _is(child, *names):
             element.remove(child)
 
 
 def keep(element: etree._Element, names: Sequence[str]) -> None:
-    """Take all children away but the named ones."""
+    """Take all children away but the named ones.
+
+    >>> vehicle = etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO><TRAV_SP>30</TRAV_SP></Vehicle>")
+    >>> keep(vehicle, ("VEH_NO",))
+    >>> [child.tag for child in vehicle]
+    ['VEH_NO']
+    """
     for child in list(element):
         if not _is(child, *names):
             element.remove(child)
 
 
 def add(element: etree._Element, name: str, value: object = "") -> etree._Element:
-    """A new last child."""
+    """A new last child.
+
+    >>> vehicle = etree.fromstring("<Vehicle><VEH_NO>1</VEH_NO></Vehicle>")
+    >>> code_in(vehicle, "ACC_TYPE"), add(vehicle, "ACC_TYPE", 50).text, code_in(vehicle, "ACC_TYPE")
+    (None, '50', 50)
+    """
     child = etree.SubElement(element, name)
     child.text = str(value) if value != "" else None
     return child

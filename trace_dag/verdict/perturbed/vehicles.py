@@ -45,7 +45,12 @@ def turned(area: int, hours: int) -> int:
 
 
 def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, both: bool) -> str | None:
-    """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike."""
+    """``IMPACT1``, the areas of all events and the damage of vehicle 1 of the pair (or of both), turned alike.
+
+    >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock
+    >>> turn_clocks(report, perturbed_scene, hours=4, both=False), code_in(report.vehicle(1), "IMPACT1")
+    ('areas of vehicle 1 turned by 4 h', 7)
+    """
     numbers = scene.vehicles if both else scene.vehicles[:1]
     for number in numbers:
         report.change_areas(number, lambda area: turned(area, hours))
@@ -53,7 +58,11 @@ def turn_clocks(report: ChangedReport, scene: PerturbedScene, *, hours: int, bot
 
 
 def random_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely."""
+    """The areas of each vehicle, turned together by hours drawn from 0 to 11, so that any clock is as likely.
+
+    >>> random_clocks(ChangedReport(report_xml), perturbed_scene).count(" h")  # drawn for each vehicle
+    2
+    """
     words = []
     for number in scene.pair:
         hours = int(scene.rng.integers(12))
@@ -63,13 +72,23 @@ def random_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def swap_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """The areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage."""
+    """The areas of the one vehicle reported of the other: initial impacts, those of their collisions, damage.
+
+    >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock, vehicle 2 at 1 o'clock
+    >>> swap_clocks(report, perturbed_scene), [code_in(vehicle, "IMPACT1") for vehicle in report.vehicles()]
+    ('areas of the two vehicles exchanged', [1, 3])
+    """
     report.swap_areas(*scene.pair)
     return "areas of the two vehicles exchanged"
 
 
 def mirror_clocks(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """Left for right in all areas of both vehicles."""
+    """Left for right in all areas of both vehicles.
+
+    >>> report = ChangedReport(report_xml)  # vehicle 1 struck at 3 o'clock, vehicle 2 at 1 o'clock
+    >>> mirror_clocks(report, perturbed_scene), [code_in(vehicle, "IMPACT1") for vehicle in report.vehicles()]
+    ('areas of both vehicles mirrored', [9, 11])
+    """
     for number in scene.pair:
         report.change_areas(number, _mirrored)
     return "areas of both vehicles mirrored"
@@ -86,6 +105,10 @@ def change_movements(
     """``P_CRASH1`` of both vehicles by a table, and ``P_CRASH2`` where it repeats the vehicle's own turn.
 
     ``ACC_TYPE``, which speaks of both vehicles, stays.
+
+    >>> right_for_left = {PreCrashMovement.TURNING_LEFT: PreCrashMovement.TURNING_RIGHT}
+    >>> change_movements(ChangedReport(report_xml), perturbed_scene, to=right_for_left)
+    'vehicle 1 was turning right'
     """
     words = []
     for number in scene.vehicles:
@@ -104,7 +127,12 @@ def change_movements(
 
 # --- speeds ----------------------------------------------------------------------------------------------------------
 def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``TRAV_SP`` of the two vehicles exchanged, where both are reported."""
+    """``TRAV_SP`` of the two vehicles exchanged, where both are reported.
+
+    >>> report = ChangedReport(report_xml)  # 14 and 30 mph
+    >>> swap_speeds(report, perturbed_scene), [code_in(vehicle, "TRAV_SP") for vehicle in report.vehicles()]
+    ('speeds of the two vehicles exchanged', [30, 14])
+    """
     one, two = (report.vehicle(number) for number in scene.pair)
     if one is None or two is None or any(not _has_speed(each) for each in (one, two)):
         return None
@@ -113,7 +141,11 @@ def swap_speeds(report: ChangedReport, scene: PerturbedScene) -> str | None:
 
 
 def set_speeds(report: ChangedReport, scene: PerturbedScene, *, mph: int) -> str | None:
-    """``TRAV_SP`` of both vehicles, where it is reported."""
+    """``TRAV_SP`` of both vehicles, where it is reported.
+
+    >>> set_speeds(ChangedReport(report_xml), perturbed_scene, mph=150)
+    'vehicle 1 and 2 at 150 mph'
+    """
     numbers = []
     for number in scene.vehicles:
         vehicle = report.vehicle(number)
@@ -130,7 +162,11 @@ def _has_speed(vehicle: object) -> bool:
 
 # --- crash types -----------------------------------------------------------------------------------------------------
 def set_crash_types(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
-    """``ACC_TYPE`` of the two vehicles, in the order of their numbers."""
+    """``ACC_TYPE`` of the two vehicles, in the order of their numbers.
+
+    >>> set_crash_types(ChangedReport(report_xml), perturbed_scene, codes=(50, 51))  # head-on
+    'ACC_TYPE 50 and 51'
+    """
     done = [
         put(vehicle, "ACC_TYPE", code)
         for number, code in zip(scene.pair, codes, strict=True)
@@ -140,7 +176,12 @@ def set_crash_types(report: ChangedReport, scene: PerturbedScene, *, codes: tupl
 
 
 def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``ACC_TYPE`` of the one vehicle reported of the other."""
+    """``ACC_TYPE`` of the one vehicle reported of the other.
+
+    >>> report = ChangedReport(report_xml)  # 68 and 69: one turns left across the other's way
+    >>> swap_crash_types(report, perturbed_scene), [code_in(vehicle, "ACC_TYPE") for vehicle in report.vehicles()]
+    ('crash types of the two vehicles exchanged', [69, 68])
+    """
     one, two = (report.vehicle(number) for number in scene.pair)
     if one is None or two is None:
         return None
@@ -150,7 +191,11 @@ def swap_crash_types(report: ChangedReport, scene: PerturbedScene) -> str | None
 
 # --- bodies and the rest ---------------------------------------------------------------------------------------------
 def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int, int]) -> str | None:
-    """``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go."""
+    """``BODY_TYP`` of the two vehicles; model, weight rating and what the VIN says of the old bodies go.
+
+    >>> set_bodies(ChangedReport(report_xml), perturbed_scene, codes=(52, 80))
+    'transit bus and motorcycle'
+    """
     for number, code in zip(scene.pair, codes, strict=True):
         vehicle = report.vehicle(number)
         if vehicle is None or not put(vehicle, "BODY_TYP", code):
@@ -161,7 +206,14 @@ def set_bodies(report: ChangedReport, scene: PerturbedScene, *, codes: tuple[int
 
 def random_vehicles(report: ChangedReport, scene: PerturbedScene) -> str | None:
     """All that is said of both vehicles' course drawn at random: movement, critical event, crash type, areas, speed
-    (5 to 80 mph, where one is reported)."""
+    (5 to 80 mph, where one is reported).
+
+    >>> report = ChangedReport(report_xml)
+    >>> random_vehicles(report, perturbed_scene).count("ACC_TYPE")
+    2
+    >>> all(20 <= code_in(vehicle, "ACC_TYPE") <= 93 for vehicle in report.vehicles())
+    True
+    """
     rng, year, words = scene.rng, scene.record.case_year, []
     random_clocks(report, scene)
 
