@@ -2,8 +2,9 @@
 
 Works on the blocks of the PBF format (https://wiki.openstreetmap.org/wiki/PBF_Format): a block of nodes is moved by its
 offsets of latitude and longitude and the first of its ids, which all others are differences to; of each way and
-relation the first ids are written anew. So a gigabyte takes a minute or two. Files that are not sorted by type are left
-out: nodes have to come before ways.
+relation the first ids are written anew. So a gigabyte takes a minute or two. Before that the ids of each file are
+brought closer together, with gaps of at most 64, so that those of all copies are as many as OpenStreetMap's are. Files
+that are not sorted by type are left out: nodes have to come before ways.
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+import numpy.typing as npt
+
 from trace_dag.osm.extraction import read_header
 from trace_dag.osm.types import BoundingBox
 
-_IDS = 2**34  # more than OpenStreetMap has of any type
+_WIDEST_GAP = 64  # between ids
 _NANODEGREES = 10**9
 _EAST_DEG, _NORTH_DEG = 2.0, 2.0  # from each copy to the next; the extracts are smaller than that
 _ROWS = 12
@@ -25,6 +29,7 @@ _PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET = 2, 19, 20  # PrimitiveBlock
 _DENSE, _WAYS, _RELATIONS = 2, 3, 4  # PrimitiveGroup
 _REFS = {_WAYS: 8, _RELATIONS: 9}  # packed ids, each the difference to the one before
 _ID = 1
+_HEADER_BOX = 1  # of the HeaderBlock
 
 _Field = tuple[int, int, bytes]  # number, wire type, value as it stands (with its length where it has one)
 
@@ -33,18 +38,18 @@ def multiply_map(files: Sequence[Path], target: Path, least_bytes: int) -> list[
     """Write ``target`` with as many copies of all the files as make it that large; where each copy lies."""
     sources = [(file, header.box) for file in files if (header := read_header(file)).sorted_by_type and header.box]
     copies = -(-least_bytes // sum(file.stat().st_size for file, _ in sources))
+    blocks = {file: _Blocks(file) for file, _ in sources}
     places = []
+    for at, (_, box) in enumerate(sources * copies):
+        places.append(_box_moved(box, *_moved(at, box)))
     with target.open("wb") as out:
-        _write_blob(out, b"OSMHeader", _header())
+        _write_blob(out, b"OSMHeader", _header(places))
         for kind in (_DENSE, _WAYS, _RELATIONS):
-            for copy in range(copies):
-                for number, (file, box) in enumerate(sources):
-                    at = copy * len(sources) + number
-                    north_deg, east_deg = _moved(at, box)
-                    if kind == _DENSE:
-                        places.append(_box_moved(box, north_deg, east_deg))
-                    for block in _blocks(file, kind):
-                        _write_blob(out, b"OSMData", block((at + 1) * _IDS, north_deg, east_deg))
+            ids = 0
+            for at, (file, box) in enumerate(sources * copies):
+                for block in blocks[file].of_kind(kind):
+                    _write_blob(out, b"OSMData", block(ids, *_moved(at, box)))
+                ids += blocks[file].ids
     return places
 
 
@@ -62,16 +67,56 @@ def _box_moved(box: BoundingBox, north_deg: float, east_deg: float) -> BoundingB
 
 
 _Moving = Callable[[int, float, float], bytes]
-_parsed: dict[tuple[Path, int], list[_Moving]] = {}
+_Ids = npt.NDArray[np.int64]
 
 
-def _blocks(file: Path, kind: int) -> list[_Moving]:
-    """The blocks of a file that hold one type, as functions of ids to add and degrees north and east."""
-    if (file, kind) not in _parsed:
-        _parsed[file, kind] = [
-            _moving(fields) for data in _data_blobs(file) if _kind(fields := list(_fields(data))) == kind
-        ]
-    return _parsed[file, kind]
+class _Blocks:
+    """The blocks of a file, as functions of ids to add and degrees north and east.
+
+    ``ids`` is how many ids they span.
+    """
+
+    def __init__(self, file: Path) -> None:
+        parsed = [list(_fields(data)) for data in _data_blobs(file)]
+        known = np.unique(np.concatenate([ids for fields in parsed for ids in _all_ids(fields)]))
+        closer = np.cumsum(np.minimum(np.diff(known, prepend=0), _WIDEST_GAP))
+        self.ids = int(closer[-1])
+        self._by_kind: dict[int, list[_Moving]] = {}
+        for fields in parsed:
+            self._by_kind.setdefault(_kind(fields), []).append(
+                _moving(fields, lambda ids: closer[np.searchsorted(known, ids)])
+            )
+
+    def of_kind(self, kind: int) -> list[_Moving]:
+        """Those that hold one type."""
+        return self._by_kind.get(kind, [])
+
+
+def _all_ids(fields: Sequence[_Field]) -> Iterator[_Ids]:
+    for number, _, group in fields:
+        if number == _PRIMITIVE_GROUP:
+            for kind, _, value in _fields(_content(group)):
+                for field, wire, of_it in _fields(_content(value)):
+                    if field == _ID:
+                        yield _differences(_content(of_it)).cumsum() if wire == 2 else np.array([_varint(of_it, 0)[0]])
+                    elif field == _REFS.get(kind):
+                        yield _differences(_content(of_it)).cumsum()
+
+
+def _differences(packed: bytes) -> _Ids:
+    """The numbers of a packed field of zigzag numbers."""
+    data = np.frombuffer(packed, np.uint8)
+    starts = np.flatnonzero(np.concatenate([[True], data[:-1] < 128])) if len(data) else np.empty(0, np.int64)
+    places = np.arange(len(data)) - np.repeat(starts, np.diff(starts, append=len(data)))
+    parts = (data & 127).astype(np.uint64) << (7 * places).astype(np.uint64)
+    values = np.add.reduceat(parts, starts) if len(data) else parts
+    return (values >> np.uint64(1)).astype(np.int64) ^ -(values & np.uint64(1)).astype(np.int64)
+
+
+def _packed(ids: _Ids) -> tuple[int, bytes]:
+    """The first of some ids, and the others as the differences to the ones before."""
+    first, *others = np.diff(ids, prepend=0).tolist()
+    return first, b"".join(map(_written, map(_zigzag, others)))
 
 
 def _kind(fields: Sequence[_Field]) -> int:
@@ -79,7 +124,7 @@ def _kind(fields: Sequence[_Field]) -> int:
     return next(number for number, _, _ in _fields(group))
 
 
-def _moving(fields: Sequence[_Field]) -> _Moving:
+def _moving(fields: Sequence[_Field], closer: Callable[[_Ids], _Ids]) -> _Moving:
     groups = [_content(value) for number, _, value in fields if number == _PRIMITIVE_GROUP]
     offsets = {number: _varint(value, 0)[0] for number, _, value in fields if number in (_LAT_OFFSET, _LON_OFFSET)}
     others = b"".join(
@@ -87,7 +132,10 @@ def _moving(fields: Sequence[_Field]) -> _Moving:
         for number, wire, value in fields
         if number not in (_PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET)
     )
-    parts = [[(number, _template(number, _content(value))) for number, _, value in _fields(group)] for group in groups]
+    parts = [
+        [(number, _template(number, _content(value), closer)) for number, _, value in _fields(group)]
+        for group in groups
+    ]
 
     def moved(ids: int, north_deg: float, east_deg: float) -> bytes:
         body = [others]
@@ -102,32 +150,37 @@ def _moving(fields: Sequence[_Field]) -> _Moving:
     return moved
 
 
-def _template(kind: int, message: bytes) -> Callable[[int], bytes]:
+def _template(kind: int, message: bytes, closer: Callable[[_Ids], _Ids]) -> Callable[[int], bytes]:
     """A message of a group as a function of the number that is added to its ids."""
-    if kind == _DENSE:
-        packed = next(_content(value) for number, _, value in _fields(message) if number == _ID)
-        others = b"".join(_tag(number, wire) + value for number, wire, value in _fields(message) if number != _ID)
-        first, at = _varint(packed, 0)
-        return lambda ids: _long(_ID, _written(_zigzag(_unzigzag(first) + ids)) + packed[at:]) + others
     fields = list(_fields(message))
-    own = next(_varint(value, 0)[0] for number, _, value in fields if number == _ID)
-    refs = next((_content(value) for number, _, value in fields if number == _REFS[kind]), b"")
-    others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number not in (_ID, _REFS[kind]))
+    refs_field = _ID if kind == _DENSE else _REFS[kind]
+    refs = next((_content(value) for number, _, value in fields if number == refs_field), b"")
+    first, packed = _packed(closer(_differences(refs).cumsum())) if refs else (0, b"")
+    if kind == _DENSE:
+        others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number != _ID)
+        return lambda ids: _long(_ID, _written(_zigzag(first + ids)) + packed) + others
+    own = int(closer(np.array([_varint(value, 0)[0] for number, _, value in fields if number == _ID]))[0])
+    others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number not in (_ID, refs_field))
     if not refs:
         return lambda ids: _tag(_ID, 0) + _written(own + ids) + others
-    first, at = _varint(refs, 0)
     return lambda ids: (
-        _tag(_ID, 0)
-        + _written(own + ids)
-        + others
-        + _long(_REFS[kind], _written(_zigzag(_unzigzag(first) + ids)) + refs[at:])
+        _tag(_ID, 0) + _written(own + ids) + others + _long(refs_field, _written(_zigzag(first + ids)) + packed)
     )
 
 
-def _header() -> bytes:
-    """That the blocks are as they are, and sorted; not what they cover, which is scattered."""
+def _header(places: Sequence[BoundingBox]) -> bytes:
+    """What the blocks cover, that they are as they are, and sorted."""
+    edges = (
+        min(box.west_deg for box in places),
+        max(box.east_deg for box in places),
+        max(box.north_deg for box in places),
+        min(box.south_deg for box in places),
+    )
+    box = b"".join(
+        _tag(number, 0) + _written(_zigzag(round(edge * _NANODEGREES))) for number, edge in enumerate(edges, start=1)
+    )
     features = [(4, b"OsmSchema-V0.6"), (4, b"DenseNodes"), (5, b"Sort.Type_then_ID"), (16, b"trace-dag benchmarks")]
-    return b"".join(_long(number, text) for number, text in features)
+    return _long(_HEADER_BOX, box) + b"".join(_long(number, text) for number, text in features)
 
 
 def _write_blob(out: BinaryIO, kind: bytes, data: bytes) -> None:
@@ -192,7 +245,3 @@ def _written(value: int) -> bytes:
 
 def _zigzag(value: int) -> int:
     return value << 1 if value >= 0 else (-value << 1) - 1
-
-
-def _unzigzag(value: int) -> int:
-    return value >> 1 if not value & 1 else -(value + 1 >> 1)

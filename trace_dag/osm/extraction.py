@@ -1,10 +1,14 @@
-"""All sites of a batch out of one OSM file, in one pass over it.
+"""All sites of a batch out of one OSM file, in one pass over it, or two over a large one.
 
 Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters
 objects, locates their nodes and copies them to a file of lines, all in C++, without a call into Python. Arrow then
 reads the places of tens of thousands of ways at once, an index finds those near a site, and only their lines become
 objects. So the time is close to that of reading the file and hardly depends on the number of sites. Memory holds what
-lies around the sites, and the locations of nodes: 16 bytes each, of large files in a file of the temporary folder.
+lies around the sites, and the locations of nodes: 16 bytes each.
+
+Of a large file the locations are in a file of the temporary folder, and nearly all ways are far from every site. A
+first pass copies what nodes and relations say, a second one the ways that have a node near a site
+(:mod:`trace_dag.osm.near_nodes`) or are long (:mod:`trace_dag.osm.long_ways`): Python sees nothing of what is far.
 
 What is kept of the lines is :mod:`trace_dag.osm.collecting`'s task, cutting the ways at the boxes
 :mod:`trace_dag.osm.cutting`'s, choosing the file :mod:`trace_dag.osm.catalog`'s.
@@ -30,14 +34,17 @@ from trace_dag.errors import UserError
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm import opl
 from trace_dag.osm.collecting import ROAD_NODE_KEYS, Collector, FilePass, road_tags
+from trace_dag.osm.long_ways import LongWayFinder, nodes_of_overlapping, note, noted
+from trace_dag.osm.near_nodes import fit_into_memory, near_node_ids
 from trace_dag.osm.plausibility import UnreadableMapError, with_positive_ids, xml_opener
 from trace_dag.osm.rights import OSM_ATTRIBUTION, read_attribution
-from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS
+from trace_dag.osm.surroundings import LARGE_WAY_TAGS, NODE_KEYS, WAY_KEYS
 from trace_dag.osm.types import BoundingBox
 
 _SAID: Final = 300  # characters of what libosmium says, which quotes what it does not like
-_COPY_TO_FILE: Final = 4  # size of the copy to that of the file; 2 is usual for the densest kind, .osm.pbf
-_LARGE: Final = 10**9  # bytes of a file whose nodes, a hundred million or more, are located in a file
+_COPY_TO_FILE: Final = 10  # size of the copy to that of the file; 9 is usual for the densest kind, .osm.pbf
+_COPY_OF_LARGE_TO_FILE: Final = 2  # the same where what is far from all sites is not copied; 1 is usual
+_LARGE: Final = 5 * 10**7  # bytes of a file whose ways are not all copied, nor its nodes located in memory
 _LOCATED_TO_FILE: Final = 3  # size of that file to that of the map; 1.7 is usual for the densest kind, .osm.pbf
 _WRITTEN_AT_ONCE: Final = 2**20  # bytes: little enough for threads to write while the file is still being read
 
@@ -133,49 +140,107 @@ def _one_pass(
     service_roads: bool,
 ) -> tuple[FilePass, bool]:
     """What one pass finds, and whether nodes were not found because their ids are below 0."""
-    import osmium
-
-    _check_room(path)
+    far_left_out = _is_large(path) and header.sorted_by_type and header.box is not None
+    _check_room(path, far_left_out=far_left_out)
     with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder, _reading(path), no_garbage_collection():
         collector = Collector(boxes, nearer, measure_bounds=header.box is None, service_roads=service_roads)
-        kept_ways = ("highway", *WAY_KEYS) if nearer else road_tags(service_roads=service_roads)
-        kept_nodes = tuple({*ROAD_NODE_KEYS, *NODE_KEYS} if nearer else ROAD_NODE_KEYS)
-        kept_in = f"sparse_file_array,{folder}/locations" if _is_large(path) else "flex_mem"
-        locations = osmium.NodeLocationsForWays(osmium.index.create_map(kept_in))
-        locations.ignore_errors()
-
-        def copy_roads(name: str, kinds: Any) -> Path:
-            copy = Path(folder) / name
-            threads = _threads(os.getpid())
-            reader = osmium.io.Reader(str(path), kinds, thread_pool=threads)
-            writer = osmium.SimpleWriter(
-                osmium.io.File(str(copy), opl.WRITING), bufsz=_WRITTEN_AT_ONCE, thread_pool=threads
-            )
-            # The order matters: locations are looked up only for ways that have passed the filter before them, and
-            # every node is located before most of them are dropped.
-            try:
-                osmium.apply(
-                    reader,
-                    _only_with(kept_ways, osmium.osm.WAY),
-                    _only_with(("restriction",), osmium.osm.RELATION),
-                    locations,
-                    _only_with(kept_nodes, osmium.osm.NODE),
-                    writer,
-                )
-                writer.close()
-            except BaseException:
-                _end(writer)
-                raise
-            finally:
-                reader.close()
-            return copy
-
-        collector.read(copy_roads("first.opl", osmium.osm.ALL))
-        if collector.incomplete and not header.sorted_by_type:
-            # Again, now that every node of the file is located.
-            collector.forget_ways()
-            collector.read(copy_roads("again.opl", osmium.osm.WAY))
+        copying = _Copying(path, Path(folder), with_surroundings=bool(nearer), service_roads=service_roads)
+        if far_left_out:
+            _read_what_is_near(copying, collector, [*boxes, *nearer])
+        else:
+            collector.read(copying.copy(ways=True, others=True))
+            if collector.incomplete and not header.sorted_by_type:
+                # Again, now that every node of the file is located.
+                collector.forget_ways()
+                collector.read(copying.copy(ways=True))
         return collector.found(), collector.negative
+
+
+def _read_what_is_near(copying: _Copying, collector: Collector, boxes: Sequence[BoundingBox]) -> None:
+    """Read a large file, sorted by type, without copying the ways that are far from all ``boxes``."""
+    from osmium import IdTracker
+
+    long = noted(copying.path)
+    if long is None:
+        collector.read(copying.copy(others=True, finder=(finder := LongWayFinder())))
+        collector.negative = finder.negative
+        note(copying.path, long := finder.found())
+    else:
+        collector.read(copying.copy(others=True))
+    if not boxes or collector.negative:
+        return
+    near = [*near_node_ids(copying.located, boxes), nodes_of_overlapping(long, boxes)]
+    if not fit_into_memory(near):
+        _check_room(copying.path, far_left_out=False)
+        collector.read(copying.copy(ways=True))
+        return
+    tracker = IdTracker()
+    for ids in near:
+        for node_id in ids.tolist():
+            tracker.add_node(node_id)
+    collector.read(copying.copy(ways=True, only=(tracker.contains_filter(),)))
+
+
+class _Copying:
+    """Copies what may be kept of a file to files of lines."""
+
+    def __init__(self, path: Path, folder: Path, *, with_surroundings: bool, service_roads: bool) -> None:
+        import osmium
+
+        self.path = path
+        self.located = folder / "locations"  # nodes of a large file, as libosmium writes them
+        self._folder = folder
+        self._copies = 0
+        kept_in = f"sparse_file_array,{self.located}" if _is_large(path) else "flex_mem"
+        self._locations = osmium.NodeLocationsForWays(osmium.index.create_map(kept_in))
+        self._locations.ignore_errors()
+        roads, way, node = road_tags(service_roads=service_roads), osmium.osm.WAY, osmium.osm.NODE
+        self._ways = _only_with(("highway", *WAY_KEYS) if with_surroundings else roads, way)
+        self._maybe_long = [  # whatever is asked for this time, since what is found is noted
+            _only_with(tuple({"highway", *dict(LARGE_WAY_TAGS)}), way),
+            _only_with([*road_tags(service_roads=True), *LARGE_WAY_TAGS], way),
+        ]
+        self._nodes = _only_with(tuple({*ROAD_NODE_KEYS, *NODE_KEYS} if with_surroundings else ROAD_NODE_KEYS), node)
+        self._relations = _only_with(("restriction",), osmium.osm.RELATION)
+
+    def copy(
+        self,
+        *,
+        ways: bool = False,
+        others: bool = False,
+        only: Sequence[Any] = (),
+        finder: LongWayFinder | None = None,
+    ) -> Path:
+        """A copy of the ways, the others (nodes and relations) or both; ``only`` are filters of ways.
+
+        A ``finder`` sees the ways that may be long, which are not copied.
+        """
+        import osmium
+
+        kinds = osmium.osm.NOTHING
+        if ways or finder:
+            kinds |= osmium.osm.WAY
+        if others:
+            kinds |= osmium.osm.NODE | osmium.osm.RELATION
+        self._copies += 1
+        target, threads = self._folder / f"{self._copies}.opl", _threads(os.getpid())
+        reader = osmium.io.Reader(str(self.path), kinds, thread_pool=threads)
+        writer = osmium.SimpleWriter(
+            osmium.io.File(str(target), opl.WRITING), bufsz=_WRITTEN_AT_ONCE, thread_pool=threads
+        )
+        # The order matters: locations are looked up only for ways that have passed the filters before them, and every
+        # node is located before most of them are dropped.
+        of_ways = (*self._maybe_long,) if finder else (self._ways, *only)
+        looked_at = (finder,) if finder else ()
+        try:
+            osmium.apply(reader, *of_ways, self._relations, self._locations, *looked_at, self._nodes, writer)
+            writer.close()
+        except BaseException:
+            _end(writer)
+            raise
+        finally:
+            reader.close()
+        return target
 
 
 @functools.cache
@@ -203,10 +268,11 @@ def _is_large(path: Path) -> bool:
     return path.stat().st_size >= _LARGE
 
 
-def _check_room(path: Path) -> None:
+def _check_room(path: Path, *, far_left_out: bool) -> None:
     """libosmium ends the whole process when a disk is full, so that is found out before."""
     folder = Path(tempfile.gettempdir())
-    times = _COPY_TO_FILE + (_LOCATED_TO_FILE if _is_large(path) else 0)
+    times = _COPY_OF_LARGE_TO_FILE if far_left_out else _COPY_TO_FILE
+    times += _LOCATED_TO_FILE if _is_large(path) else 0
     needed, free = path.stat().st_size * times, shutil.disk_usage(folder).free
     if free < needed:
         raise UserError(
