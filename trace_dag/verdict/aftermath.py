@@ -27,7 +27,11 @@ def aftermath_shown(
     record: CrashRecord, network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog
 ) -> Iterator[Criterion]:
     """A criterion per later object and overturn of the report, in its order; of objects that are struck also to which
-    side the vehicle left the road, and how far from the reported area it was struck (hours)."""
+    side the vehicle left the road, and how far from the reported area it was struck (hours).
+
+    >>> list(aftermath_shown(record, network, hypothesis, log))  # the report tells of nothing after the collision
+    []
+    """
     since_s: dict[int, float] = {}  # of each vehicle's last event that happened
     for contact in log.meetings:
         for number in (contact.number_1, contact.number_2):

@@ -18,7 +18,11 @@ from trace_dag.verdict.types import Criterion
 
 
 def articulation_shown(record: CrashRecord, log: SimulationLog) -> Iterator[Criterion]:
-    """Of each vehicle with a trailer the largest hitch angle of the simulation, degrees."""
+    """Of each vehicle with a trailer the largest hitch angle of the simulation, degrees.
+
+    >>> list(articulation_shown(record, log))  # neither vehicle draws a trailer
+    []
+    """
     reported = {vehicle.number: vehicle.jackknife_code for vehicle in record.vehicles}
     for number in sorted(log.trailers):
         angle = log.articulation_rad(number)

@@ -30,7 +30,12 @@ def contact_controls(
     crash: JudgedCrash, others: Iterable[JudgedCrash], settings: VerdictSettings
 ) -> Iterator[ControlRow]:
     """One simulation against every other report of its kind with as many contacts, and against its own report with
-    each contact dropped and each two that follow each other swapped."""
+    each contact dropped and each two that follow each other swapped.
+
+    >>> rows = list(contact_controls(judged_queue, [judged_queue], VerdictSettings()))
+    >>> [(row.kind, row.accepted) for row in rows]
+    [('dropped', False), ('dropped', False), ('swapped', False)]
+    """
     observed = observe_contacts(crash.network, crash.hypothesis, crash.log)
 
     def row(kind: str, report: CrashRecord, contacts: Contacts) -> ControlRow:
@@ -52,7 +57,11 @@ def contact_controls(
 
 def parked_moved(crash: JudgedCrash) -> Shift | None:
     """The hypothesis with the parked vehicle of the first contact 3 m farther from where the other one came; None where
-    none was parked."""
+    none was parked.
+
+    >>> parked_moved(judged_queue) is None  # all three vehicles were in transport
+    True
+    """
     first = contacts_of(crash.record)[0]
     parked = next((vehicle.number for vehicle, _ in first.sides if not vehicle.in_transport), None)
     if parked is None:
@@ -77,7 +86,11 @@ def parked_moved(crash: JudgedCrash) -> Shift | None:
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> Contacts | None:
     """The other report's contacts, its vehicles numbered as the own one's in the order in which they take part; None
-    where it is of another kind or as many contacts and vehicles do not correspond."""
+    where it is of another kind or as many contacts and vehicles do not correspond.
+
+    >>> [contact.pair for contact in in_place_of(queue_record, queue_record)], in_place_of(record, queue_record)
+    ([(1, 2), (2, 3)], None)
+    """
     theirs, ours = contacts_of(other), contacts_of(own)
     if other.kind is not own.kind or not theirs or len(theirs) != len(ours):
         return None
@@ -107,7 +120,11 @@ def _with_vehicles(record: CrashRecord, contacts: Contacts) -> CrashRecord:
 
 
 def dropped(contacts: Contacts) -> Iterator[Contacts]:
-    """The contacts without one of them, for each whose pair does not meet at another time."""
+    """The contacts without one of them, for each whose pair does not meet at another time.
+
+    >>> [[contact.pair for contact in left] for left in dropped(contacts_of(queue_record))]
+    [[(2, 3)], [(1, 2)]]
+    """
     for left_out in contacts if len(contacts) > 1 else ():
         rest = tuple(contact for contact in contacts if contact is not left_out)
         if left_out.pair not in [contact.pair for contact in rest]:
@@ -115,7 +132,11 @@ def dropped(contacts: Contacts) -> Iterator[Contacts]:
 
 
 def swapped(contacts: Contacts) -> Iterator[Contacts]:
-    """The contacts with two that follow each other in the other order, for each two."""
+    """The contacts with two that follow each other in the other order, for each two.
+
+    >>> [[contact.pair for contact in left] for left in swapped(contacts_of(queue_record))]
+    [[(2, 3), (1, 2)]]
+    """
     for first in range(len(contacts) - 1):
         yield (*contacts[:first], contacts[first + 1], contacts[first], *contacts[first + 2 :])
 

@@ -56,7 +56,12 @@ class ObservedContacts:
 
 
 def observe_contacts(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedContacts:
-    """What happened between the vehicles of a simulated hypothesis."""
+    """What happened between the vehicles of a simulated hypothesis.
+
+    >>> observed = observe_contacts(judged_queue.network, judged_queue.hypothesis, judged_queue.log)
+    >>> [(contact.number_1, contact.number_2) for contact in observed.contacts][:2]  # the first car pushes the second
+    [(1, 2), (2, 3)]
+    """
     contacts = log.meetings
     sides = []
     for contact in contacts:
@@ -77,7 +82,15 @@ def contact_criteria(
     settings: VerdictSettings,
     contacts: tuple[VehicleContact, ...],
 ) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only shown."""
+    """Every criterion of the rule set, those that reject first, then those that are only shown.
+
+    >>> from trace_dag.crash.contacts import contacts_of
+    >>> observed = observe_contacts(judged_queue.network, judged_queue.hypothesis, judged_queue.log)
+    >>> told = contacts_of(queue_record)
+    >>> found = contact_criteria(observed, queue_record, judged_queue.log, VerdictSettings(), told)
+    >>> [criterion.name for criterion in found if criterion.reason and criterion.passed is False]
+    []
+    """
     event = contacts[0].event_number
     if observed.first is None:
         detail = f"{log.termination}: {log.reason}"

@@ -74,7 +74,11 @@ class ControlRow:
 
 
 def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
-    """The crash against its own report, for the rate beside the controls'."""
+    """The crash against its own report, for the rate beside the controls'.
+
+    >>> true_pairing(judged_collision, VerdictSettings()).accepted
+    True
+    """
     verdict = judge_hypothesis(crash.record, crash.network, crash.hypothesis, crash.log, settings)
     return row_of("true", crash.record.key, verdict)
 
@@ -90,6 +94,11 @@ def against_other_reports(
 
     ``in_place_of`` gives the other report the party numbers of the crash's own, None where they do not correspond;
     ``differ`` says whether two such reports contradict each other.
+
+    >>> others = [judged_collision, judged_queue]
+    >>> rows = against_other_reports(judged_collision, others, VerdictSettings(), renumbered, reports_differ)
+    >>> [(row.other_key, row.accepted, row.reports_differ) for row in rows]
+    [('2023-319101', False, True)]
     """
     observed = observe_crash(crash.record, crash.network, crash.hypothesis, crash.log, settings)
     for other in others:
@@ -104,13 +113,21 @@ def against_other_reports(
 
 
 def of_same_kind(crash: JudgedCrash, others: Iterable[JudgedCrash]) -> Iterator[JudgedCrash]:
-    """The crashes of the same kind."""
+    """The crashes of the same kind.
+
+    >>> [other.record.key for other in of_same_kind(judged_tree, [judged_collision, judged_tree, judged_pedestrian])]
+    ['2023-319111']
+    """
     return (other for other in others if other.record.kind is crash.record.kind)
 
 
 def reports_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Whether two reports, same vehicle numbers, contradict each other in an impact or a direction by more than the
-    thresholds. Where they do not, no simulation of the one can be told from one of the other by them."""
+    thresholds. Where they do not, no simulation of the one can be told from one of the other by them.
+
+    >>> reports_differ(record, record, VerdictSettings()), reports_differ(record, queue_record, VerdictSettings())
+    (False, True)
+    """
     theirs = {vehicle.number: vehicle for vehicle in two.vehicles}
     pair = [(vehicle, theirs[vehicle.number]) for vehicle in one.vehicles if vehicle.number in theirs]
     for mine, other in pair:
@@ -130,7 +147,11 @@ def _disjoint(one: frozenset[float], two: frozenset[float]) -> bool:
 
 
 def renumbered(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """The other record with its colliding pair numbered as the own one's, in the order of their numbers."""
+    """The other record with its colliding pair numbered as the own one's, in the order of their numbers.
+
+    >>> [vehicle.number for vehicle in renumbered(queue_record, record).vehicles], renumbered(tree_record, record)
+    ([1, 2], None)
+    """
     theirs, ours = other.colliding_vehicles, own.colliding_vehicles
     if theirs is None or ours is None:
         return None
@@ -161,6 +182,10 @@ def shifted_in_time(hypothesis: Hypothesis) -> Shift | None:
 
     Delays by the time the slower one takes for that and for the two bodies, :data:`LEAST_SHIFT_S` at least. None if
     one of the two stands where they meet.
+
+    >>> shift = shifted_in_time(hypothesis)  # 10 m and half of both lengths (4.85 and 2.20 m), by 6.26 m/s
+    >>> shift.vehicle_number, round(shift.shift_s, 2)
+    (1, 2.16)
     """
     one, two = _who_meet_first(hypothesis)
     slower_mps = min(abs(one.impact_speed_mps), abs(two.impact_speed_mps))
@@ -183,7 +208,13 @@ def _who_meet_first(hypothesis: Hypothesis) -> tuple[ParticipantState, Participa
 
 
 def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
-    """The same motion, later: the vehicle comes from further back, straight on and at its initial speed."""
+    """The same motion, later: the vehicle comes from further back, straight on and at its initial speed.
+
+    >>> first = hypothesis.participants[0]
+    >>> late = delayed(first, 2.0)  # at 6.26 m/s
+    >>> round(math.dist(late.initial_pose.xy_m, first.initial_pose.xy_m), 2)  # metres farther back
+    12.52
+    """
     t = state.trajectory
     pose, speed = state.initial_pose, state.initial_speed_mps
     back_m = speed * delay_s
@@ -203,14 +234,23 @@ def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
 
 
 def shifted_estimate(crash: JudgedCrash, shift: Shift) -> StateEstimate:
-    """What :func:`trace_dag.sim.run.simulate` takes to run a shifted hypothesis."""
+    """What :func:`trace_dag.sim.run.simulate` takes to run a shifted hypothesis.
+
+    >>> shift = shifted_in_time(hypothesis)
+    >>> shifted_estimate(judged_collision, shift).hypotheses == (shift.hypothesis,)
+    True
+    """
     return StateEstimate(crash.record.key, (shift.hypothesis,), EstimatorRun("shifted in time", "1"))
 
 
 def shifted_row(
     crash: JudgedCrash, shift: Shift | None, log: SimulationLog | None, settings: VerdictSettings
 ) -> ControlRow:
-    """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none."""
+    """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none.
+
+    >>> shifted_row(judged_collision, None, None, VerdictSettings()).accepted is None  # no delay makes them miss
+    True
+    """
     if shift is None or log is None:
         detail = "one of the parties stands where they meet: no delay makes them miss"
         return ControlRow("shifted", crash.record.key, detail=detail)
@@ -221,7 +261,12 @@ def shifted_row(
 
 
 def row_of(kind: str, key: str, verdict: Verdict, other_key: str | None = None) -> ControlRow:
-    """A judgement as a row."""
+    """A judgement as a row.
+
+    >>> row = row_of("true", record.key, verdict)
+    >>> row.accepted, row.clock_error_max_h, row.speeds_kept
+    (True, 0.0, True)
+    """
     return ControlRow(
         kind=kind,
         key=key,

@@ -34,7 +34,11 @@ _ANY_ANGLE: Final = frozenset(
 
 
 def course_facts(record: CrashRecord, observation: FirstContact) -> Iterator[Fact]:
-    """Every fact about the course that the report says something of."""
+    """Every fact about the course that the report says something of.
+
+    >>> {fact.agreement.value for fact in course_facts(record, first_contact)}
+    {'agrees'}
+    """
     yield from _first_harm(record)
     one, two = observation.vehicles
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
@@ -172,7 +176,12 @@ def _critical_event(
 
 
 def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these."""
+    """``P_CRASH1``: turning, going straight, standing, backing; None for what says none of these.
+
+    >>> fact = movement_fact(record, record.vehicles[0], first_contact.vehicles[0])
+    >>> fact.reported, fact.agreement.value
+    ('turning left', 'agrees')
+    """
     movement = vehicle.movement
     if "movement" in vehicle.implied:
         return None
@@ -195,7 +204,12 @@ def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVeh
 
 # --- each vehicle ------------------------------------------------------------------------------------------------
 def impact_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """The area of impact, by the clock; None if none is reported."""
+    """The area of impact, by the clock; None if none is reported.
+
+    >>> fact = impact_fact(record.vehicles[0], first_contact.vehicles[0])
+    >>> fact.reported, fact.found, fact.agreement.value
+    ("3 o'clock", "3.0 o'clock", 'agrees')
+    """
     error = clock_error_h(seen.clock_h, vehicle.impact)
     if vehicle.impact is None or error is None:
         return None
@@ -225,7 +239,12 @@ def _damage(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
 
 
 def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
-    """The travel speed; None if none is reported."""
+    """The travel speed; None if none is reported.
+
+    >>> fact = speed_fact(record.vehicles[1], first_contact.vehicles[1])  # 30 mph
+    >>> fact.reported, fact.found, fact.agreement.value
+    ('13.4 m/s', '13.4 m/s', 'agrees')
+    """
     error = speed_error_rel(seen.initial_speed_mps, vehicle)
     if error is None or vehicle.travel_speed_mps is None:
         return None

@@ -40,6 +40,9 @@ def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) ->
     """The street under a vehicle when it was last on a lane that goes its way, before a time.
 
     Within a junction it is both the street that the vehicle comes from and the one that it goes to.
+
+    >>> sorted(departed_street(network, log.vehicles[1], 1.0).names)  # vehicle 2 comes along Main Street
+    ['Main Street', 'NE 411']
     """
     time_s = until_s
     while time_s >= float(driven.time_s[0]):
@@ -61,7 +64,12 @@ def departed_street(network: RoadNetwork, driven: VehicleLog, until_s: float) ->
 
 
 def street_criterion(street: DepartedStreet, record: CrashRecord, number: int, event: int) -> Criterion:
-    """Whether the vehicle left a street that the report names; not evaluated where none of them is on the map there."""
+    """Whether the vehicle left a street that the report names; not evaluated where none of them is on the map there.
+
+    >>> streets = frozenset({"Main Street"}), frozenset({"Main Street", "Elder Street"})
+    >>> street_criterion(DepartedStreet(*streets), record, 1, 1).passed
+    True
+    """
     reported = [name for name in (record.trafficway_1, record.trafficway_2) if name]
     likeness, best_near = (
         max((value for each in reported if (value := similarity(each, names)) is not None), default=None)

@@ -31,7 +31,11 @@ _ALONG_M, _ACROSS_M = 5.0, 3.0
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
     """The other report with its vehicle and its events numbered as the own one's; None if either tells of no
-    departure."""
+    departure.
+
+    >>> [vehicle.number for vehicle in in_place_of(tree_record, tree_record).vehicles], in_place_of(record, tree_record)
+    ([1], None)
+    """
     theirs, ours = departure_of(other), departure_of(own)
     if theirs is None or ours is None:
         return None
@@ -51,7 +55,12 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Whether two reports contradict each other in the side, in whether it was on the roadway, the kind of the first
-    object, or the area of impact by more than the threshold: else no simulation tells them apart."""
+    object, or the area of impact by more than the threshold: else no simulation tells them apart.
+
+    >>> to_the_left = replace(tree_record, events=(replace(tree_record.events[0], code=64), *tree_record.events[1:]))
+    >>> departures_differ(tree_record, to_the_left, VerdictSettings())  # SOE 64: ran off the road to the left
+    True
+    """
     mine, theirs = departure_of(one), departure_of(two)
     if mine is None or theirs is None:
         return False
@@ -69,7 +78,12 @@ def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSetti
 
 def mirrored_departure(crash: JudgedCrash) -> Shift | None:
     """The hypothesis with the vehicle leaving to the other side, and the objects there; None if it left straight
-    ahead, which is its own mirror image."""
+    ahead, which is its own mirror image.
+
+    >>> (tree,), (mirrored,) = judged_tree.hypothesis.objects, mirrored_departure(judged_tree).hypothesis.objects
+    >>> tree.pose.y_m < 0.0 < mirrored.pose.y_m  # it went east: south of the road, and north of it
+    True
+    """
     departure, hypothesis = departure_of(crash.record), crash.hypothesis
     if departure is None or departure.side not in (DepartureSide.LEFT, DepartureSide.RIGHT):
         return None
@@ -133,7 +147,12 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
 
 def object_moved(crash: JudgedCrash) -> Shift | None:
     """The hypothesis with its first object 5 m farther from the reported point along the road; what runs along the
-    road would stay where it is by that, and is moved 3 m away from it. None of what lies across the end of a road."""
+    road would stay where it is by that, and is moved 3 m away from it. None of what lies across the end of a road.
+
+    >>> (tree,), (moved,) = judged_tree.hypothesis.objects, object_moved(judged_tree).hypothesis.objects
+    >>> round(math.dist(tree.pose.xy_m, moved.pose.xy_m), 3)  # metres
+    5.0
+    """
     departure, hypothesis = departure_of(crash.record), crash.hypothesis
     observed = observe_departure(crash.network, hypothesis, crash.log)
     if departure is None or observed is None or not hypothesis.objects:

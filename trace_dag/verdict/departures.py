@@ -85,7 +85,13 @@ class ObservedDeparture:
 
 
 def observe_departure(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedDeparture | None:
-    """What happened in a simulated hypothesis; None if no object was struck."""
+    """What happened in a simulated hypothesis; None if no object was struck.
+
+    >>> observed = observe_departure(judged_tree.network, judged_tree.hypothesis, judged_tree.log)
+    >>> struck = judged_tree.log.object_of(observed.first.contact.number_2)
+    >>> [side.value for side in observed.sides], struck.name
+    (['right'], 'tree')
+    """
     struck = sorted((c for c in log.contacts if log.object_of(c.number_2)), key=lambda contact: contact.time_s)
     if not struck:
         return None
@@ -115,13 +121,21 @@ def _object(network: RoadNetwork, contact: Contact, log: SimulationLog) -> Obser
 
 
 def reported_zone(record: CrashRecord) -> RoadZone | None:
-    """Where across the road the first harmful event was (``REL_ROAD``); None if that is not known."""
+    """Where across the road the first harmful event was (``REL_ROAD``); None if that is not known.
+
+    >>> tree_record.road_relation_code, reported_zone(tree_record).value
+    (4, 'roadside')
+    """
     return _ZONES.get(record.road_relation_code or 0)
 
 
 def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePlace | None) -> float:
     """Distance from the reported point: along the road for what is beside it, to its end for what is beyond that; the
-    whole one for what is on the road."""
+    whole one for what is on the road.
+
+    >>> along_road_m(network, 5.0, 0.0, roadside_at(network, 5.0, 0.0))  # on the road: the distance itself
+    5.0
+    """
     if place is None or place.zone is RoadZone.ROADWAY:
         return math.hypot(x_m, y_m)
     beside = network.pose(place.lane.lane, place.lane.s_m)
@@ -132,7 +146,13 @@ def along_road_m(network: RoadNetwork, x_m: float, y_m: float, place: RoadsidePl
 def departure_criteria(
     observed: ObservedDeparture | None, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
 ) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only shown."""
+    """Every criterion of the rule set, those that reject first, then those that are only shown.
+
+    >>> observed = observe_departure(judged_tree.network, judged_tree.hypothesis, judged_tree.log)
+    >>> found = departure_criteria(observed, tree_record, judged_tree.log, VerdictSettings())
+    >>> found[1].name, found[1].passed, found[2].name, found[2].passed
+    ('departure', True, 'departure_side', True)
+    """
     departure = departure_of(record)
     if departure is None or not departure.objects:
         raise Failure(
@@ -194,7 +214,13 @@ def departing(
     record: CrashRecord,
     settings: VerdictSettings,
 ) -> list[Criterion]:
-    """Whether, to which side and into which zone the vehicle left the road before the first harmful event."""
+    """Whether, to which side and into which zone the vehicle left the road before the first harmful event.
+
+    >>> departure = departure_of(tree_record)  # to the right
+    >>> found = departing(2.0, (DepartureSide.LEFT,), None, departure, tree_record, VerdictSettings())
+    >>> [(criterion.name, criterion.passed) for criterion in found]
+    [('departure', True), ('departure_side', False), ('zone_error', False)]
+    """
     number, event = departure.vehicle.number, departure.event_number
     zone = reported_zone(record)
     on_road = zone is RoadZone.ROADWAY or (departure.side is DepartureSide.AHEAD and zone is None)

@@ -68,6 +68,9 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
     """Turns (degrees to the left) the report allows: of ``P_CRASH1`` and ``ACC_TYPE``, which may disagree.
 
     Empty where neither says.
+
+    >>> [reported_turns_deg(vehicle) for vehicle in record.vehicles]  # one turned left, the other went straight on
+    [frozenset({90.0}), frozenset({0.0})]
     """
     turns = set()
     if vehicle.movement in TURNS_BY_MOVEMENT:
@@ -84,7 +87,11 @@ def reported_turns_deg(vehicle: VehicleRecord) -> frozenset[float]:
 
 
 def reported_relations_deg(one: VehicleRecord, two: VehicleRecord) -> frozenset[float]:
-    """Angles between the two directions of approach that the crash types (``ACC_TYPE``) of the pair allow."""
+    """Angles between the two directions of approach that the crash types (``ACC_TYPE``) of the pair allow.
+
+    >>> reported_relations_deg(*record.vehicles)  # ACC_TYPE 68 and 69: they came from opposite directions
+    frozenset({180.0})
+    """
     relations = (crash_type_of(vehicle).relation for vehicle in (one, two))
     return frozenset(_RELATION_DEG[relation] for relation in relations if relation is not None)
 
@@ -137,6 +144,11 @@ def direction(
 
     A vehicle is hit in the middle of its turn: what it was about to do is the plan's heading some metres beyond the
     contact, relative to the plan's heading at it.
+
+    >>> contact, planned = first_contact.contact, hypothesis.participants[0].trajectory
+    >>> went = direction(network, log.vehicles[0], contact.pose_1, contact.time_s, planned)
+    >>> 75.0 < went.turn_deg < 105.0  # about a quarter turn to the left
+    True
     """
     approach, offered = _approach(network, driven, contact, contact_s)
     remaining = _heading_beyond(trajectory, contact_s) - float(

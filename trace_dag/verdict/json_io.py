@@ -16,7 +16,11 @@ def _adapter() -> TypeAdapter[Verdict]:
 
 
 def verdict_to_json(verdict: Verdict) -> bytes:
-    """A verdict as stored: every criterion with value, threshold, unit and whether it holds."""
+    """A verdict as stored: every criterion with value, threshold, unit and whether it holds.
+
+    >>> b'"accepted": true' in verdict_to_json(verdict)
+    True
+    """
     return _adapter().dump_json(verdict, indent=1)
 
 

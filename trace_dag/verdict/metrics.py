@@ -114,12 +114,20 @@ class FirstContact:
 
 
 def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> FirstContact | None:
-    """The first contact of two participants in a simulated hypothesis; None if there was none."""
+    """The first contact of two participants in a simulated hypothesis; None if there was none.
+
+    >>> observe(network, hypothesis, log).contact == log.meetings[0]
+    True
+    """
     return observe_contact(network, hypothesis, log, log.meetings[0]) if log.meetings else None
 
 
 def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog, contact: Contact) -> FirstContact:
-    """A contact up to which neither body had been in another, with what led to it."""
+    """A contact up to which neither body had been in another, with what led to it.
+
+    >>> [seen.number for seen in observe_contact(network, hypothesis, log, log.meetings[0]).vehicles]
+    [1, 2]
+    """
     states = {state.vehicle_number: state for state in hypothesis.participants}
     logs = {vehicle.number: vehicle for vehicle in log.vehicles}
     one, two = (
@@ -131,7 +139,12 @@ def observe_contact(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
 
 
 def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
-    """Set a contact beside a report, whose location is the origin of the local frame."""
+    """Set a contact beside a report, whose location is the origin of the local frame.
+
+    >>> measures = compare(first_contact, record)
+    >>> measures.right_pair, [vehicle.clock_error_h for vehicle in measures.vehicles]  # struck where the report says
+    (True, [0.0, 0.0])
+    """
     contact, (one, two) = observation.contact, observation.vehicles
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
     pair = record.colliding_vehicles
@@ -151,7 +164,12 @@ def compare(observation: FirstContact, record: CrashRecord) -> CrashMeasures:
 
 
 def compared_vehicle(seen: ObservedVehicle, reported: VehicleRecord | None, record: CrashRecord) -> VehicleMeasures:
-    """Compare what one vehicle did with what the report says of it."""
+    """Compare what one vehicle did with what the report says of it.
+
+    >>> measures = compared_vehicle(first_contact.vehicles[1], record.vehicles[1], record)
+    >>> round(measures.reported_speed_mps, 2), round(measures.initial_speed_mps, 2)  # 30 mph
+    (13.41, 13.41)
+    """
     area = reported.impact if reported else None
     return VehicleMeasures(
         number=seen.number,
@@ -219,7 +237,11 @@ class Side:
 
 
 def sides_of(contact: Contact) -> tuple[Side, Side]:
-    """Both bodies of a contact, the first one first."""
+    """Both bodies of a contact, the first one first.
+
+    >>> [side.number for side in sides_of(log.meetings[0])]
+    [1, 2]
+    """
     c = contact
     return (
         Side(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
@@ -230,7 +252,14 @@ def sides_of(contact: Contact) -> tuple[Side, Side]:
 def observed_vehicle(
     network: RoadNetwork, side: Side, state: ParticipantState, driven: VehicleLog, log: SimulationLog, contact: Contact
 ) -> ObservedVehicle:
-    """What one body of a contact did up to it, by its own log of the simulation's."""
+    """What one body of a contact did up to it, by its own log of the simulation's.
+
+    >>> contact = log.meetings[0]
+    >>> side, _ = sides_of(contact)
+    >>> seen = observed_vehicle(network, side, hypothesis.participants[0], log.vehicles[0], log, contact)
+    >>> 75.0 < seen.turn_deg < 105.0, round(seen.initial_speed_mps, 2)  # it turns left at 14 mph
+    (True, 6.26)
+    """
     struck = struck_side(side, log, contact)
     distance, speed_error = tracking_errors(state.trajectory, driven, contact.time_s)
     planned = np.abs(np.interp(driven.time_s[: len(speed_error)], state.trajectory.time_s, state.trajectory.speed_mps))
@@ -265,7 +294,12 @@ class StruckSide:
 
 
 def struck_side(side: Side, log: SimulationLog, contact: Contact) -> StruckSide:
-    """Where a body was struck in a contact, how fast it was, and what that did to it."""
+    """Where a body was struck in a contact, how fast it was, and what that did to it.
+
+    >>> side, _ = sides_of(log.meetings[0])
+    >>> round(struck_side(side, log, log.meetings[0]).clock_h)  # in its right side
+    3
+    """
     ahead, left = side.pose.to_body(side.other.xy_m)
     forward = side.pose.forward
     dv_ahead, dv_left = Pose(0, 0, side.pose.heading_rad).to_body(np.array(side.delta_v_mps))
@@ -280,7 +314,11 @@ def struck_side(side: Side, log: SimulationLog, contact: Contact) -> StruckSide:
 
 
 def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
-    """How far a point is outside the carriageway, negative within it."""
+    """How far a point is outside the carriageway, negative within it.
+
+    >>> outside_m(network, 0.0, 0.0) < 0.0 < outside_m(network, 30.0, 30.0)  # in the crossing; between two streets
+    True
+    """
     point, area = shapely.Point(x_m, y_m), network.drivable_area
     outside = float(area.distance(point))
     return outside if outside > 0 else -float(area.boundary.distance(point))
@@ -291,6 +329,10 @@ def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:
 
     A clock position is an area too, half an hour either side of its hour, so that "within two clock positions" lets
     five of the twelve pass, as counting positions does.
+
+    >>> three = record.vehicles[0].impact  # 2:30 to 3:30
+    >>> clock_error_h(3.4, three), round(clock_error_h(5.0, three), 6)
+    (0.0, 1.5)
     """
     if area is None:
         return None
@@ -298,7 +340,11 @@ def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:
 
 
 def speed_error_rel(simulated_mps: float, reported: VehicleRecord | None) -> float | None:
-    """Signed difference of a speed from the reported one, relative to that; None where none is reported."""
+    """Signed difference of a speed from the reported one, relative to that; None where none is reported.
+
+    >>> round(speed_error_rel(33 * 0.44704, record.vehicles[1]), 6)  # 33 mph, reported are 30
+    0.1
+    """
     if reported is None or reported.travel_speed_mps is None:
         return None
     error = (abs(simulated_mps) - reported.travel_speed_mps) / max(reported.travel_speed_mps, _LEAST_SPEED_MPS)

@@ -46,7 +46,11 @@ class ObservedOverturn:
 
 
 def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOverturn | None:
-    """The overturn of a simulated hypothesis; None if there was none."""
+    """The overturn of a simulated hypothesis; None if there was none.
+
+    >>> observe_overturn(network, log) is None  # neither vehicle overturns
+    True
+    """
     over = {vehicle.number: overturned_at(vehicle) for vehicle in log.parties}
     found = [(step, vehicle) for vehicle in log.parties if (step := over[vehicle.number]) is not None]
     if not found:
@@ -74,7 +78,12 @@ def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOvertu
 def overturn_criteria(
     observed: ObservedOverturn | None, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
 ) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only shown."""
+    """Every criterion of the rule set, those that reject first, then those that are only shown.
+
+    >>> (criterion,) = overturn_criteria(None, tree_record, judged_tree.log, VerdictSettings())
+    >>> criterion.name, criterion.passed, criterion.reason.value
+    ('overturn', False, 'no_overturn')
+    """
     departure = departure_of(record)
     if departure is None:
         raise Failure(f"{record.key}: judged as an overturn, but its report tells of none; judge it again")

@@ -42,7 +42,12 @@ def compare(
     settings: VerdictSettings,
 ) -> ComparisonRow:
     """Judge one simulation of a benchmark; a speed is kept if initial and reported one differ by no more than the
-    settings allow."""
+    settings allow.
+
+    >>> row = compare("ours", record, network, hypothesis, log, VerdictSettings())
+    >>> row.contact, row.clocks_ok, row.speeds_kept, row.accepted
+    (True, True, True, True)
+    """
     verdict = judge_hypothesis(record, network, hypothesis, log, settings)
     reported = {vehicle.number: vehicle for vehicle in record.vehicles}
     errors = [speed_error_rel(float(driven.speed_mps[0]), reported.get(driven.number)) for driven in log.vehicles]

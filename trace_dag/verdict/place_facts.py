@@ -69,7 +69,12 @@ _FACT_OF: Final = {
 def place_facts(
     record: CrashRecord, network: RoadNetwork, report: MapReport, seen: Sequence[ObservedVehicle] = ()
 ) -> Iterator[Fact]:
-    """Every fact about the place that both the report and the map say something of, and the vehicles ``seen`` there."""
+    """Every fact about the place that both the report and the map say something of, and the vehicles ``seen`` there.
+
+    >>> facts = {fact.name: fact for fact in place_facts(record, network, map_report)}
+    >>> facts["lanes"].reported, facts["lanes"].found, facts["lanes"].agreement.value
+    ('4', '4', 'agrees')
+    """
     streets = streets_at(network, record, report.placement)
     yield from _street_names(record, network, report.placement, streets)
     yield from _road_class(record, network, report.placement, streets)

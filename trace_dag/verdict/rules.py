@@ -80,7 +80,12 @@ class Judgement:
 
 
 def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: VerdictSettings) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only reported."""
+    """Every criterion of the rule set, those that reject first, then those that are only reported.
+
+    >>> (criterion,) = criteria(None, log, VerdictSettings())  # nothing touched
+    >>> criterion.reason.value, criterion.passed
+    ('no_collision', False)
+    """
     if measures is None:
         detail = f"{log.termination}: {log.reason}"
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail),)
@@ -147,7 +152,11 @@ def at_most(
 
 
 def clock_criterion(error_h: float | None, limits: VerdictSettings, number: int, event: int | None = None) -> Criterion:
-    """The criterion on where a body was struck, against the reported clock position."""
+    """The criterion on where a body was struck, against the reported clock position.
+
+    >>> [clock_criterion(error_h, VerdictSettings(), 1).passed for error_h in (2.0, 2.1, None)]
+    [True, False, None]
+    """
     return at_most("clock_error", error_h, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, number, event)
 
 
@@ -166,7 +175,13 @@ def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterio
 
 
 def reported_of(vehicle: VehicleMeasures, limits: VerdictSettings, event: int | None = None) -> list[Criterion]:
-    """What is shown of one vehicle of a contact."""
+    """What is shown of one vehicle of a contact.
+
+    >>> from trace_dag.verdict.metrics import compare
+    >>> shown_of_first = reported_of(compare(first_contact, record).vehicles[0], VerdictSettings())
+    >>> [(each.name, each.value) for each in shown_of_first if each.name == "reported_clock"]
+    [('reported_clock', 3.0)]
+    """
     number = vehicle.number
     return [
         at_most(
@@ -199,6 +214,10 @@ def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...] = REQU
     """Whether the crash is accepted; if not, the first reason in the order of the flow, and the sentence for it.
 
     Of each ``required`` reason something has to have been evaluated.
+
+    >>> found = judgement((at_most("contact_distance", 6.0, 5.0, "m", Reason.WRONG_LOCATION),), ())
+    >>> found.reason.value, found.detail
+    ('wrong_location', 'contact distance 6.0 m, at most 5 allowed')
     """
     for reason in _REJECTING:
         of_kind = [criterion for criterion in judged if criterion.reason is reason]

@@ -30,7 +30,12 @@ _MISS_BY_M: Final = 10.0
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
-    """The other report with its parties numbered as the own one's; None where as many strikes do not correspond."""
+    """The other report with its parties numbered as the own one's; None where as many strikes do not correspond.
+
+    >>> same = in_place_of(pedestrian_record, pedestrian_record)
+    >>> same.non_motorists[0].number, in_place_of(record, pedestrian_record)  # that one tells of no strike
+    (1, None)
+    """
     theirs, ours = strikes_of(other), strikes_of(own)
     if not theirs or len(theirs) != len(ours):
         return None
@@ -65,7 +70,11 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 
 def strikes_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Whether two reports contradict each other in an area of impact by more than the threshold, in a turn, in the
-    course, zone or compass direction of the person: else no simulation of the one can be told from one of the other."""
+    course, zone or compass direction of the person: else no simulation of the one can be told from one of the other.
+
+    >>> strikes_differ(pedestrian_record, pedestrian_record, VerdictSettings())
+    False
+    """
     for mine, other in zip(strikes_of(one), strikes_of(two), strict=True):
         apart_h = clock_error_h(mine.area.clock_h, other.area) if mine.area else None
         if apart_h is not None and apart_h > settings.max_clock_error_h:
@@ -98,7 +107,12 @@ def _opposite(one: int | None, two: int | None) -> bool:
 
 def late_person(hypothesis: Hypothesis) -> Shift | None:
     """The hypothesis with its first person late: two seconds if it crosses, longer if it goes along the road; None if
-    the person or the vehicle stands where they meet."""
+    the person or the vehicle stands where they meet.
+
+    >>> shift = late_person(judged_pedestrian.hypothesis)  # he crosses the road
+    >>> shift.vehicle_number, shift.shift_s
+    (1001, 2.0)
+    """
     person = _first_person(hypothesis)
     if person is None or abs(person.impact_speed_mps) < _STANDING_MPS:
         return None
@@ -116,6 +130,9 @@ def mirrored(record: CrashRecord, hypothesis: Hypothesis) -> Shift | None:
     """The hypothesis with its first person coming from the other side; None where the report does not say the side.
 
     The person's motion is mirrored at the line along which the vehicle strikes it.
+
+    >>> mirrored(pedestrian_record, judged_pedestrian.hypothesis) is None  # it is not said from which side he came
+    True
     """
     (strike, *_) = strikes_of(record) or (None,)
     person = _first_person(hypothesis)

@@ -52,7 +52,14 @@ _PRESENT, _NONE_NOTED = 1, 0
 
 
 def strike_facts(record: CrashRecord, observed: ObservedStrikes) -> Iterator[Fact]:
-    """Every fact about the strikes that the report says something of; none where nothing touched."""
+    """Every fact about the strikes that the report says something of; none where nothing touched.
+
+    >>> from trace_dag.verdict.strikes import observe_strikes
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> fact = next(strike_facts(pedestrian_record, observed))
+    >>> fact.name, fact.reported, fact.agreement.value
+    ('striking vehicle', 'vehicle 1 and person 1', 'agrees')
+    """
     if not observed.contacts:
         return
     strikes = strikes_of(record)
@@ -67,7 +74,11 @@ def strike_facts(record: CrashRecord, observed: ObservedStrikes) -> Iterator[Fac
 
 
 def crosswalk_facts(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> Iterator[Fact]:
-    """``PBCWALK`` beside the crosswalks of a map that has any: most towns have not drawn theirs."""
+    """``PBCWALK`` beside the crosswalks of a map that has any: most towns have not drawn theirs.
+
+    >>> [fact.reported for fact in crosswalk_facts(pedestrian_record, network, map_report.placement)]
+    ['none noted']
+    """
     if not crosswalks(network):
         return
     near = bool(crosswalks_near(network, placement.x_m, placement.y_m, _CROSSWALK_M))

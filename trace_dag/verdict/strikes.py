@@ -85,7 +85,12 @@ class ObservedStrikes:
 
 
 def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> ObservedStrikes:
-    """What happened between the parties of a simulated hypothesis."""
+    """What happened between the parties of a simulated hypothesis.
+
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> [(strike.contact.number_1, strike.contact.number_2, strike.outside_m < 0.0) for strike in observed.strikes]
+    [(1, 1001, True)]
+    """
     contacts = log.meetings
     strikes = [contact for contact in contacts if log.is_figure(contact.number_2)]
     states = {state.vehicle_number: state for state in hypothesis.participants}
@@ -131,7 +136,13 @@ def _thrown_m(person: VehicleLog, x_m: float, y_m: float, until_s: float | None)
 def strike_criteria(
     observed: ObservedStrikes, record: CrashRecord, log: SimulationLog, settings: VerdictSettings
 ) -> tuple[Criterion, ...]:
-    """Every criterion of the rule set, those that reject first, then those that are only shown."""
+    """Every criterion of the rule set, those that reject first, then those that are only shown.
+
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> found = strike_criteria(observed, pedestrian_record, judged_pedestrian.log, VerdictSettings())
+    >>> [criterion.name for criterion in found if criterion.reason and criterion.passed]
+    ['contact', 'contact_distance', 'zone_error', 'clock_error', 'direction_error', 'course_error']
+    """
     strikes = strikes_of(record)
     if not observed.contacts:
         detail = f"{log.termination}: {log.reason}"
@@ -166,7 +177,12 @@ def strike_criteria(
 def matched_strikes(
     observed: ObservedStrikes, strikes: Sequence[Strike], *, in_order: bool
 ) -> tuple[ObservedStrike | None, ...]:
-    """The contact that each reported strike is, None where it does not happen after the one before."""
+    """The contact that each reported strike is, None where it does not happen after the one before.
+
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> matched_strikes(observed, strikes_of(pedestrian_record), in_order=True) == observed.strikes
+    True
+    """
     found: list[ObservedStrike | None] = []
     after_s = -math.inf
     for strike in strikes:
@@ -281,7 +297,7 @@ def _of_strike(
     turn = turn_of(strike.vehicle)
     found = []
     if first:
-        distance = contact_distance_m(seen, zones)
+        distance = _contact_distance_m(seen, zones)
         found.append(
             at_most(
                 "contact_distance", distance, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION, None, event
@@ -329,7 +345,7 @@ def _of_strike(
     return found
 
 
-def contact_distance_m(seen: ObservedStrike, zones: Iterable[Zone]) -> float:
+def _contact_distance_m(seen: ObservedStrike, zones: Iterable[Zone]) -> float:
     """From the reported point to the contact; along the road only where the person was off the carriageway, since the
     reported point lies on the road then."""
     zones = frozenset(zones)
@@ -342,6 +358,9 @@ def zone_error_m(outside_m: float, zones: frozenset[Zone]) -> float | None:
     """How far a person was from the nearest reported zone; None if none is reported.
 
     ``outside_m``: from the carriageway's edge, negative within it.
+
+    >>> zone_error_m(5.0, frozenset({Zone.BESIDE})), zone_error_m(5.0, frozenset({Zone.OUTSIDE}))
+    (1.0, 0.0)
     """
     inside_m = -outside_m
     errors = {
@@ -358,6 +377,11 @@ def course_error_deg(seen: ObservedStrike, person: NonMotorist, turn: Turn | Non
     allows any, or that the person stood.
 
     Across is across the road that a turning vehicle came along or turned into, whichever the report says (``PEDSNR``).
+
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> (seen,) = observed.strikes
+    >>> round(course_error_deg(seen, pedestrian_record.non_motorists[0], None))  # he walks straight across
+    0
     """
     allowed = told_courses(person, turn)
     if not allowed or (Course.STANDING in allowed and seen.person_speed_mps <= _STANDS_MPS):

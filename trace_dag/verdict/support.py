@@ -93,6 +93,10 @@ def facts_of(
     """Every fact of the report that can be compared with the map, the simulated course or the report itself.
 
     Not weighed yet. Without an ``observation`` (no contact) those of the place and of the report alone.
+
+    >>> facts = facts_of(record, network, map_report, first_contact)
+    >>> len({fact.name for fact in facts}), [fact.name for fact in facts if fact.agreement is Agreement.DIFFERS]
+    (19, [])
     """
     seen = observation.vehicles if observation is not None else ()
     found = [*place_facts(record, network, report, seen), *_contradictions(record)]
@@ -104,7 +108,13 @@ def facts_of(
 def facts_of_strikes(
     record: CrashRecord, network: RoadNetwork, report: MapReport, observed: ObservedStrikes
 ) -> tuple[Fact, ...]:
-    """As :func:`facts_of`, of a crash in which vehicles struck people."""
+    """As :func:`facts_of`, of a crash in which vehicles struck people.
+
+    >>> from trace_dag.verdict.strikes import observe_strikes
+    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
+    >>> "striking vehicle" in {fact.name for fact in facts_of_strikes(pedestrian_record, network, map_report, observed)}
+    True
+    """
     seen = tuple({strike.vehicle.number: strike.vehicle for strike in reversed(observed.strikes)}.values())
     return (
         *place_facts(record, network, report, seen),
@@ -125,6 +135,12 @@ def supported(facts: Iterable[Fact], weights: Weights | None = None) -> Support:
 
     A fact reported of both vehicles is one thing: its weights are averaged, so that what the two forms repeat does not
     count twice.
+
+    >>> fact = Fact("lanes", ComparedWith.MAP, Agreement.AGREES, "4", "4")
+    >>> of_both = (replace(fact, vehicle_number=number) for number in (1, 2))
+    >>> support = supported(of_both, {("lanes", Agreement.AGREES): 0.5})
+    >>> support.total, support.independent_facts  # one thing
+    (0.5, 1)
     """
     table = fitted_weights() if weights is None else weights
     given = tuple(facts)
@@ -158,7 +174,11 @@ def _sentence(fact: Fact) -> str:
 
 
 def grade_of(accepted: bool, support: Support | None) -> Grade:
-    """What a verdict is worth."""
+    """What a verdict is worth.
+
+    >>> grade_of(False, None).value, grade_of(True, None).value
+    ('rejected', 'consistent')
+    """
     if not accepted:
         return Grade.REJECTED
     return Grade.CORROBORATED if support is not None and not support.detail else Grade.CONSISTENT
@@ -166,12 +186,21 @@ def grade_of(accepted: bool, support: Support | None) -> Grade:
 
 @cache
 def fitted_weights() -> Weights:
-    """The weights of the package's table."""
+    """The weights of the package's table.
+
+    >>> fitted_weights()["impact", Agreement.AGREES] > 0 > fitted_weights()["impact", Agreement.DIFFERS]
+    True
+    """
     return weights_of(read_weights(COUNTS))
 
 
 def weights_of(counts: Iterable[Weight]) -> Weights:
-    """What each fact counts for, by the way it came out."""
+    """What each fact counts for, by the way it came out.
+
+    >>> weights = weights_of([Weight("lanes", Agreement.AGREES, 40, 50, 10, 50)])
+    >>> round(weights["lanes", Agreement.AGREES], 1)  # ln(0.8 / 0.2), a little less by the prior
+    1.3
+    """
     return {(row.fact, row.agreement): row.log_likelihood_ratio for row in counts}
 
 
