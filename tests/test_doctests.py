@@ -8,9 +8,11 @@ from __future__ import annotations
 import ast
 import doctest
 import importlib
+import math
 import re
 from collections.abc import Iterator
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,8 +24,17 @@ import trace_dag
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
 from trace_dag.osm.catalog import MapCatalog
-from trace_dag.osm.types import OsmExtract, Site
+from trace_dag.osm.types import OsmExtract, OsmWay, Site
 from trace_dag.roads.build import build_road_map
+from trace_dag.roads.from_osm.junction_areas import lay_out
+from trace_dag.roads.from_osm.lanes import Stretch, build_sections
+from trace_dag.roads.from_osm.movements import make_arm
+from trace_dag.roads.from_osm.polyline_fit import fit_plan
+from trace_dag.roads.from_osm.street_graph import build_street_graph
+from trace_dag.roads.from_osm.street_roads import build_street_roads
+from trace_dag.roads.from_osm.tags import read_profile
+from trace_dag.roads.map.curves import PlanPose, connect
+from trace_dag.roads.map.model import ContactPoint
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
@@ -50,7 +61,8 @@ OF_THE_FIRST = (
     *("state_estimate", "hypothesis", "log", "verdict", "first_contact", "perturbed_scene"),
 )
 JUDGED = {f"judged_{name.removesuffix('_record').replace('record', 'collision')}": name for name in REPORTS}
-NAMES = (*REPORTS, *OF_THE_FIRST, *JUDGED)
+OF_THE_MAP = ("street_graph", "plans", "street_roads", "bare_roads", "tee_arms")
+NAMES = (*REPORTS, *OF_THE_FIRST, *OF_THE_MAP, *JUDGED)
 
 
 class Made(NamedTuple):
@@ -102,6 +114,29 @@ def first_names() -> dict[str, object]:
 
 
 @cache
+def map_names() -> dict[str, object]:
+    """What the conversion of the first crash's map goes through, by the names of ``OF_THE_MAP``; and a T by hand: three
+    roads of one lane each way that end 10 m from its node, from the west, the east and the south."""
+    made = made_of("record")
+    graph = build_street_graph(made.extract, made.network.frame, read_profile)
+    plans = [fit_plan(street.points, 10.0) for street in graph.streets]
+    layout, ids = lay_out(graph.streets, plans), count()
+    built = {
+        index: build_street_roads(street, plans[index], layout.trims[index], lambda: str(next(ids)))
+        for index, street in enumerate(graph.streets)
+    }
+    profile = read_profile(OsmWay(1, (1, 2), {"highway": "residential"}))
+    lanes = build_sections([Stretch(profile, 0.0, 50.0)])[0].end
+    poses = [PlanPose(-10.0, 0.0, 0.0), PlanPose(10.0, 0.0, math.pi), PlanPose(0.0, -10.0, math.pi / 2)]
+    arms = []
+    for name, pose in zip(("west", "east", "south"), poses, strict=True):
+        rest = connect(pose, PlanPose(0.0, 0.0, pose.heading_rad))
+        arms.append(make_arm(name, ContactPoint.END, 1, profile, pose, rest, lanes))
+    roads = tuple(road for each in built.values() for road in each.roads)
+    return dict(zip(OF_THE_MAP, (graph, plans, built, roads, arms), strict=True))
+
+
+@cache
 def sample_object(name: str) -> object:
     """What an example calls by this name: a crash of the bundled sample as read, as judged, or what the program makes
     of the first of them."""
@@ -110,7 +145,7 @@ def sample_object(name: str) -> object:
     if name in JUDGED:
         made = made_of(JUDGED[name])
         return JudgedCrash(record_of(JUDGED[name]), made.network, made.state_estimate.hypotheses[0], made.logs[0])
-    return first_names()[name]
+    return map_names()[name] if name in OF_THE_MAP else first_names()[name]
 
 
 DOMAIN = ("crash", "osm", "roads", "states", "sim", "scenario", "verdict", "units.py", "geometry.py", "markdown.py")

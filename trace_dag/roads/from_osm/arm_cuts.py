@@ -54,7 +54,12 @@ class Cut(NamedTuple):
 
 
 def end_profile(street: Street, at_start: bool) -> WayProfile:
-    """Profile of the street where it ends, in the street's direction."""
+    """Profile of the street where it ends, in the street's direction.
+
+    >>> street = street_graph.streets[0]
+    >>> end_profile(street, True) == street.spans[0].profile, end_profile(street, False) == street.spans[-1].profile
+    (True, True)
+    """
     return (street.spans[0] if at_start else street.spans[-1]).profile
 
 

@@ -63,7 +63,16 @@ class _Link(NamedTuple):
 def build_connections(
     movements: Sequence[Movement], junction_id: str, new_road_id: Callable[[], str]
 ) -> tuple[list[Road], list[Connection]]:
-    """Connecting roads and connections of one junction."""
+    """Connecting roads and connections of one junction.
+
+    >>> from itertools import count
+    >>> from trace_dag.roads.from_osm.movements import TurnRestrictions, find_movements
+    >>> ids = count(7)
+    >>> movements = find_movements(tee_arms, [], TurnRestrictions())  # from the west, the east and the south
+    >>> roads, connections = build_connections(movements, "6", lambda: str(next(ids)))
+    >>> [(each.incoming_road, each.connecting_road) for each in connections][:3]
+    [('west', '7'), ('west', '8'), ('east', '9')]
+    """
     roads: list[Road] = []
     connections: list[Connection] = []
     for link in _possible([link for link in _links(movements) if link.plan.length_m >= _SHORTEST_M]):

@@ -36,7 +36,11 @@ class _Approach:
 
 
 def with_controllers(network: RoadNetwork) -> RoadNetwork:
-    """The network with a controller for each group of lights, named by the junctions they stand at."""
+    """The network with a controller for each group of lights, named by the junctions they stand at.
+
+    >>> sorted({controller.name for controller in with_controllers(network).controllers})
+    ['Cedar Street', 'Elder Street', 'Main Street']
+    """
     approaches: dict[str, list[_Approach]] = defaultdict(list)
     alone: dict[int | str, list[str]] = defaultdict(list)  # by OSM node: both sides of a pedestrian crossing
     for road in network.roads:

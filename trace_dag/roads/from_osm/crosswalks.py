@@ -55,6 +55,10 @@ def with_crosswalks(
     """``roads``, finished, with the crosswalks that OpenStreetMap has across them.
 
     ``built`` has the roads of each street as they were before heights and links.
+
+    >>> roads = with_crosswalks(bare_roads, extract, street_graph, plans, street_roads)
+    >>> [len(road.crosswalks) for road in roads if road.crosswalks]
+    [1]
     """
     crossings = _at_nodes(extract, graph, plans, built)
     _add_ways(crossings, extract, graph, plans, built)

@@ -20,14 +20,23 @@ _REACH_M: Final = 15.0  # a tagged height counts for height nodes this near to i
 
 
 def has_height_tags(extract: OsmExtract) -> bool:
-    """Whether any incline, or heights of two places, are tagged: one height alone says nothing."""
+    """Whether any incline, or heights of two places, are tagged: one height alone says nothing.
+
+    >>> has_height_tags(extract)
+    False
+    """
     return any(_incline(way.tags) is not None for way in extract.ways) or (
         sum(_metres(node.tags.get("ele")) is not None for node in extract.nodes.values()) >= 2
     )
 
 
 def ground_heights(network: RoadNetwork, graph: HeightGraph, extract: OsmExtract, steepest: float) -> FloatArray:
-    """Ground heights from ``incline`` and ``ele``, everywhere else as level as these leave it (least squares)."""
+    """Ground heights from ``incline`` and ``ele``, everywhere else as level as these leave it (least squares).
+
+    >>> graph = HeightGraph(network, {road.id: (0.0, road.length_m) for road in network.roads})
+    >>> float(np.abs(ground_heights(network, graph, extract, 0.1)).max())  # level where nothing is tagged
+    0.0
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import lsqr
 

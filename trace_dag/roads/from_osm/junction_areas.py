@@ -62,7 +62,11 @@ class Layout:
 
 
 def lay_out(streets: Sequence[Street], plans: Sequence[PlanView]) -> Layout:
-    """Group junction nodes into junctions and find the cuts."""
+    """Group junction nodes into junctions and find the cuts.
+
+    >>> len(lay_out(street_graph.streets, plans).junctions)
+    18
+    """
     crossings = _Crossings(streets, plans)
     crossings.join_divided_roads()
     crossings.cut_back_and_join()

@@ -87,7 +87,15 @@ class SectionLanes:
 
 
 def build_sections(stretches: Sequence[Stretch]) -> list[SectionLanes]:
-    """Lanes of consecutive stretches of one street, linked to each other (predecessor and successor ids)."""
+    """Lanes of consecutive stretches of one street, linked to each other (predecessor and successor ids).
+
+    >>> from trace_dag.osm.types import OsmWay
+    >>> from trace_dag.roads.from_osm.tags import read_profile
+    >>> profile = read_profile(OsmWay(1, (1, 2), {"highway": "secondary", "lanes": "4"}))
+    >>> (section,) = build_sections([Stretch(profile, 0.0, 50.0)])
+    >>> [lane.id for lane in section.start]  # from left to right
+    [2, 1, -1, -2]
+    """
     boundaries: list[_Boundary | None] = [None]
     for before, after in pairwise(stretches):
         boundaries.append(_boundary(before.profile.section, after.profile.section))

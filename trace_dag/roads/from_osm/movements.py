@@ -119,7 +119,15 @@ def make_arm(
     rest: PlanView,
     lanes: Sequence[EndLane],
 ) -> JunctionArm:
-    """An arm from the lanes at a road's end (left to right of its reference line)."""
+    """An arm from the lanes at a road's end (left to right of its reference line).
+
+    >>> from trace_dag.roads.from_osm.lanes import Stretch, build_sections
+    >>> west = tee_arms[0]
+    >>> lanes = build_sections([Stretch(west.profile, 0.0, 50.0)])[0].end  # one lane each way
+    >>> arm = make_arm("1", ContactPoint.END, 1, west.profile, west.inbound, west.rest, lanes)
+    >>> [lane.id for lane in arm.incoming], [lane.id for lane in arm.outgoing]
+    ([-1], [1])
+    """
     at_end = contact == ContactPoint.END
 
     def seen(lane: EndLane, along: bool) -> ArmLane:
@@ -179,7 +187,12 @@ class TurnRestrictions:
 def find_movements(
     arms: Sequence[JunctionArm], inner: Sequence[InnerWay], restrictions: TurnRestrictions
 ) -> list[Movement]:
-    """Every permitted movement of one junction, with its lanes."""
+    """Every permitted movement of one junction, with its lanes.
+
+    >>> movements = find_movements(tee_arms, [], TurnRestrictions())  # arms from the west, the east and the south
+    >>> [(each.origin.road_id, each.turn) for each in movements][:4]
+    [('west', 'straight'), ('west', 'right'), ('east', 'left'), ('east', 'straight')]
+    """
     steps: dict[int, list[tuple[InnerWay, bool]]] = defaultdict(list)
     for way in inner:
         steps[way.node_ids[0]].append((way, True))

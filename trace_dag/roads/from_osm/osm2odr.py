@@ -150,7 +150,12 @@ Path(target).write_text(carla.Osm2Odr.convert(Path(source).read_text(encoding="u
 
 
 def without_dangling_links(network: RoadNetwork) -> RoadNetwork:
-    """The network without links to junctions that it does not have: Osm2Odr links dead ends to such."""
+    """The network without links to junctions that it does not have: Osm2Odr links dead ends to such.
+
+    >>> road = replace(network.roads[0], successor=RoadLink("junction", "no such"))
+    >>> without_dangling_links(replace(network, roads=(road, *network.roads[1:]))).roads[0].successor is None
+    True
+    """
 
     def kept(link: RoadLink | None) -> RoadLink | None:
         known = network.junction_by_id if link is not None and link.element_type == "junction" else network.road_by_id
@@ -167,6 +172,9 @@ def merge_directions(network: RoadNetwork) -> RoadNetwork:
     """Join pairs of one-way roads that share name, length and reference line in opposite directions.
 
     Pairs are joined only if each end of one road leads to where the other comes from, so that one link holds for both.
+
+    >>> len(merge_directions(network).roads) == len(network.roads)  # the native map has both directions in one road
+    True
     """
     partner = _opposite_roads(network)
     while True:
@@ -301,7 +309,12 @@ def _moved_connection(connection: Connection, merged: Mapping[str, str]) -> Conn
 
 # --- what the ways say -------------------------------------------------------------------------------------------
 def with_way_tags(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with class, names, speed and sources of each road taken from the ways it lies on."""
+    """The network with class, names, speed and sources of each road taken from the ways it lies on.
+
+    >>> nameless = replace(network, roads=tuple(replace(road, names=(), name="") for road in network.roads))
+    >>> with_way_tags(nameless, extract).roads[0].names
+    ('Cedar Street', 'NE 97')
+    """
     ways = [way for way in extract.ways if is_drivable(way.tags, service_roads=True)]
     lines = np.array([shapely.LineString(_way_line(way, extract, network.frame)) for way in ways], dtype=object)
     tree = shapely.STRtree(lines)

@@ -36,7 +36,11 @@ def shoulders_along(
     built: Mapping[int, StreetRoads],
     others: Strips,
 ) -> Strips:
-    """The shoulders along the streets that have roads, ``built``, where none of the ``others`` lies."""
+    """The shoulders along the streets that have roads, ``built``, where none of the ``others`` lies.
+
+    >>> shoulders_along(extract, street_graph.streets, plans, street_roads, {})  # the streets of a town have none
+    {}
+    """
     tags_of = {way.id: way.tags for way in extract.ways}
     shoulders: Strips = {}
     for index in built:

@@ -65,7 +65,12 @@ def place_signs(
     built: Mapping[int, StreetRoads],
     crossings: Sequence[tuple[JunctionArea, list[Movement]]],
 ) -> dict[str, tuple[Signal, ...]]:
-    """Signals by road id. ``crossings`` are the junctions with the movements they permit."""
+    """Signals by road id. ``crossings`` are the junctions with the movements they permit.
+
+    >>> signs = place_signs(extract, street_graph, plans, street_roads, [])
+    >>> sorted({signal.name for signals in signs.values() for signal in signals})
+    ['Signal', 'SpeedLimit_25', 'SpeedLimit_30', 'SpeedLimit_35', 'Stop']
+    """
     streets, positions = graph.streets, graph.positions
     controls = {
         graph.aliases.get(node.id, node.id): node

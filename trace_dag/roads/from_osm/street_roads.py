@@ -38,6 +38,10 @@ def build_street_roads(
 
     A street that ``returns`` to the junction where it begins is at least two roads: a junction names the road that
     traffic comes from, not the road's end (OpenDRIVE 1.7, 10.2, ``incomingRoad``).
+
+    >>> (road,) = build_street_roads(street_graph.streets[0], plans[0], (10.0, 5.0), lambda: "7").roads
+    >>> road.id, round(plans[0].length_m - road.length_m, 6)  # cut back by 10 m and 5 m
+    ('7', 15.0)
     """
     merged = _stretches(street, plan, trims)
     breaks = {i for i, (a, b) in enumerate(pairwise(merged), 1) if a.profile.road_key != b.profile.road_key}

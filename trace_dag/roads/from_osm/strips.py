@@ -46,7 +46,12 @@ Strips = dict[int, list[Strip]]  # by street
 def strips_along(
     extract: OsmExtract, graph: StreetGraph, plans: Sequence[PlanView], built: Mapping[int, StreetRoads]
 ) -> Strips:
-    """Every sidewalk and cycle lane along the streets that have roads, ``built``."""
+    """Every sidewalk and cycle lane along the streets that have roads, ``built``.
+
+    >>> strips = strips_along(extract, street_graph, plans, street_roads)
+    >>> {strip.type.value for found in strips.values() for strip in found}
+    {'sidewalk'}
+    """
     strips = _tagged(extract, graph.streets, plans, built)
     for street, found in _mapped_sidewalks(extract, graph, plans, built, strips).items():
         strips.setdefault(street, []).extend(found)
@@ -83,7 +88,13 @@ def _tagged(
 
 
 def append_strip(strips: list[Strip], new: Strip) -> None:
-    """Add a strip, joined to the strip before it if it continues that one."""
+    """Add a strip, joined to the strip before it if it continues that one.
+
+    >>> strips = [Strip(LaneType.SIDEWALK, 1, 0.0, 50.0, 1.5)]
+    >>> append_strip(strips, Strip(LaneType.SIDEWALK, 1, 50.0, 80.0, 1.5))
+    >>> len(strips), strips[0].end_m
+    (1, 80.0)
+    """
     for number, old in enumerate(strips):
         if new._replace(begin_m=old.begin_m) == old._replace(end_m=new.end_m) and abs(new.begin_m - old.end_m) < 1e-6:
             strips[number] = old._replace(end_m=new.end_m)

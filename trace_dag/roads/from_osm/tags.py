@@ -125,6 +125,10 @@ def read_profile(way: OsmWay, *, lanes_hint: int | None = None, speed_hint_mps: 
     """The profile of a drivable way. Hints fill gaps: the total of lanes and the speed limit, if untagged.
 
     Ways tagged ``oneway=-1`` are returned in the direction of traffic with ``against_way`` set: reverse their nodes.
+
+    >>> profile = read_profile(OsmWay(1, (1, 2), {"highway": "secondary", "lanes": "4", "maxspeed": "30 mph"}))
+    >>> len(profile.section.forward), len(profile.section.backward), round(profile.speed_forward_mps, 2)
+    (2, 2, 13.41)
     """
     tags = way.tags
     highway = tags.get("highway", "road")

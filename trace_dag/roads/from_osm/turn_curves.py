@@ -36,7 +36,12 @@ _Piece = tuple[float, float]  # length in metres (of a line) or angle in radians
 
 
 def tightest_radius_m(plan: PlanView) -> float:
-    """Radius of the tightest arc of a line, infinite where it is straight."""
+    """Radius of the tightest arc of a line, infinite where it is straight.
+
+    >>> line, arc = PlanElement(0.0, 0.0, 0.0, 0.0, 50.0), PlanElement(50.0, 50.0, 0.0, 0.0, 10.0, 0.05)
+    >>> tightest_radius_m(PlanView((line, arc), 60.0))
+    20.0
+    """
     curvature = max((abs(element.curvature_1pm) for element in plan.elements), default=0.0)
     return 1.0 / curvature if curvature else math.inf
 
