@@ -42,6 +42,7 @@ from trace_dag.roads.report import MapReport
 from trace_dag.sim.backends import backend
 from trace_dag.sim.run import simulate
 from trace_dag.sim.types import SimulationLog
+from trace_dag.states.analytic import build_scene
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import StateEstimate
 from trace_dag.verdict.controls import JudgedCrash
@@ -58,7 +59,7 @@ REPORTS = {
 }
 OF_THE_FIRST = (
     *("report_xml", "pedestrian_xml", "extract", "xodr", "network", "map_report"),
-    *("state_estimate", "hypothesis", "log", "verdict", "first_contact", "perturbed_scene"),
+    *("scene", "state_estimate", "hypothesis", "log", "verdict", "first_contact", "perturbed_scene"),
 )
 JUDGED = {f"judged_{name.removesuffix('_record').replace('record', 'collision')}": name for name in REPORTS}
 OF_THE_MAP = ("street_graph", "plans", "street_roads", "bare_roads", "tee_arms")
@@ -105,6 +106,7 @@ def first_names() -> dict[str, object]:
         "report_xml": (SAMPLE / REPORTS["record"]).read_bytes(),
         "pedestrian_xml": (SAMPLE / REPORTS["pedestrian_record"]).read_bytes(),
         **{name: value for name, value in made._asdict().items() if name in OF_THE_FIRST},
+        "scene": build_scene(record, made.network, made.map_report, lead_time_s=SETTINGS.states.lead_time_s),
         "hypothesis": hypothesis,
         "log": log,
         "verdict": verdict,

@@ -10,12 +10,20 @@ from trace_dag.sim.types import Backend, BackendFactory
 
 
 def backend_factory(settings: SimSettings) -> BackendFactory:
-    """The factory of the back-end. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
+    """The factory of the back-end. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded.
+
+    >>> type(backend_factory(SimSettings(backend="embedded"))(SimSettings())).__name__
+    'EmbeddedBackend'
+    """
     factory: BackendFactory = load(PluginKind.BACKEND, settings.backend)
     return factory
 
 
 @lru_cache(maxsize=1)
 def backend(settings: SimSettings) -> Backend:
-    """The back-end, connected once per process. Other back-ends are not imported."""
+    """The back-end, connected once per process. Other back-ends are not imported.
+
+    >>> type(backend(SimSettings(backend="embedded"))).__name__
+    'EmbeddedBackend'
+    """
     return backend_factory(settings)(settings)

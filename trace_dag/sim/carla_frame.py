@@ -67,7 +67,14 @@ def yaw_rate_to_carla(yaw_rate_rps: float) -> float:
 
 
 def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
-    """A pose as ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module."""
+    """A pose as ``carla.Transform``, ``above_m`` over the surface; ``carla`` is the module.
+
+    >>> from types import SimpleNamespace
+    >>> module = SimpleNamespace(Transform=SimpleNamespace, Location=SimpleNamespace, Rotation=SimpleNamespace)
+    >>> module.Transform = lambda location, rotation: (location.y, rotation.yaw)
+    >>> transform_to_carla(module, Pose(1.0, 2.0, math.pi / 2))  # left-handed: y to the south, yaw clockwise
+    (-2.0, -90.0)
+    """
     x, y = location_to_carla(pose.x_m, pose.y_m)
     return carla.Transform(
         carla.Location(x=x, y=y, z=pose.z_m + above_m), carla.Rotation(yaw=heading_to_carla(pose.heading_rad))
@@ -75,6 +82,12 @@ def transform_to_carla(carla: Any, pose: Pose, above_m: float = 0.0) -> Any:
 
 
 def pose_from_carla(transform: Any) -> Pose:
-    """A ``carla.Transform`` as a pose; pitch and roll are dropped."""
+    """A ``carla.Transform`` as a pose; pitch and roll are dropped.
+
+    >>> from types import SimpleNamespace
+    >>> there = SimpleNamespace(location=SimpleNamespace(x=1.0, y=-2.0, z=0.0), rotation=SimpleNamespace(yaw=0.0))
+    >>> pose_from_carla(there).y_m
+    2.0
+    """
     x, y = location_from_carla(transform.location.x, transform.location.y)
     return Pose(x, y, heading_from_carla(transform.rotation.yaw), transform.location.z)

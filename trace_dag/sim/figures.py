@@ -111,7 +111,12 @@ def degrees(body: Body) -> tuple[int, int]:
 
 
 def landmark_names(body: Body) -> tuple[str, ...]:
-    """The points of a body that a log keeps, in order."""
+    """The points of a body that a log keeps, in order.
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> "head" in landmark_names(person_body(BodyKind.PEDESTRIAN, 40))
+    True
+    """
     if body.kind is BodyKind.ANIMAL:
         return quadrupeds.LANDMARKS
     rides = body.kind is not BodyKind.PEDESTRIAN and ridden_kg(body) > 0
@@ -119,7 +124,13 @@ def landmark_names(body: Body) -> tuple[str, ...]:
 
 
 def root_height(body: Body, posture: Posture | Stance) -> float:
-    """Height of the root above the road (m) of a figure in a posture on what it rides."""
+    """Height of the root above the road (m) of a figure in a posture on what it rides.
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> adult, child = (person_body(BodyKind.PEDESTRIAN, years) for years in (40, 6))
+    >>> root_height(adult, Posture()) > root_height(child, Posture())  # hips of longer legs are higher
+    True
+    """
     if isinstance(posture, Stance):
         return posture.root_height_m(quadrupeds.build(body))
     above = posture.hip_height(body.height_m)
@@ -131,7 +142,13 @@ def root_height(body: Body, posture: Posture | Stance) -> float:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str], list[str]]:
-    """A figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an animal)."""
+    """A figure as MJCF, with the names of its segments and of what it rides (none for a pedestrian or an animal).
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> _, segments, ridden = figure_mjcf("p", person_body(BodyKind.PEDESTRIAN, 40))
+    >>> len(segments) == len(SEGMENTS), ridden
+    (True, [])
+    """
     if body.kind is BodyKind.ANIMAL:
         return *quadrupeds.figure_mjcf(name, body), []
     rides = ridden_kg(body)

@@ -24,7 +24,12 @@ def left_road(
     network: RoadNetwork, driven: VehicleLog, body: Body, until_s: float, *, came_rad: float | None = None
 ) -> tuple[float | None, tuple[DepartureSide, ...]]:
     """When a corner of the vehicle left the carriageway for good before a time, and to where: seen along its course,
-    and along ``came_rad`` as well."""
+    and along ``came_rad`` as well.
+
+    >>> turning = log.vehicles[0]
+    >>> left_road(network, turning, log.bodies[1], 1.0)  # drives in its lane then
+    (None, ())
+    """
     now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
     area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
     poses = [_moment(driven, until_s)]
@@ -53,6 +58,9 @@ def left_road_after_contact(
     """The sides to which a vehicle that touched somebody left the carriageway before a time; empty if it did not.
 
     Seen along its course, or along the way it came to its first contact: a report can mean either.
+
+    >>> left_road_after_contact(network, log, 1, log.first_contact.time_s)  # strikes the other on the crossing
+    ()
     """
     driven = next(each for each in log.vehicles if each.number == number)
     first = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)

@@ -53,7 +53,11 @@ _SHRUB_N: Final = 2000.0
 
 
 def crush_m(vehicle_class: VehicleClass) -> float:
-    """How deep a pole presses the class in at :data:`POLE_TEST_MPS`."""
+    """How deep a pole presses the class in at :data:`POLE_TEST_MPS`.
+
+    >>> crush_m(VehicleClass.CAR) > crush_m(VehicleClass.BUS)  # a bus is stiffer
+    True
+    """
     return _POLE_CRUSH_M[vehicle_class]
 
 

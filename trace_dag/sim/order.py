@@ -24,7 +24,11 @@ class ContactOrder:
 
 
 def pair_of(contact: Contact) -> tuple[int, int]:
-    """The numbers of both bodies, the lower one first."""
+    """The numbers of both bodies, the lower one first.
+
+    >>> pair_of(log.first_contact)
+    (1, 2)
+    """
     one, two = sorted((contact.number_1, contact.number_2))
     return one, two
 
@@ -34,6 +38,10 @@ def in_order(contacts: Sequence[Contact], expected: Sequence[tuple[int, int]], *
 
     A pair that has met may touch again at any time: bodies come to lie against each other. ``told`` is False where the
     order of the pairs is not known: then the one that fits best counts.
+
+    >>> order = in_order(log.contacts[:1], [(1, 2)])
+    >>> order.matched[0].number_2, order.strange
+    (2, ())
     """
     if told:
         return _walked(contacts, expected)

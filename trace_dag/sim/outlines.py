@@ -39,6 +39,10 @@ def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
     """Gap (m, negative when they overlap) along the axis that separates them most, and that axis, from one to two.
 
     The sign is exact, the gap between two corners a lower bound.
+
+    >>> one, two = Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(5.0, 0.0, 0.0, 2.0, 1.0)
+    >>> separation(one, two)  # 5 m apart less half a length each; along x
+    (1.0, 1.0, 0.0)
     """
     dx, dy = two.x_m - one.x_m, two.y_m - one.y_m
     (c1, s1), (c2, s2) = one.ahead, two.ahead
@@ -63,7 +67,11 @@ def separation(one: Outline, two: Outline) -> tuple[float, float, float]:
 
 
 def corners(outline: Outline) -> list[tuple[float, float]]:
-    """The corners of a rectangle, one after the other around it."""
+    """The corners of a rectangle, one after the other around it.
+
+    >>> corners(Outline(0.0, 0.0, 0.0, 2.0, 1.0))
+    [(2.0, 1.0), (-2.0, 1.0), (-2.0, -1.0), (2.0, -1.0)]
+    """
     c, s = outline.ahead
     ax, ay = c * outline.half_length_m, s * outline.half_length_m
     bx, by = -s * outline.half_width_m, c * outline.half_width_m
@@ -77,7 +85,12 @@ def corners(outline: Outline) -> list[tuple[float, float]]:
 
 
 def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
-    """Corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise; empty if they share none."""
+    """Corners of the area two rectangles share (Sutherland-Hodgman), counter-clockwise; empty if they share none.
+
+    >>> one, two = Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(3.0, 1.0, 0.0, 2.0, 1.0)
+    >>> sorted(overlap_polygon(one, two))
+    [(1.0, 0.0), (1.0, 1.0), (2.0, 0.0), (2.0, 1.0)]
+    """
     polygon = corners(one)
     clip = corners(two)
     for (x0, y0), (x1, y1) in zip(clip, clip[1:] + clip[:1], strict=True):
@@ -101,7 +114,12 @@ def overlap_polygon(one: Outline, two: Outline) -> list[tuple[float, float]]:
 
 def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
     """Place of the contact of two bodies that just touch: centre of the area they share once every face is moved
-    outward by half of :data:`PATCH_DEPTH_M`. Local frame, metres."""
+    outward by half of :data:`PATCH_DEPTH_M`. Local frame, metres.
+
+    >>> x_m, y_m = contact_point(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(4.0, 1.0, 0.0, 2.0, 1.0))
+    >>> round(x_m, 6), round(y_m, 6)  # the middle of the half of the faces that touch
+    (2.0, 0.5)
+    """
     polygon = overlap_polygon(one.grown(PATCH_DEPTH_M / 2), two.grown(PATCH_DEPTH_M / 2))
     area = cx = cy = 0.0
     x0, y0 = (one.x_m + two.x_m) / 2, (one.y_m + two.y_m) / 2  # near the polygon: keeps the sums exact
@@ -114,7 +132,11 @@ def contact_point(one: Outline, two: Outline) -> tuple[float, float]:
 
 
 def between(before: Outline, after: Outline, fraction: float) -> Outline:
-    """The rectangle ``fraction`` of the way from one moment to the next, both close enough in time to be straight."""
+    """The rectangle ``fraction`` of the way from one moment to the next, both close enough in time to be straight.
+
+    >>> between(Outline(0.0, 0.0, 0.0, 2.0, 1.0), Outline(1.0, 0.0, 0.2, 2.0, 1.0), 0.5)
+    Outline(x_m=0.5, y_m=0.0, heading_rad=0.1, half_length_m=2.0, half_width_m=1.0)
+    """
     turn = math.remainder(after.heading_rad - before.heading_rad, math.tau)
     return Outline(
         before.x_m + fraction * (after.x_m - before.x_m),
@@ -129,6 +151,10 @@ def first_touch(before: tuple[Outline, Outline], after: tuple[Outline, Outline])
     """Fraction of the step from ``before`` (apart) to ``after`` (overlapping) at which the two first touch.
 
     Bisection to a millionth of the step; the result is on the side where they are still apart.
+
+    >>> still, coming, arrived = (Outline(x, 0.0, 0.0, 2.0, 1.0) for x in (0.0, 5.0, 3.0))
+    >>> round(first_touch((still, coming), (still, arrived)), 5)  # 1 m of the 2 m it comes nearer
+    0.5
     """
     low, high = 0.0, 1.0
     for _ in range(20):

@@ -33,7 +33,14 @@ class SampledTrajectory:
 
 
 def check_participants(participants: Sequence[Participant]) -> None:
-    """Raise :class:`Failure` for what no back-end can run: two of one number, or a plan nobody can drive."""
+    """Raise :class:`Failure` for what no back-end can run: two of one number, or a plan nobody can drive.
+
+    >>> from trace_dag.sim.run import participants
+    >>> check_participants(participants(hypothesis))  # can be driven
+    >>> check_participants(participants(hypothesis)[:1] * 2)
+    Traceback (most recent call last):
+    trace_dag.errors.Failure: participants are told apart by their numbers, found [1, 1]: every number once
+    """
     numbers = [participant.number for participant in participants]
     if len(set(numbers)) != len(numbers):
         raise Failure(f"participants are told apart by their numbers, found {numbers}: every number once")
@@ -102,6 +109,10 @@ def resample(
 
     ``cg_ahead_m`` moves it from the body's centre to its centre of gravity. From ``skids_from_s`` on the body need not
     head the way it goes: its velocity is then that of its positions.
+
+    >>> plan = hypothesis.participants[1].trajectory
+    >>> len(resample(plan, 0.01, 1.0, 0.0).rows)  # a second in steps of 0.01 s, both ends included
+    101
     """
     t = trajectory
     end_s = min(float(t.time_s[-1]), time_limit_s)
@@ -157,7 +168,12 @@ def resample(
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
     """How a vehicle kept its plan up to ``until_s``, per logged step, both non-negative: distance of its centre from
-    the planned *path* (m), and deviation of its speed from the planned one (m/s)."""
+    the planned *path* (m), and deviation of its speed from the planned one (m/s).
+
+    >>> off_m, _ = tracking_errors(hypothesis.participants[1].trajectory, log.vehicles[1], hypothesis.impact_time_s)
+    >>> bool(off_m.max() < 0.1)
+    True
+    """
     use = log.time_s <= until_s + 1e-9
     x, y = log.x_m[use], log.y_m[use]
     t = trajectory

@@ -101,7 +101,14 @@ def _vehicle(content: dict[str, Any]) -> PublishedVehicle:
 
 
 def published_estimate(scenario: PublishedScenario, record: CrashRecord) -> StateEstimate:
-    """The scenario as an estimate with one hypothesis, both bodies the car it was made with."""
+    """The scenario as an estimate with one hypothesis, both bodies the car it was made with.
+
+    >>> east = PublishedVehicle(np.array([[-20.0, 0.0], [20.0, 0.0]]), 0.0, 10.0)
+    >>> north = PublishedVehicle(np.array([[0.0, -20.0], [0.0, 20.0]]), math.pi / 2, 10.0)
+    >>> estimate = published_estimate(PublishedScenario((east, north), (0.0, 0.0)), record)
+    >>> round(estimate.hypotheses[0].impact_time_s, 1)  # 20 m at 10 m/s
+    2.0
+    """
     pair = record.colliding_vehicles
     if pair is None:
         raise UserError(f"{record.key}: no two vehicles touch in the report; a published scenario is of two that do")
@@ -151,6 +158,11 @@ def constant_speed_trajectory(vehicle: PublishedVehicle) -> Trajectory:
     Published waypoints jump between lanes by metres over a few metres, up to fifteen times what tyres can follow at the
     speeds given. Waypoints that cannot be driven are smoothed (Gaussian), as a driver who looks ahead would do, just
     enough to make them drivable and at most over their own spacing.
+
+    >>> east = PublishedVehicle(np.column_stack([np.arange(0.0, 101.0, 10.0), np.zeros(11)]), 0.0, 10.0)
+    >>> driven = constant_speed_trajectory(east)
+    >>> round(float(np.interp(5.0, driven.time_s, driven.x_m)), 3)  # 5 s at 10 m/s
+    50.0
     """
     points = vehicle.waypoints_m
     points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_PLACE_M])]

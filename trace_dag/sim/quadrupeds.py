@@ -62,7 +62,13 @@ class Build:
 
 
 def build(body: Body) -> Build:
-    """The build of an animal of that length from nose to rump, width, and height at the withers."""
+    """The build of an animal of that length from nose to rump, width, and height at the withers.
+
+    >>> from trace_dag.sim.types import BodyKind, VehicleClass
+    >>> made = build(Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.8, 0.4, 1.0, 70.0))
+    >>> round(made.root_m + made.trunk_m, 6)  # up to the withers
+    1.0
+    """
     trunk_m = body.width_m / 2
     rump_m, chest_m = -0.36 * body.length_m, 0.22 * body.length_m
     root_m = body.height_m - trunk_m
@@ -121,7 +127,13 @@ def trotting(height_m: float, speed_mps: float, travelled_m: float) -> Stance:
 
 
 def figure_mjcf(name: str, body: Body) -> tuple[str, list[str]]:
-    """An animal as MJCF, with the names of its segments."""
+    """An animal as MJCF, with the names of its segments.
+
+    >>> from trace_dag.sim.types import BodyKind, VehicleClass
+    >>> mjcf, segments = figure_mjcf("deer", Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.8, 0.4, 1.0, 70.0))
+    >>> all(name in mjcf for name in segments), "deer_head" in segments
+    (True, True)
+    """
     b, h, m = build(body), body.height_m, body.mass_kg
     stiff = m * h * h / _REFERENCE_KGM2
 

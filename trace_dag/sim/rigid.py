@@ -85,7 +85,13 @@ def _bodies_of_a_kilogram(count: int) -> Any:
 
 
 def vehicle_bodies(models: list[VehicleModel], inside: Callable[[int, VehicleModel], str]) -> str:
-    """The vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box."""
+    """The vehicles as MJCF, in their order; ``inside`` gives what a vehicle's body has beside its box.
+
+    >>> from trace_dag.sim.vehicles import vehicle_model
+    >>> models = [vehicle_model(body) for body in log.bodies.values()]
+    >>> vehicle_bodies(models, lambda _, model: "").count('mass="1600"')  # the car
+    1
+    """
     return "".join(
         _BODY.format(mass=repr(m.body.mass_kg), inertia=repr(m.yaw_inertia_kgm2), inside=inside(i, m))
         for i, m in enumerate(models)

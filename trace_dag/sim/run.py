@@ -31,19 +31,31 @@ _DRIVES_ON = AfterStriking(math.inf, 0.0)
 
 
 def surface_friction(settings: SimSettings, record: CrashRecord | None) -> float:
-    """Friction of tyres on the reported surface."""
+    """Friction of tyres on the reported surface.
+
+    >>> surface_friction(SimSettings(friction=0.8), None)  # dry
+    0.8
+    """
     return settings.friction * (relative_friction(record) if record else 1.0)
 
 
 def relative_friction(record: CrashRecord) -> float:
-    """Friction of the reported surface as a share of dry asphalt's; the most slippery where vehicles report several."""
+    """Friction of the reported surface as a share of dry asphalt's; the most slippery where vehicles report several.
+
+    >>> relative_friction(record)  # VSURCOND 1: dry
+    1.0
+    """
     codes = [vehicle.surface_condition_code for vehicle in record.vehicles]
     relative = [_RELATIVE_FRICTION.get(code, 1.0) for code in codes if code is not None]
     return min(relative, default=1.0)
 
 
 def participant(state: ParticipantState) -> Participant:
-    """A party of a hypothesis as the simulation takes it."""
+    """A party of a hypothesis as the simulation takes it.
+
+    >>> participant(hypothesis.participants[0]).body.mass_kg
+    1600
+    """
     return Participant(
         number=state.vehicle_number,
         body=Body(
@@ -67,7 +79,11 @@ def participant(state: ParticipantState) -> Participant:
 
 
 def participants(hypothesis: Hypothesis) -> tuple[Participant, ...]:
-    """All parties of a hypothesis, in its order."""
+    """All parties of a hypothesis, in its order.
+
+    >>> [each.number for each in participants(hypothesis)]
+    [1, 2]
+    """
     return tuple(participant(state) for state in hypothesis.participants)
 
 
@@ -86,6 +102,12 @@ def simulate(
     of the verdict can change without simulating again. Raises :class:`trace_dag.errors.Failure` for an estimate that
     cannot be driven, or none of whose hypotheses stayed within all bounds. Vehicles that do not meet are not an error:
     the run ends, and its log says so.
+
+    >>> from trace_dag.sim.backends import backend
+    >>> settings = SimSettings()
+    >>> (again, *_) = simulate(backend(settings), network, xodr, state_estimate, settings, record=record)
+    >>> again.first_contact == log.first_contact  # the same every time
+    True
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
     logs = tuple(

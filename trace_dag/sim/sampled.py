@@ -102,7 +102,12 @@ def simulate_samples(
     record: CrashRecord,
     place_xy_m: tuple[float, float],
 ) -> SampledRuns:
-    """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be."""
+    """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be.
+
+    >>> runs = simulate_samples(network, state_estimate, [log], SimSettings(), record, (0.0, 0.0))
+    >>> runs.drawn == len(state_estimate.samples)
+    True
+    """
     surface, friction = NetworkSurface(network), surface_friction(settings, record)
 
     def run(drawn: DrawnCrash, sample: Sample, after_s: float, until_s: float) -> SimulationLog:
@@ -241,7 +246,11 @@ def _adapter() -> TypeAdapter[SampledRuns]:
 
 
 def samples_to_json(runs: SampledRuns) -> bytes:
-    """What the draws came to, as UTF-8 JSON; the same bytes for the same runs."""
+    """What the draws came to, as UTF-8 JSON; the same bytes for the same runs.
+
+    >>> samples_to_json(SampledRuns(8, 0.0, (), ()))[:10]
+    b'{"drawn":8'
+    """
     return _adapter().dump_json(runs) + b"\n"
 
 

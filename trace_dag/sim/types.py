@@ -339,7 +339,11 @@ def _middle(poses: Poses, part: Pose) -> Pose:
 
 
 def moment_of(log: SimulationLog) -> Moment | None:
-    """The first contact; where nobody touched anything, the first overturn; None if there is neither."""
+    """The first contact; where nobody touched anything, the first overturn; None if there is neither.
+
+    >>> moment_of(log).numbers
+    (1, 2)
+    """
     contact = log.first_contact
     if contact is not None:
         return Moment(contact.time_s, contact.x_m, contact.y_m, (contact.number_1, contact.number_2))
@@ -351,7 +355,11 @@ def moment_of(log: SimulationLog) -> Moment | None:
 
 
 def overturned_at(vehicle: VehicleLog) -> int | None:
-    """The step of a log at which a vehicle has overturned; None if it does not, or is a figure that is thrown."""
+    """The step of a log at which a vehicle has overturned; None if it does not, or is a figure that is thrown.
+
+    >>> overturned_at(log.vehicles[0]) is None  # the car stays on its wheels
+    True
+    """
     if vehicle.landmarks_m.shape[1]:
         return None
     over = np.flatnonzero(np.abs(vehicle.roll_rad) >= OVERTURNED_RAD)

@@ -79,7 +79,12 @@ class VehicleModel:
 
 @lru_cache(maxsize=256)
 def vehicle_model(body: Body, trailer: Trailer | None = None) -> VehicleModel:
-    """The single-track model of a body; with a trailer, of the vehicle that pulls it."""
+    """The single-track model of a body; with a trailer, of the vehicle that pulls it.
+
+    >>> model = vehicle_model(log.bodies[1])
+    >>> round(model.front_load_n + model.rear_load_n)  # 1600 kg at 9.80665 m/s2
+    15691
+    """
     p = _PROPORTIONS[body.vehicle_class]
     wheelbase = p.wheelbase * body.length_m
     front_axle_ahead = body.length_m * (0.5 - p.front_overhang)

@@ -32,7 +32,12 @@ _MARGIN_M = 40.0
 
 
 def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
-    """The streams past the crash, long enough for the fastest vehicle of the record."""
+    """The streams past the crash, long enough for the fastest vehicle of the record.
+
+    >>> built = build_scene(record, network, map_report, lead_time_s=5.0)
+    >>> "left" in {stream.turn for stream in built.streams}  # the crossing's lanes lead to the left too
+    True
+    """
     placement = report.placement
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M
@@ -41,7 +46,11 @@ def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *,
 
 
 def parties(record: CrashRecord) -> tuple[Party, Party]:
-    """The two vehicles that collided; rejects a record that does not have two."""
+    """The two vehicles that collided; rejects a record that does not have two.
+
+    >>> {each.vehicle.number: each.turn and each.turn.value for each in parties(record)}  # crash types 69 and 68
+    {2: None, 1: 'left'}
+    """
     pair = record.colliding_vehicles
     if pair is None:
         raise Rejection(
@@ -58,6 +67,10 @@ def estimate_analytic(
     """The ranked hypotheses of one crash.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no reading of the record lets the vehicles meet.
+
+    >>> best = estimate_analytic(record, network, map_report, StateSettings()).hypotheses[0]
+    >>> [state.manoeuvre.value for state in best.participants]
+    ['turn_left', 'straight']
     """
     scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
     readings = encounters(record, *parties(record))
@@ -70,7 +83,13 @@ def estimate_analytic(
 
 
 def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
-    """Solutions of the likeliest candidates, best first."""
+    """Solutions of the likeliest candidates, best first.
+
+    >>> reading = encounters(record, *parties(record))[0]
+    >>> best = solve_all(scene, candidates(scene, reading))[0]
+    >>> best.candidate.encounter.mover.vehicle.number  # vehicle 1 turns across the other
+    1
+    """
     if not found:
         return []
     order = sorted(range(len(found)), key=lambda index: (-round(found[index].log_prior, 6), index))
@@ -85,6 +104,9 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
 
     Hypotheses with the same streams and roles differ in detail only. The best of each such group comes first, then all
     the others.
+
+    >>> ranked(scene, [], StateSettings())  # nothing to keep
+    ((), 0.0)
     """
     groups: dict[tuple[str, ...], list[Solution]] = {}
     for solution in solutions:

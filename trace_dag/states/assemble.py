@@ -153,20 +153,34 @@ def rounded(
     heading_rad: FloatArray,
     speed_mps: FloatArray,
 ) -> Trajectory:
-    """The trajectory rounded to a micrometre, with its first heading between -pi and pi."""
+    """The trajectory rounded to a micrometre, with its first heading between -pi and pi.
+
+    >>> still = np.zeros(1)
+    >>> rounded(still, still, still, still, still + 7.0, still).heading_rad.tolist()  # 7 rad less a full turn
+    [0.716815]
+    """
     heading_rad = heading_rad - math.tau * round(float(heading_rad[0]) / math.tau)
     return Trajectory(*(np.round(values, _DECIMALS) for values in (time_s, x_m, y_m, z_m, heading_rad, speed_mps)))
 
 
 def pose_of(trajectory: Trajectory, index: int) -> Pose:
-    """The pose at one of the trajectory's times, by index."""
+    """The pose at one of the trajectory's times, by index.
+
+    >>> pose_of(hypothesis.participants[0].trajectory, 0) == hypothesis.participants[0].initial_pose
+    True
+    """
     values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
     x, y, heading, z = (float(value[index]) for value in values)
     return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)
 
 
 def lane_under(network: RoadNetwork, pose: Pose) -> LaneMatch | None:
-    """The lane a body stands in: the nearest one; of several equally near, the one in its direction of travel."""
+    """The lane a body stands in: the nearest one; of several equally near, the one in its direction of travel.
+
+    >>> turning, riding = hypothesis.participants
+    >>> lane_under(network, riding.initial_pose).outside_m  # between the edges of a lane
+    0.0
+    """
     matches = network.nearest_lanes(pose.x_m, pose.y_m, LANE_REACH_M, z_m=pose.z_m)
 
     def order(match: LaneMatch) -> tuple[float, float, str, int]:

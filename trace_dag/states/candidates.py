@@ -41,7 +41,14 @@ class Candidate:
 
 
 def candidates(scene: Scene, encounter: Encounter) -> list[Candidate]:
-    """All candidates of one reading."""
+    """All candidates of one reading.
+
+    >>> from trace_dag.states.encounters import encounters
+    >>> from trace_dag.states.analytic import parties
+    >>> found = candidates(scene, encounters(record, *parties(record))[0])
+    >>> {each.mover.manoeuvre.value for each in found}  # vehicle 1 turns left, by every reading of its path
+    {'turn_left'}
+    """
     if encounter.mover.backing:
         return [_judged(scene, encounter, pair) for pair in backing(scene, encounter)]
     makers: dict[Relation, Callable[[Scene, Encounter], Iterator[Pair]]] = {

@@ -109,7 +109,13 @@ class EstimatorSummary:
 def compare_estimators(
     key: str, attempts: Mapping[str, EstimatorAttempt], *, reference: str
 ) -> tuple[EstimatorRow, ...]:
-    """Rows of one crash in the order of ``attempts`` (by estimator); the others are compared with ``reference``."""
+    """Rows of one crash in the order of ``attempts`` (by estimator); the others are compared with ``reference``.
+
+    >>> attempt = EstimatorAttempt(state_estimate, state_estimate.run)
+    >>> one, two = compare_estimators(record.key, {"analytic": attempt, "other": attempt}, reference="analytic")
+    >>> one.lane_agrees, two.lane_agrees, two.impact_apart_m  # the reference is not compared with itself
+    (None, True, 0.0)
+    """
     against = attempts[reference].estimate if reference in attempts else None
     if against is not None and against.run.fallback:
         against = None  # a fallback is not the reference's own estimate
@@ -117,7 +123,13 @@ def compare_estimators(
 
 
 def summarise(rows: Iterable[EstimatorRow]) -> tuple[EstimatorSummary, ...]:
-    """One line per estimator, in order of first mention."""
+    """One line per estimator, in order of first mention.
+
+    >>> attempt = EstimatorAttempt(state_estimate, state_estimate.run)
+    >>> rows = compare_estimators(record.key, {"analytic": attempt}, reference="analytic")
+    >>> [line.crashes for line in summarise(rows)]
+    [1]
+    """
     by_estimator: dict[str, list[EstimatorRow]] = {}
     for row in rows:
         by_estimator.setdefault(row.estimator, []).append(row)

@@ -44,7 +44,12 @@ class Shape:
 def shapes(
     poses: Poses, size_m: tuple[float, float], trailer: Trailer | None, trailer_heading_rad: FloatArray | None
 ) -> tuple[Shape, ...]:
-    """The rectangles of a vehicle: itself, and its trailer."""
+    """The rectangles of a vehicle: itself, and its trailer.
+
+    >>> (alone,) = shapes((np.zeros(1), np.zeros(1), np.zeros(1)), (4.8, 1.8), None, None)
+    >>> alone.size_m
+    (4.8, 1.8)
+    """
     if trailer is None or trailer_heading_rad is None:
         return (Shape(poses, size_m, poses, size_m[0]),)
     behind, whole_m = trailer.behind(poses, size_m[0], trailer_heading_rad), trailer.combination_length_m
@@ -55,7 +60,13 @@ def shapes(
 
 
 def shape_gaps_m(one: tuple[Shape, ...], two: tuple[Shape, ...]) -> FloatArray:
-    """Least gaps between any rectangles of two vehicles, as :func:`trace_dag.geometry.gaps_m`."""
+    """Least gaps between any rectangles of two vehicles, as :func:`trace_dag.geometry.gaps_m`.
+
+    >>> here, there = ((np.array([x]), np.zeros(1), np.zeros(1)) for x in (0.0, 10.0))
+    >>> one, two = (shapes(poses, (4.0, 2.0), None, None) for poses in (here, there))
+    >>> shape_gaps_m(one, two).tolist()  # 10 m less half a length on each side
+    [6.0]
+    """
     gaps = [gaps_m(a.poses, a.size_m, b.poses, b.size_m) for a, b in product(one, two)]
     least = gaps[0]
     for gap in gaps[1:]:
@@ -137,6 +148,14 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
     bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
     ``span_s``.
+
+    >>> from trace_dag.states.paths import from_points
+    >>> along, still = np.linspace(-50.0, 50.0, 201), np.zeros(201)
+    >>> east, north = from_points(along, still, still), from_points(still, along, still)
+    >>> movers = [Mover(path, 50.0, 10.0, 4.0, 2.0) for path in (east, north)]  # both reach the crossing together
+    >>> contacts = first_contacts(*movers, timings=1)
+    >>> bool(abs(contacts.x_m[0] - contacts.y_m[0]) < 0.01)  # corner to corner, on the line between the two
+    True
     """
     moving = [mover.speed_mps for mover in (one, two) if mover.speed_mps > STANDING_MPS]
     if not moving:
@@ -224,6 +243,11 @@ def touching(state_1: Poses, size_1_m: tuple[float, float], state_2: Poses, size
         size_1_m: length and width of the first bodies.
         state_2: as ``state_1``, of the second ones.
         size_2_m: as ``size_1_m``, of the second ones.
+
+    >>> one, two = ((np.array([x]), np.zeros(1), np.zeros(1)) for x in (0.0, 4.0))  # head to tail, 4 m long
+    >>> touch = touching(one, (4.0, 2.0), two, (4.0, 2.0))
+    >>> touch.x_m.tolist(), touch.y_m.tolist()
+    ([2.0], [0.0])
     """
     corners_1, corners_2 = _corners(state_1, size_1_m), _corners(state_2, size_2_m)
     inside_2 = _within(corners_1, state_2, size_2_m)

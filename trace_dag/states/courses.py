@@ -115,6 +115,9 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
     """The courses that the report allows; empty if it says nothing about the course.
 
     ``turn``: the turn the vehicle made.
+
+    >>> told_courses(pedestrian_record.non_motorists[0], None) <= CROSSING  # PEDCGP 750: crosses the roadway
+    True
     """
     allowed = _of_kind(person)
     side = _told_side(person, turn)
@@ -126,7 +129,12 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
 
 
 def readings(person: NonMotorist, turn: Turn | None, area: ImpactArea | None) -> tuple[CourseReading, ...]:
-    """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at."""
+    """All possible courses, likeliest first; their shares add up to 1 before the area of impact is looked at.
+
+    >>> found = readings(pedestrian_record.non_motorists[0], None, None)
+    >>> round(sum(math.exp(reading.log_prior) for reading in found), 6)
+    1.0
+    """
     told = told_courses(person, turn)
     shares = _SHARES.get(person.kind, _PEDESTRIAN_SHARES)
     left = told or shares.keys()

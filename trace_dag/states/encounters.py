@@ -103,7 +103,11 @@ class Encounter:
 
 
 def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
-    """Everything the record says about one vehicle's part."""
+    """Everything the record says about one vehicle's part.
+
+    >>> party(queue_record, queue_record.vehicles[0]).crash_type.relation.value  # crash type 20: rear-end, stopped
+    'same_lane'
+    """
     own_events: list[EventRecord] = []
     for event in record.events:
         if vehicle.number in (event.party_1, event.party_2):
@@ -120,7 +124,12 @@ def party(record: CrashRecord, vehicle: VehicleRecord) -> Party:
 
 
 def encounters(record: CrashRecord, one: Party, two: Party) -> tuple[Encounter, ...]:
-    """All readings of the record within reach of the likeliest, likeliest first."""
+    """All readings of the record within reach of the likeliest, likeliest first.
+
+    >>> parts = (party(record, vehicle) for vehicle in record.vehicles)
+    >>> encounters(record, *parts)[0].mover.vehicle.number  # the one that turns across the other
+    1
+    """
     found = []
     for relation, weight in _relations(record, one, two).items():
         crossing = relation is Relation.CROSSING

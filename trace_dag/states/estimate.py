@@ -62,7 +62,12 @@ class UnusableAnswers(Rejection):
 
 
 def estimator_factory(settings: StateSettings) -> EstimatorFactory:
-    """The factory of the estimator. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded."""
+    """The factory of the estimator. Raises :class:`trace_dag.errors.UserError` if it cannot be loaded.
+
+    >>> estimator = estimator_factory(StateSettings(estimator="analytic"))(StateSettings())
+    >>> estimator.estimate(record, network, map_report).key
+    '2023-319003'
+    """
     factory: EstimatorFactory = load(PluginKind.ESTIMATOR, settings.estimator)
     return factory
 
@@ -71,5 +76,8 @@ def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, setti
     """One crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
 
     Answers of a service are kept in memory, and the budget is for this call alone.
+
+    >>> estimate(record, network, map_report, StateSettings()).hypotheses[0].name == hypothesis.name
+    True
     """
     return estimator_factory(settings)(settings).estimate(record, network, report)

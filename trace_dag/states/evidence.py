@@ -43,7 +43,11 @@ Terms = dict[str, float]
 
 
 def street_terms(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, stream: Stream) -> Terms:
-    """Whether the stream's approach is one of the streets the record names."""
+    """Whether the stream's approach is one of the streets the record names.
+
+    >>> street_terms(network, map_report.placement, record, next(s for s in scene.streams if s.name == "7:2>6:2"))
+    {}
+    """
     if stream.road is None or stream.road.inferred:
         return {}
     if is_main(network, placement, stream.road):
@@ -61,12 +65,22 @@ def _ends(road: Road) -> set[str]:
 
 
 def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
-    """Whether a road is the first trafficway of the record, by the crash's placement."""
+    """Whether a road is the first trafficway of the record, by the crash's placement.
+
+    >>> placement = map_report.placement
+    >>> is_main(network, placement, network.road_by_id[placement.road_id])
+    True
+    """
     return _same_street(network, placement.road_id, road)
 
 
 def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, road: Road) -> bool:
-    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives."""
+    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives.
+
+    >>> placement = map_report.placement
+    >>> is_cross(network, placement, record, network.road_by_id[placement.cross_road_ids[0]])
+    True
+    """
     if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
         return True
     return bool(record.trafficway_2) and (similarity(record.trafficway_2, road.names) or 0.0) >= SAME_STREET
@@ -80,7 +94,12 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
 
 
 def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
-    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says."""
+    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says.
+
+    >>> rider = record.vehicles[1]
+    >>> 0.0 in [sum(road_terms(rider, stream).values()) for stream in scene.through]  # limit, lanes, division: all fit
+    True
+    """
     terms: Terms = {}
     road = stream.road
     if road is not None and road.inferred:
@@ -116,7 +135,12 @@ def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
 
 
 def lane_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
-    """Whether the lane is one from which such a manoeuvre is made."""
+    """Whether the lane is one from which such a manoeuvre is made.
+
+    >>> rider = record.vehicles[1]
+    >>> {str(lane_terms(rider, stream, None)) for stream in scene.through}  # whoever goes straight on uses any lane
+    {'{}'}
+    """
     terms: Terms = {}
     from_right = stream.lanes_along - 1 - stream.lane_from_left
     left = turn in (Turn.LEFT, Turn.U_TURN)
@@ -142,7 +166,11 @@ _ARROWS = frozenset(
 
 
 def speed_terms(vehicle: VehicleRecord, stream: Stream, turn: Turn | None) -> Terms:
-    """Whether the speed is usual there: the reported speed against the road's limit, for through traffic."""
+    """Whether the speed is usual there: the reported speed against the road's limit, for through traffic.
+
+    >>> speed_terms(record.vehicles[0], scene.streams[0], Turn.LEFT)  # who turns slows down: nothing to compare
+    {}
+    """
     road = stream.road
     if vehicle.travel_speed_mps is None or road is None or turn is not None:
         return {}
@@ -165,7 +193,11 @@ def _usual_speed(road: Road, sigma_mph: float) -> tuple[float, float]:
 
 
 def driveway_speed_terms(stream: Stream, speed_mps: float) -> Terms:
-    """Vehicles come out of a driveway slower than they go along a road, whether the speed is reported or inferred."""
+    """Vehicles come out of a driveway slower than they go along a road, whether the speed is reported or inferred.
+
+    >>> driveway_speed_terms(scene.through[0], 20.0)  # a road of the map
+    {}
+    """
     if stream.road is None or not stream.road.inferred:
         return {}
     faster_mph = max(mps_to_mph(speed_mps) - DRIVEWAY_MPH, 0.0)
@@ -182,7 +214,12 @@ class CrossingVehicle:
 
 
 def crossing_terms(one: CrossingVehicle, two: CrossingVehicle) -> Terms:
-    """Of two vehicles that cross straight, the one on the lesser road is expected to stop or slow down."""
+    """Of two vehicles that cross straight, the one on the lesser road is expected to stop or slow down.
+
+    >>> one = CrossingVehicle(record.vehicles[1], scene.through[0], 13.4)
+    >>> crossing_terms(one, one)  # neither road is the lesser one
+    {}
+    """
     greater, lesser = sorted((one, two), key=lambda each: _rank(each.stream.road))
     if _rank(greater.stream.road) == _rank(lesser.stream.road):
         return {}
@@ -201,7 +238,12 @@ def _rank(road: Road | None) -> int:
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:
-    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported."""
+    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported.
+
+    >>> area = impact_area_log_likelihood(record.vehicles[0], np.radians([-90.0, 90.0]))  # IMPACT1 3: the right side
+    >>> bool(area[0] == 0.0 > area[1])
+    True
+    """
     if vehicle.impact is None:
         return np.zeros_like(bearing_rad)
     apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)
@@ -214,6 +256,10 @@ def manner_log_likelihood(record: CrashRecord, bearing_1_rad: FloatArray, bearin
     """Log-likelihood of the struck faces given the manner of collision (``MAN_COLL``), bearings of shape (n,) each.
 
     Useful if the areas of impact are not reported. The manner is that of the first harmful event.
+
+    >>> ahead, behind = np.zeros(1), np.full(1, math.pi)
+    >>> manner_log_likelihood(queue_record, ahead, behind).tolist()  # MAN_COLL 1: front to rear
+    [0.0]
     """
     wanted = _FACES.get(record.collision_type)
     if wanted is None:

@@ -52,7 +52,11 @@ class Gait(StrEnum):
 
 
 def gait_of(person: NonMotorist) -> Gait:
-    """How the person moved: running if the report says so, riding if the person rode something, else walking."""
+    """How the person moved: running if the report says so, riding if the person rode something, else walking.
+
+    >>> gait_of(pedestrian_record.non_motorists[0]).value  # PEDCTYPE 760: failed to yield, no dash
+    'walking'
+    """
     if isinstance(person, StruckAnimal):
         return Gait(person.pace)
     if person.kind in (PartyKind.CYCLIST, PartyKind.CONVEYANCE):
@@ -61,13 +65,22 @@ def gait_of(person: NonMotorist) -> Gait:
 
 
 def dashes(person: NonMotorist) -> bool:
-    """Whether the person ran out into the road."""
+    """Whether the person ran out into the road.
+
+    >>> from dataclasses import replace
+    >>> dashes(replace(pedestrian_record.non_motorists[0], pedestrian_type_code=741))  # PEDCTYPE 741: Dash
+    True
+    """
     by_type = person.pedestrian_type_code in _DASHES or person.pedestrian_group_code == _DASH_GROUP
     return by_type or not _DASHED.isdisjoint(person.circumstances)
 
 
 def usual_speed_mps(person: NonMotorist, gait: Gait) -> float:
-    """The usual speed of a person of that age (years) with that gait, m/s."""
+    """The usual speed of a person of that age (years) with that gait, m/s.
+
+    >>> usual_speed_mps(pedestrian_record.non_motorists[0], Gait.STANDING)
+    0.0
+    """
     if isinstance(person, StruckAnimal):
         return animal_speed_mps(person.species, person.pace)
     old = person.age_years is not None and person.age_years >= OLD_YEARS

@@ -89,6 +89,9 @@ def keep_lane(
     """Along the lane, ``offset_m`` left of its centre. What the manoeuvre is called depends on the record and the road.
 
     ``turn``: the turn that the lane itself makes, if the record calls it a turn.
+
+    >>> keep_lane(scene.through[0], queue_record.vehicles[1], 0.0).manoeuvre.value  # P_CRASH1 5: stopped in the roadway
+    'stopped'
     """
     stream = stream.fitted(speed_mps)
     if turn is not None and follows_turn(stream, turn):
@@ -113,7 +116,11 @@ def keep_lane(
 
 
 def back_up(stream: Stream, speed_mps: float) -> Option:
-    """Backward along the stream: the path is the lane reversed, the body faces along the lane."""
+    """Backward along the stream: the path is the lane reversed, the body faces along the lane.
+
+    >>> back_up(scene.through[0], 2.0).backing
+    True
+    """
     stream = stream.fitted(speed_mps)
     return Option(stream, Manoeuvre.BACKING, stream.station_m, True, speed_mps, backing=True)
 
@@ -149,7 +156,12 @@ def lateral_shift(
 def move_sideways(
     stream: Stream, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
 ) -> list[Option]:
-    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
+    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard.
+
+    >>> found = move_sideways(scene.through[0], 15.0, 3.5, Manoeuvre.CROSS_CENTRELINE)
+    >>> all(option.shift.total_m >= 3.5 for option in found)
+    True
+    """
     options: list[Option] = []
     stream = stream.fitted(speed_mps)
     shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # a vehicle that stands there came at some speed
@@ -176,7 +188,11 @@ def move_sideways(
 
 
 def follows_turn(stream: Stream, turn: Turn | None) -> bool:
-    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
+    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn.
+
+    >>> any(follows_turn(stream, Turn.LEFT) for stream in scene.through)  # both streets are straight
+    False
+    """
     if turn is None or stream.turn is not None:
         return False
     wanted = _TURN_ANGLE_RAD[turn]
@@ -200,6 +216,10 @@ def make_turn(stream: Stream, vehicle: VehicleRecord, speed_mps: float, turn: Tu
     """Turning off the stream: to where its lanes lead, else at a right angle at the place of the crash.
 
     Turns that begin earlier or later than the lanes' own are further options, at a cost.
+
+    >>> stream = next(each for each in scene.streams if each.turn is Turn.LEFT)
+    >>> {each.manoeuvre.value for each in make_turn(stream, record.vehicles[0], 6.0, Turn.LEFT, slides=False)}
+    {'turn_left'}
     """
     stream = stream.fitted(speed_mps)
     if stream.exit_pose is not None and stream.turn is turn:

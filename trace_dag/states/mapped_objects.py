@@ -77,7 +77,13 @@ class MappedObject:
 
 
 def things_of_kind(things: Sequence[MappedThing], code: int) -> Iterator[MappedThing]:
-    """The things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road."""
+    """The things of a map that an ``SOE`` names: points of compact kinds, lines of those that run along a road.
+
+    >>> from trace_dag.roads.report import MappedThing
+    >>> tree = MappedThing("n1", "natural=tree", ((3.0, 4.0),))
+    >>> [each.osm_id for each in things_of_kind([tree], 42)]  # SOE 42: Tree (Standing Only)
+    ['n1']
+    """
     runs = KINDS[code].form is ObjectForm.LINE
     for thing in things:
         if code in _KINDS_OF.get(thing.tag, ()) and runs == (len(thing.xy_m) > 1):
@@ -113,7 +119,13 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
 
 
 def nearest_of(thing: MappedThing, to_xy_m: FloatArray) -> tuple[tuple[float, float], float | None]:
-    """The point of a thing that is nearest to another, and a line's direction there."""
+    """The point of a thing that is nearest to another, and a line's direction there.
+
+    >>> from trace_dag.roads.report import MappedThing
+    >>> wall = MappedThing("w1", "barrier=wall", ((0.0, 0.0), (10.0, 0.0)))
+    >>> nearest_of(wall, (4.0, 3.0))  # the foot of the perpendicular; the wall runs east
+    ((4.0, 0.0), 0.0)
+    """
     if len(thing.xy_m) == 1:
         return thing.xy_m[0], None
     line = shapely.LineString(thing.xy_m)

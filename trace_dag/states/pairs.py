@@ -55,26 +55,43 @@ def speed_of(party: Party, stream: Stream, *, crossing: bool = False) -> TravelS
 
 
 def apart(one: Stream, two: Stream) -> float:
-    """Angle between two directions of travel along one road (rad): at the crash, before a turn."""
+    """Angle between two directions of travel along one road (rad): at the crash, before a turn.
+
+    >>> apart(scene.through[0], scene.through[0])
+    0.0
+    """
     headings = [stream.course_rad if stream.turn is None else stream.heading_rad for stream in (one, two)]
     return abs(wrap_angle(headings[0] - headings[1]))
 
 
 def gap_between(one: Stream, two: Stream) -> float:
-    """How far left of ``one`` the path of ``two`` is at the crash (metres)."""
+    """How far left of ``one`` the path of ``two`` is at the crash (metres).
+
+    >>> abs(round(gap_between(scene.through[0], scene.through[0]), 6))
+    0.0
+    """
     pose = two.path.pose(two.station_m)
     return one.path.project(pose.x_m, pose.y_m)[1]
 
 
 def left_of(one: Stream, two: Stream, side: Side) -> float:
-    """How far ``one`` is to the given side of ``two`` at the crash (metres)."""
+    """How far ``one`` is to the given side of ``two`` at the crash (metres).
+
+    >>> one, two = (next(each for each in scene.through if each.name == name) for name in ("7:2>6:2", "7:1>6:1"))
+    >>> round(left_of(one, two, Side.RIGHT), 1)  # the next lane to the right
+    3.5
+    """
     gap = -gap_between(one, two)
     return gap if side is Side.LEFT else -gap
 
 
 def turning_streams(streams: Iterable[Stream], turn: Turn) -> list[Stream]:
     """Streams on which the turn can be made: those whose lanes lead there, and the shared lane in the middle beside
-    them."""
+    them.
+
+    >>> {stream.turn.value for stream in turning_streams(scene.streams, Turn.RIGHT)}
+    {'right'}
+    """
     streams = tuple(streams)
     by_lanes = [stream for stream in streams if stream.turn is turn]
     if turn is not Turn.LEFT:

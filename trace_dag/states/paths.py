@@ -98,6 +98,10 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
 
     A Gaussian leaves straight lines alone and moves an arc of radius R inward by ``sigma_m**2 / (2 R)``; it turns
     kinks and jumps of curvature into gradual ones.
+
+    >>> corner = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0]])
+    >>> bool(through_points(corner, sigma_m=1.0).s_m[-1] < 20.0)  # the corner is cut
+    True
     """
     s = arc_lengths(xyz_m)
     keep = np.concatenate([[True], np.diff(s) > 1e-6])
@@ -212,6 +216,11 @@ def shifted(path: Path, shift: LateralShift | None, *, anchor_s_m: float, consta
     """The path moved sideways: by ``constant_m`` everywhere and by ``shift`` around ``anchor_s_m``.
 
     A straight road gives the shift's own shape; on a curved one the offset is laid along the path's normals.
+
+    >>> line = np.linspace(0.0, 20.0, 41)
+    >>> east = from_points(line, np.zeros(41), np.zeros(41))
+    >>> shifted(east, None, anchor_s_m=10.0, constant_m=1.5).pose(10.0).y_m  # to the left of east is north
+    1.5
     """
     if shift is None:
         offset, slope = np.zeros_like(path.s_m), np.zeros_like(path.s_m)
@@ -261,7 +270,14 @@ class TurnShape:
 
 
 def turned(path: Path, shape: TurnShape, *, start_s_m: float, tail_m: float) -> Path:
-    """The path up to ``start_s_m``, then the turn, then straight on for ``tail_m``."""
+    """The path up to ``start_s_m``, then the turn, then straight on for ``tail_m``.
+
+    >>> line = np.linspace(0.0, 20.0, 41)
+    >>> east = from_points(line, np.zeros(41), np.zeros(41))
+    >>> path = turned(east, TurnShape(math.pi / 2, 8.0, 2.0), start_s_m=10.0, tail_m=5.0)
+    >>> round(math.degrees(path.heading_rad[-1]), 3)  # a quarter turn to the left: north
+    90.0
+    """
     before = path.s_m[path.s_m < start_s_m - 1e-6]
     x0, y0, z0, h0 = (float(value) for value in path.at(np.array(start_s_m)))
     u = np.linspace(0.0, shape.length_m + tail_m, math.ceil((shape.length_m + tail_m) / STEP_M * 2) + 1)
@@ -284,6 +300,13 @@ def turn_start_to_meet(path: Path, shape: TurnShape, exit_pose: Pose, *, near_s_
     """Where along a (locally straight) path a turn must begin to end on the line through ``exit_pose``.
 
     None if approach and exit are parallel: then no such turn exists.
+
+    >>> line = np.linspace(0.0, 40.0, 81)
+    >>> east = from_points(line, np.zeros(81), np.zeros(81))
+    >>> shape = TurnShape(math.pi / 2, 8.0, 2.0)
+    >>> start = turn_start_to_meet(east, shape, Pose(30.0, 20.0, math.pi / 2), near_s_m=10.0)
+    >>> round(start + shape.displacement_m()[0], 6)  # ends on the line x = 30 m
+    30.0
     """
     pose = path.pose(near_s_m)
     ahead_m, left_m = shape.displacement_m()

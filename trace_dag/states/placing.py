@@ -51,7 +51,12 @@ def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
 
 def touching(vehicle: VehicleRecord, struck: ObjectStruck, slip_rad: float, outward_rad: float) -> Spot:
     """Where on the vehicle an object touches it: a compact one at the spot of the area of impact, one along the edge at
-    the foremost corner towards ``outward_rad`` (in the vehicle's axes)."""
+    the foremost corner towards ``outward_rad`` (in the vehicle's axes).
+
+    >>> tree = ObjectStruck(event_number=1, code=42, area=None)
+    >>> touching(tree_record.vehicles[0], tree, 0.0, 0.0).ahead_m  # half of 4.85 m: the middle of the front
+    2.425
+    """
     half_length, half_width = vehicle.length_m / 2, vehicle.width_m / 2
     if KINDS[struck.code].form is ObjectForm.LINE:
         outward = np.array([math.cos(outward_rad), math.sin(outward_rad)])

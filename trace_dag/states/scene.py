@@ -21,7 +21,11 @@ ON_ROAD_M = 8.0  # the crash was not on a lane whose centre is farther away
 
 
 def place_of(placement: CrashPlacement) -> tuple[float, float]:
-    """Where the impact should be: at the reported point, unless that had to be moved to another road."""
+    """Where the impact should be: at the reported point, unless that had to be moved to another road.
+
+    >>> place_of(map_report.placement)  # the point of the report is the origin of the local frame
+    (0.0, 0.0)
+    """
     return (0.0, 0.0) if placement.moved_m <= BESIDE_ROAD_M else (placement.x_m, placement.y_m)
 
 

@@ -79,14 +79,25 @@ class Distribution:
 
 
 def speed_class(party: Party, rule: TravelSpeed) -> SpeedClass:
-    """The speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives."""
+    """The speed class of a vehicle; ``rule`` is the speed that its manoeuvre, limit or road gives.
+
+    >>> from trace_dag.states.encounters import party
+    >>> rule = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
+    >>> speed_class(party(queue_record, queue_record.vehicles[1]), rule).value
+    'standing'
+    """
     if rule.source is SpeedSource.INFERRED_MANOEUVRE:
         return SpeedClass.STANDING if rule.speed_mps == 0.0 else SpeedClass.SLOW
     return SpeedClass.SPEEDING if party.vehicle.speeding else SpeedClass.ALONG
 
 
 def role(party: Party) -> Role:
-    """What a vehicle did in the crash, by its record."""
+    """What a vehicle did in the crash, by its record.
+
+    >>> from trace_dag.states.encounters import party
+    >>> [role(party(queue_record, vehicle)).value for vehicle in queue_record.vehicles[:2]]  # crash types 20 and 21
+    ['behind', 'ahead']
+    """
     kind = party.crash_type
     if party.turn is not None:
         return Role.TURNING
@@ -99,7 +110,14 @@ def role(party: Party) -> Role:
 
 
 def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, bool]:
-    """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts."""
+    """What a travel speed depends on in the report, beside the rule; the names are those of the table of shifts.
+
+    >>> from trace_dag.states.encounters import party
+    >>> rider = party(record, record.vehicles[1])
+    >>> found = features(record, rider, TravelSpeed(13.4, SpeedSource.INFERRED_LIMIT))
+    >>> found["motorcycle"], found["speeding"]
+    (True, False)
+    """
     vehicle, relation = party.vehicle, party.crash_type.relation
     along = speed_class(party, rule) in (SpeedClass.SPEEDING, SpeedClass.ALONG)
     slow = speed_class(party, rule) is SpeedClass.SLOW
@@ -141,7 +159,14 @@ def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, 
 
 
 def travel_speed_distribution(record: CrashRecord, party: Party, rule: TravelSpeed) -> Distribution:
-    """Distribution of a vehicle's travel speed (m/s) if none is reported."""
+    """Distribution of a vehicle's travel speed (m/s) if none is reported.
+
+    >>> from trace_dag.states.encounters import party
+    >>> rider = party(record, record.vehicles[1])
+    >>> spread = travel_speed_distribution(record, rider, TravelSpeed(13.4, SpeedSource.INFERRED_LIMIT))
+    >>> spread.at(0.25) < spread.median < spread.at(0.75)
+    True
+    """
     group = speed_class(party, rule)
     shift = sum(SHIFTS_MPH[name] for name, holds in features(record, party, rule).items() if holds)
     return Distribution(
@@ -153,6 +178,11 @@ def speed_kept_distribution(party: Party) -> Distribution:
     """Distribution of the speed at the impact as a share of the travel speed: what is left after braking.
 
     It is 1 if the report says that nothing was done to avoid the crash, and for vehicles that turn or stand.
+
+    >>> from trace_dag.states.encounters import party
+    >>> kept = speed_kept_distribution(party(record, record.vehicles[1]))
+    >>> 0.0 < kept.median <= 1.0  # a share of the travel speed
+    True
     """
     whole = Distribution((1.0,) * len(LEVELS))
     if party.turn is not None or party.stationary or party.vehicle.avoidance_code == NO_AVOIDANCE:

@@ -56,7 +56,13 @@ class TravelSpeed:
 def travel_speed(
     vehicle: VehicleRecord, crash_type: CrashType, turn: Turn | None, road: Road | None, *, crossing: bool
 ) -> TravelSpeed:
-    """The reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order."""
+    """The reported speed, or the most plausible one for the manoeuvre, the limit and the road, in that order.
+
+    >>> from trace_dag.crash.crash_types import crash_type_of
+    >>> told = travel_speed(record.vehicles[1], crash_type_of(record.vehicles[1]), None, None, crossing=False)
+    >>> round(told.speed_mps / 0.44704), told.source.value  # 30 mph in the report
+    (30, 'reported')
+    """
     if vehicle.travel_speed_mps is not None:
         return TravelSpeed(vehicle.travel_speed_mps, SpeedSource.REPORTED)
     if vehicle.movement in _STOPPED or crash_type.stopped:
@@ -79,17 +85,33 @@ def travel_speed(
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """The usual speed on a road of its class (m/s), if neither map nor report has a limit."""
+    """The usual speed on a road of its class (m/s), if neither map nor report has a limit.
+
+    >>> from dataclasses import replace
+    >>> primary, service = (replace(network.roads[0], highway=kind) for kind in ("primary", "service"))
+    >>> class_speed_mps(primary) > class_speed_mps(service)
+    True
+    """
     return road_class(road.highway if road is not None else "").speed_mps
 
 
 def brakes(vehicle: VehicleRecord) -> bool:
-    """Whether the record says that the vehicle braked before the impact."""
+    """Whether the record says that the vehicle braked before the impact.
+
+    >>> from dataclasses import replace
+    >>> brakes(record.vehicles[0]), brakes(replace(record.vehicles[0], avoidance_code=16))  # P_CRASH3 16: braking
+    (False, True)
+    """
     return vehicle.movement is PreCrashMovement.DECELERATING or vehicle.avoidance_code in BRAKING_AVOIDANCE
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
-    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
+    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero.
+
+    >>> from dataclasses import replace
+    >>> starts(replace(record.vehicles[0], movement=PreCrashMovement.STARTING), 0.0)  # P_CRASH1 4: starting in road
+    True
+    """
     return speed_mps == 0.0 and vehicle.movement in _STARTING
 
 
@@ -124,7 +146,11 @@ class SpeedProfile:
 
 
 def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
-    """The profile by the record: constant unless it says braking, slowing or starting."""
+    """The profile by the record: constant unless it says braking, slowing or starting.
+
+    >>> speed_profile(record.vehicles[1], 13.4)  # no braking in the report
+    SpeedProfile(initial_mps=13.4, impact_mps=13.4, change_time_s=0.0)
+    """
     if starts(vehicle, initial_mps):
         return SpeedProfile(0.0, STARTING_MPS2 * _STARTING_TIME_S, _STARTING_TIME_S)
     if brakes(vehicle) and initial_mps > 0:
@@ -136,7 +162,11 @@ def speed_profile(vehicle: VehicleRecord, initial_mps: float) -> SpeedProfile:
 
 
 def least_turn_radius_m(vehicle_class: VehicleClass, length_m: float) -> float:
-    """Radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii)."""
+    """Radius of the tightest path a body's centre can follow, metres (AASHTO design vehicles, centreline radii).
+
+    >>> least_turn_radius_m(VehicleClass.CAR, 4.85), least_turn_radius_m(VehicleClass.BUS, 12.0)
+    (6.0, 11.0)
+    """
     if vehicle_class is VehicleClass.MOTORCYCLE:
         return 4.0
     if vehicle_class in (VehicleClass.TRUCK, VehicleClass.BUS, VehicleClass.TRACTOR_TRAILER) or length_m > 8:

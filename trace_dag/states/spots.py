@@ -23,7 +23,11 @@ class Spot:
 
 
 def spots_of(area: ImpactArea | None, half_length: float, half_width: float) -> list[Spot]:
-    """Spots to try: the area's own, then the corner of the front or the rear beside it, then the front's middle."""
+    """Spots to try: the area's own, then the corner of the front or the rear beside it, then the front's middle.
+
+    >>> spots_of(None, 2.4, 0.9)[0]  # nothing reported: the middle of the front
+    Spot(ahead_m=2.4, left_m=0.0, normal=(1.0, 0.0))
+    """
     bearing = 0.0 if area is None else area.centre_rad
     side = math.copysign(1.0, bearing)
 

@@ -60,7 +60,13 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
 
 # --- where along the path -------------------------------------------------------------------------------------------
 def is_far_side(person: NonMotorist, option: Option) -> bool:
-    """Whether a turning vehicle struck the person on the far side, where it left the intersection."""
+    """Whether a turning vehicle struck the person on the far side, where it left the intersection.
+
+    >>> from trace_dag.states.manoeuvres import keep_lane
+    >>> straight = keep_lane(scene.through[0], pedestrian_record.vehicles[0], 20.0)
+    >>> is_far_side(pedestrian_record.non_motorists[0], straight)  # it does not turn
+    False
+    """
     if option.turn is None:
         return False
     return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
@@ -68,7 +74,11 @@ def is_far_side(person: NonMotorist, option: Option) -> bool:
 
 def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
     """The map's crosswalk nearest to the place, if the report has the person in a crosswalk; None if map or report has
-    none."""
+    none.
+
+    >>> crosswalk_of(scene, pedestrian_record.non_motorists[0]) is None  # LOCATION 11: not in a crosswalk
+    True
+    """
     near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
     return shapely.Polygon(near[0].corners_m) if near else None
 

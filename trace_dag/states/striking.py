@@ -173,6 +173,10 @@ def ways_of(
     """The ways a vehicle can have come, without regard to the person, each with its speed and the evidence for it.
 
     ``streams``: the streams to look at; by default those that fit its turn and the place of the crash.
+
+    >>> who = party(record, record.vehicles[1])
+    >>> {option.manoeuvre.value for option, _, _ in ways_of(scene, who, streams=scene.through[:1])}
+    {'straight'}
     """
     for stream in _streams(scene, who) if streams is None else streams:
         speed = speed_of(who, stream)
@@ -271,12 +275,22 @@ def _leaves_left(record: CrashRecord, strike: Strike) -> bool:
 
 
 def edge_m(scene: Scene, here: Pose, side: float) -> float:
-    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
+    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1).
+
+    >>> street = scene.through[0]
+    >>> 1.5 < edge_m(scene, street.path.pose(street.station_m - 40.0), -1.0) < 15.0  # before the crossing
+    True
+    """
     return edge_of(scene.network.drivable_area, here, side)
 
 
 def edge_of(area: shapely.MultiPolygon, here: Pose, side: float) -> float:
-    """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside."""
+    """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside.
+
+    >>> road = shapely.MultiPolygon([shapely.box(0.0, -5.0, 100.0, 3.0)])
+    >>> edge_of(road, Pose(50.0, 0.0, 0.0), 1.0), edge_of(road, Pose(50.0, 0.0, 0.0), -1.0)  # in steps of 0.25 m
+    (3.0, 5.0)
+    """
     away = np.arange(0.0, _WIDEST_M, 0.25)
     x = here.x_m - math.sin(here.heading_rad) * side * away
     y = here.y_m + math.cos(here.heading_rad) * side * away
@@ -366,7 +380,11 @@ def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tup
 
 
 def best_of_groups(plans: Sequence[StrikePlan]) -> list[StrikePlan]:
-    """The best plan of each group, then the others, each in the order of their scores."""
+    """The best plan of each group, then the others, each in the order of their scores.
+
+    >>> best_of_groups([])
+    []
+    """
     leaders: dict[tuple[str, ...], StrikePlan] = {}
     for plan in plans:
         leaders.setdefault(plan.group, plan)

@@ -89,12 +89,21 @@ class WrongAnswer(Exception):  # noqa: N818 - an outcome that is counted, not an
 
 
 def form(kind: Kind) -> type[SegmentsAnswer] | type[CoordinatesAnswer]:
-    """The answer's form for a kind of prompt."""
+    """The answer's form for a kind of prompt.
+
+    >>> form("segments").__name__
+    'SegmentsAnswer'
+    """
     return SegmentsAnswer if kind == "segments" else CoordinatesAnswer
 
 
 def parse(text: str, kind: Kind) -> SegmentsAnswer | CoordinatesAnswer:
-    """Read an answer; fences of Markdown around the JSON are tolerated. Raises :class:`WrongAnswer`."""
+    """Read an answer; fences of Markdown around the JSON are tolerated. Raises :class:`WrongAnswer`.
+
+    >>> parse("", "segments")
+    Traceback (most recent call last):
+    trace_dag.states.llm.answer.WrongAnswer: The answer was empty. Answer with one JSON object.
+    """
     stripped = text.strip()
     if not stripped:
         raise WrongAnswer(["The answer was empty. Answer with one JSON object."])

@@ -36,6 +36,9 @@ def llm_client(settings: StateSettings, *, files: LlmFiles | None = None, ledger
     """A client by the settings: answers, budget and rate kept in ``files`` (a storage root), else in memory.
 
     Clients with the same ``files`` and the same ``ledger`` share budget and rate, over all processes and machines.
+
+    >>> llm_client(StateSettings(llm_model="a-model")).model
+    'a-model'
     """
     return LlmClient(
         model=settings.llm_model,

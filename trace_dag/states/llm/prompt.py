@@ -60,7 +60,11 @@ class Prompt:
 
 
 def ask_again(messages: list[Message], answer: str, complaints: list[str]) -> list[Message]:
-    """The conversation so far and a new question that says what was wrong with the last answer."""
+    """The conversation so far and a new question that says what was wrong with the last answer.
+
+    >>> [each["role"] for each in ask_again([], "{}", ["crash: Field required"])]
+    ['assistant', 'user']
+    """
     listed = "\n".join(f"- {fenced(complaint)}" for complaint in complaints)
     return [
         *messages,
