@@ -72,6 +72,12 @@ def test_bands_lie_on_a_scale_from_zero_for_speeds_and_from_the_least_for_places
     assert speed.xpath(".//b/@style") == ["left:73.0%"]
 
 
+def test_draws_of_which_one_has_nearly_all_the_weight_make_no_bands() -> None:
+    page = shown(CrashPage(crash(0), [], RIGHTS, sampled=replace(SAMPLED, effective=1.4)))
+    assert not page.xpath("//table[@class='bands']")
+    assert "too few for intervals" in seen(page.get_element_by_id("sure").getparent())
+
+
 def shown(page: CrashPage) -> html.HtmlElement:
     return html.fromstring(write_crash_page(page))
 

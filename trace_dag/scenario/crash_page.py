@@ -76,7 +76,7 @@ def write_crash_page(page: CrashPage) -> bytes:
         streets=_streets(page),
         picture_alt=_picture_alt(page),
         objects=_objects(page),
-        bands=_bands(page.sampled.intervals) if page.sampled else [],
+        bands=_bands(page.sampled.intervals) if page.sampled and page.sampled.effective >= _LEAST_DRAWS else [],
         version=__version__,
     ).encode()
 
@@ -146,6 +146,9 @@ class Band:
     width: float
     middle: float
     best_at: float
+
+
+_LEAST_DRAWS = 2.0  # of equal weight: a band of fewer is the value of one draw
 
 
 def _bands(intervals: Sequence[Interval]) -> list[Band]:
@@ -320,6 +323,7 @@ _CRITERIA = {
     "departed_street": "left a street that the report names",
     "station_distance": "distance from the reported place, along the road",
     "object_order": "objects struck in the reported order",
+    "contact of one vehicle": "struck an object of the report",
     "overturn": "overturned",
     "strike": "struck whom the report says, in its turn",
     "zone_error": "in the part of the road that the report says",
@@ -332,7 +336,9 @@ _UNITS = {"h": " clock positions off", "deg": "° off", "rel": " of it off", "m"
 
 def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
     whose = f"{party_in_words(criterion.vehicle_number)} " if criterion.vehicle_number is not None else ""
-    what = _CRITERIA.get(criterion.name, words(criterion.name))
+    of_one = f"{criterion.name} of one vehicle"
+    known = of_one if criterion.vehicle_number is not None and of_one in _CRITERIA else criterion.name
+    what = _CRITERIA.get(known, words(criterion.name))
     sentence = f"{whose}{what}" + ("" if event is None else f" (event {event})")
     if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
         sentence += f": {abs(criterion.value):.1f}{_UNITS[criterion.unit]}, {criterion.threshold:g} allowed"

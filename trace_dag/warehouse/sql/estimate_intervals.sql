@@ -26,4 +26,4 @@ COMMENT ON COLUMN estimate_intervals.middle IS 'Median of the draws';
 COMMENT ON COLUMN estimate_intervals.high IS 'One in ten draws is above';
 COMMENT ON COLUMN estimate_intervals.drawn IS 'Draws that were simulated';
 COMMENT ON COLUMN estimate_intervals.contacts IS 'Those of them that came to a contact that the report does not exclude';
-COMMENT ON COLUMN estimate_intervals.effective IS 'Draws of equal weight that they are worth';
+COMMENT ON COLUMN estimate_intervals.effective IS 'Draws of equal weight that they are worth; below 2 an interval is the value of one draw';
