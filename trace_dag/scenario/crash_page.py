@@ -126,7 +126,7 @@ def _objects(page: CrashPage) -> list[str]:
 
 _QUANTITIES = {
     "impact_speed": ("Impact speed", " mph"),
-    "delta_v": ("Change of velocity", " mph"),
+    "delta_v": ("Change of velocity at first contact", " mph"),
     "contact_x": ("Contact east of the reported point", " m"),
     "contact_y": ("Contact north of it", " m"),
     "heading_angle": ("Angle of headings", "°"),
