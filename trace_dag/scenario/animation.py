@@ -65,6 +65,9 @@ def write_animation(
     of an agent's ``drive``; ``surroundings`` lie behind the roads.
 
     An MP4 needs the extra of that name: :class:`trace_dag.errors.UserError` without it.
+
+    >>> write_animation(record, network, log, panel_px=60)[8:12]
+    b'WEBP'
     """
     frame_s = _VIDEO_FRAME_S if image_format == "mp4" else _FRAME_S
     times = _frame_times(log, frame_s)

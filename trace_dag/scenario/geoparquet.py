@@ -12,7 +12,12 @@ if TYPE_CHECKING:
 
 def geoparquet(table: pa.Table) -> bytes:
     """A table with ``latitude_deg`` and ``longitude_deg`` (WGS84) as GeoParquet 1.1: the column ``geometry`` has points
-    as well-known binary, longitude first. The same table gives the same bytes."""
+    as well-known binary, longitude first. The same table gives the same bytes.
+
+    >>> import pyarrow as pa
+    >>> geoparquet(pa.table({"latitude_deg": [41.8], "longitude_deg": [-101.5]}))[:4]
+    b'PAR1'
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
     import shapely

@@ -15,7 +15,11 @@ OUTCOMES = ("avoided", "softened", "same", "worse", "faulty")
 
 def write_leaderboard(leaderboard: Sequence[Row], by_class: Sequence[Row], runs: Sequence[Row]) -> bytes:
     """``leaderboard.html`` from the rows of the warehouse's views ``leaderboard`` and ``leaderboard_by_class``, and the
-    ``evaluations`` in crashes (not in their variations)."""
+    ``evaluations`` in crashes (not in their variations).
+
+    >>> write_leaderboard([], [], [])[:15]
+    b'<!doctype html>'
+    """
     dimensions: dict[str, dict[str, dict[str, Row]]] = {}
     for row in by_class:
         dimensions.setdefault(row["dimension"], {}).setdefault(row["class"], {})[row["agent"]] = row

@@ -117,7 +117,11 @@ def _section(network: RoadNetwork, road: Road, index: int, stations: FloatArray,
 
 
 def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:
-    """Which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,)."""
+    """Which points, shape (n, 2 or more), lie in a window widened by a margin, shape (n,).
+
+    >>> inside(np.array([[0.0, 0.0], [12.0, 0.0]]), (-10.0, -10.0, 10.0, 10.0)).tolist()
+    [True, False]
+    """
     west, south, east, north = window
     x, y = points_m[:, 0], points_m[:, 1]
     shown = (x > west - margin_m) & (x < east + margin_m) & (y > south - margin_m) & (y < north + margin_m)

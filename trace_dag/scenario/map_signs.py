@@ -70,7 +70,12 @@ class PlacedSign(NamedTuple):
 
 
 def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
-    """The traffic lights, and the signs of the kinds that are drawn."""
+    """The traffic lights, and the signs of the kinds that are drawn.
+
+    >>> from trace_dag.scenario.map_scene import MapScene
+    >>> LIGHT in {each.signal.type for each in placed_signs(MapScene(network, (-60.0, -60.0, 60.0, 60.0)))}
+    True
+    """
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line
         for signal in road.signals:

@@ -48,7 +48,12 @@ class Shade(NamedTuple):
 
 
 def height_shades(scene: MapScene) -> Shade | None:
-    """Colours for the heights in sight; none where the ground is flat."""
+    """Colours for the heights in sight; none where the ground is flat.
+
+    >>> from trace_dag.scenario.map_scene import MapScene
+    >>> height_shades(MapScene(network, (-60.0, -60.0, 60.0, 60.0))) is None  # the town is flat here
+    True
+    """
     from matplotlib import colormaps
 
     heights = [lane.inner_m[:, 2] for lane in scene.lanes]

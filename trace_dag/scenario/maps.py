@@ -103,6 +103,12 @@ def draw_network(
     """Draw one window of a map on axes, which are set to it; options as of :class:`MapDrawing`.
 
     ``heights`` adds a colour bar (metres) where they differ by more than half a metre.
+
+    >>> from matplotlib.figure import Figure
+    >>> axes = Figure().add_subplot()
+    >>> draw_network(axes, network, window_m=(-30.0, -20.0, 30.0, 20.0))
+    >>> [float(end) for end in axes.get_xlim()]
+    [-30.0, 30.0]
     """
     drawing = MapDrawing(network, window_m, legal_marks=legal_marks, heights=heights)
     drawing.draw(Panel.on_axes(axes, window_m), names=names)
@@ -122,6 +128,9 @@ def draw_side_by_side(networks: Sequence[tuple[str, RoadNetwork]], *, window_m: 
     """The same window of several maps of one site beside each other, each under its title; PNG.
 
     Maps whose frames have other origins are shifted into the first one's.
+
+    >>> draw_side_by_side([("as built", network)], window_m=(-30.0, -30.0, 30.0, 30.0), dpi=20)[1:4]
+    b'PNG'
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

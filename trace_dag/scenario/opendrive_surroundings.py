@@ -73,7 +73,11 @@ _POINTS: Final = {
 def surrounding_objects(
     network: RoadNetwork, features: Sequence[OsmFeature], *, without: Collection[str] = ()
 ) -> list[PlacedObject]:
-    """The objects of a map for ``features``, in their order; those with an id in ``without`` are there already."""
+    """The objects of a map for ``features``, in their order; those with an id in ``without`` are there already.
+
+    >>> surrounding_objects(network, [])
+    []
+    """
     wanted = [
         (feature, shape, kind)
         for feature in features

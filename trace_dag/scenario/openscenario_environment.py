@@ -52,6 +52,9 @@ def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction |
     """The environment of a crash; None if the report has neither time nor light nor weather.
 
     ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
+
+    >>> environment(record, carla=False).environment.name
+    'as reported'
     """
     from scenariogeneration import xosc
 

@@ -41,6 +41,10 @@ def person(number: int, body: Body, *, reference_ahead_m: float, carla: bool) ->
     """A person or an animal as an entity; the box is of the person with what the person rides.
 
     ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> person(101, person_body(BodyKind.PEDESTRIAN, 40), reference_ahead_m=0.0, carla=False).name
+    'pedestrian_101'
     """
     from scenariogeneration import xosc
 

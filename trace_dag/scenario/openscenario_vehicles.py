@@ -28,7 +28,11 @@ _MAX_DECELERATION_MPS2 = 8.0  # braking on dry asphalt; the crash itself may be 
 
 
 def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
-    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is."""
+    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is.
+
+    >>> -log.bodies[1].length_m / 2 < rear_axle_ahead_m(log.bodies[1]) < 0.0  # behind the middle, within the body
+    True
+    """
     model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     return model.cg_ahead_m - model.rear_axle_m
 
@@ -40,6 +44,9 @@ def vehicle(
     trailer, whose front axle is then where it is coupled.
 
     ``carla`` names it by the blueprint of CARLA's library nearest to the body, which is how ScenarioRunner chooses.
+
+    >>> vehicle(1, log.bodies[1], reference_ahead_m=-1.4, carla=False).name
+    'car_1'
     """
     from scenariogeneration import xosc
 

@@ -29,6 +29,10 @@ def kept_by_filters(rows: FloatArray, moments_s: Sequence[tuple[float, ...]]) ->
 
     Of each group of moments it is the first that can: one cannot where the vehicle comes back to where it was within
     the filter's radius, or has not moved so far since the start or the moment before.
+
+    >>> rows = np.column_stack([np.arange(3.0), 10.0 * np.arange(3.0), np.zeros(3)])  # 10 m a second
+    >>> kept_by_filters(rows, [(1.0,)])[:, 0].round(3).tolist()  # one more just outside a radius of 0.1 m
+    [0.0, 1.0, 1.01, 2.0]
     """
     kept_s: list[float] = []
     for group in sorted(moments_s):

@@ -45,7 +45,11 @@ def _holds(passed: bool | None, threshold: float | None) -> str:
 
 @cache
 def templates() -> Environment:
-    """The environment of all pages. It escapes everything: reports and maps are not trusted."""
+    """The environment of all pages. It escapes everything: reports and maps are not trusted.
+
+    >>> templates().from_string("{{ name }}").render(name="<b>")  # nothing of a report is taken for HTML
+    '&lt;b&gt;'
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

@@ -32,6 +32,11 @@ def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) 
     the numbers, and those in the middle of a road, which end before one. Inside a junction, which is the convex hull of
     its lanes, a gap is paved where it is narrower than a lane: islands are wider. What separates carriageways outside
     is not a gap.
+
+    >>> import numpy as np
+    >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])
+    >>> list(paved_gaps([lane], [[0]]))  # a single lane leaves nothing between
+    []
     """
     outlines = [shapely.make_valid(shapely.Polygon(lane)) for lane in lanes]
     tree = shapely.STRtree(outlines)

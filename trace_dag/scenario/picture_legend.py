@@ -72,7 +72,14 @@ class Words(NamedTuple):
 
 
 def write(picture: Image, words: Sequence[Words], dpi: int) -> None:
-    """Write lines of text on a picture with a resolution in pixels per inch."""
+    """Write lines of text on a picture with a resolution in pixels per inch.
+
+    >>> from PIL import Image as Images
+    >>> picture = Images.new("RGB", (100, 40), "white")
+    >>> write(picture, [Words(0.2, 0.2, "first contact")], 100)
+    >>> len(picture.getcolors()) > 1  # no longer white alone
+    True
+    """
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(picture)
@@ -107,7 +114,11 @@ def _font(size_px: float) -> FreeTypeFont:
 
 
 def place_line(record: CrashRecord) -> Words:
-    """The first line of a headline: which crash it is, of what kind and where."""
+    """The first line of a headline: which crash it is, of what kind and where.
+
+    >>> place_line(record).text[:40]
+    '2023-319003   NE-411/MAIN ST / ELDER ST,'
+    """
     roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
     place = ", ".join(filter(None, (roads, record.state_name)))
     described = "; ".join(filter(None, (", ".join(classes_in_words(record)), conditions_in_words(record))))
@@ -124,7 +135,11 @@ def headline_words(line: int, text: str) -> Words:
 
 
 def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
-    """Which crash it is, its kind and place, and its verdict."""
+    """Which crash it is, its kind and place, and its verdict.
+
+    >>> headline(record, verdict)[1].text.startswith("verified")
+    True
+    """
     lines = [place_line(record)]
     if verdict:
         outcome = "verified" if verdict.accepted else f"not verified: {verdict.reason}"
@@ -133,7 +148,13 @@ def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
 
 
 def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Column, Signs]]) -> list[Words]:
-    """Draw signs below the panels, in columns that begin so far from the left; what is written beside them."""
+    """Draw signs below the panels, in columns that begin so far from the left; what is written beside them.
+
+    >>> from matplotlib.figure import Figure
+    >>> signs = sign_entries(map_report, None, log)
+    >>> [words.text for words in draw_legend(Figure(), 0.0, [(0.0, sign_column(signs), signs)])][:1]
+    ['driven path, pale body at rest']
+    """
     words = []
     width_in, height_in = figure.get_size_inches()
     for left_in, column, signs in entries:
@@ -146,12 +167,20 @@ def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Co
 
 
 def vehicle_column(entries: Signs) -> Column:
-    """The column for a number of vehicles."""
+    """The column for a number of vehicles.
+
+    >>> vehicle_column(vehicle_entries(record, None)) is _VEHICLES
+    True
+    """
     return next(each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(entries) <= 2 * each.rows or each is _CROWD)
 
 
 def sign_column(entries: Signs) -> Column:
-    """The column for a number of signs."""
+    """The column for a number of signs.
+
+    >>> sign_column([]) is _SIGNS
+    True
+    """
     return _SIGNS if len(entries) <= 2 * _SIGNS.rows else _MANY_SIGNS
 
 
@@ -164,7 +193,11 @@ def _sign(x: float, y: float, length: float, style: dict[str, Any]) -> Any:
 
 
 def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[tuple[dict[str, Any], str]]:
-    """How each vehicle is drawn, its type, manoeuvre and speed."""
+    """How each vehicle is drawn, its type, manoeuvre and speed.
+
+    >>> [label for _, label in vehicle_entries(record, hypothesis)]
+    ['V1 car, turn left, 14 mph as reported', 'V2 motorcycle, straight, 30 mph as reported']
+    """
     reported = {vehicle.number: vehicle.travel_speed_mps for vehicle in record.vehicles}
     parked = {vehicle.number for vehicle in record.vehicles if not vehicle.in_transport}
     planned = sorted(hypothesis.participants, key=lambda each: each.vehicle_number) if hypothesis else ()
@@ -187,7 +220,11 @@ def vehicle_entries(record: CrashRecord, hypothesis: Hypothesis | None) -> list[
 def sign_entries(
     report: MapReport, hypothesis: Hypothesis | None, log: SimulationLog | None
 ) -> list[tuple[dict[str, Any], str]]:
-    """The signs in this picture and their meaning."""
+    """The signs in this picture and their meaning.
+
+    >>> [label for _, label in sign_entries(map_report, None, None)]
+    ['reported point (× on the road)']
+    """
     signs: list[tuple[dict[str, Any], str]] = []
     if hypothesis:
         signs.append(({"color": _PATH_COLOUR, "lw": 1, "ls": (0, (4, 3))}, "planned path, outline at its start"))

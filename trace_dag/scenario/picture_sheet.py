@@ -76,7 +76,11 @@ def square(centre: tuple[float, float], half_m: float) -> Window:
 
 
 def around(one: Window, other: Window) -> Window:
-    """The smallest window that contains both."""
+    """The smallest window that contains both.
+
+    >>> around((0.0, 0.0, 10.0, 10.0), (5.0, -5.0, 20.0, 5.0))
+    (0.0, -5.0, 20.0, 10.0)
+    """
     west, south = (min(one[i], other[i]) for i in (0, 1))
     east, north = (max(one[i], other[i]) for i in (2, 3))
     return west, south, east, north

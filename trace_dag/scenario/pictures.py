@@ -53,7 +53,11 @@ def draw_crash(
     dpi: int = 90,
 ) -> Image:
     """The picture, 13 by 7.2 inches. ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's
-    best). ``surroundings`` lie behind the roads."""
+    best). ``surroundings`` lie behind the roads.
+
+    >>> draw_crash(record, network, map_report, state_estimate, log, verdict, dpi=20).size  # 13 by 7.2 inches
+    (260, 144)
+    """
     hypothesis = _shown_hypothesis(estimate, verdict)
     sheet = Sheet(dpi)
     approach = _approach_window(hypothesis, log)
@@ -74,7 +78,12 @@ def draw_crash(
 
 def as_png(picture: Image) -> bytes:
     """A picture as a file with a palette: since a map has few colours, it has a third of the size and takes half the
-    time."""
+    time.
+
+    >>> from PIL import Image as Images
+    >>> as_png(Images.new("RGB", (4, 4)))[1:4]
+    b'PNG'
+    """
     from PIL.Image import Dither, Quantize
 
     stream = io.BytesIO()

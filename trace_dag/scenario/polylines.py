@@ -14,6 +14,9 @@ def worth_keeping(lines: Sequence[FloatArray], by_m: float) -> list[int]:
     from what is kept of it (Douglas and Peucker, The Cartographer 10(2), 1973).
 
     ``lines`` have one length n, each shape (n, 2) or (n, 3), metres. Indices in order, both ends among them.
+
+    >>> worth_keeping([np.array([[0.0, 0.0], [5.0, 0.1], [10.0, 0.0]])], 0.2)  # the middle is 0.1 m off
+    [0, 2]
     """
     points = np.stack(lines)
     return needed(points.shape[1], lambda first, last: _off_chords_m(points[:, first : last + 1]), by_m)
@@ -24,6 +27,9 @@ def needed(count: int, off: Callable[[int, int], FloatArray], by: float) -> list
 
     ``off`` says how far the points between two are from what those two alone would give, shape (last - first - 1,).
     Indices in order, both ends among them.
+
+    >>> needed(3, lambda first, last: np.array([0.3]), 0.2)  # the middle is farther off than allowed
+    [0, 1, 2]
     """
     keep = {0, count - 1}
     waiting = [(0, count - 1)]

@@ -48,6 +48,9 @@ def write_published(hypothesis: Hypothesis, log: SimulationLog) -> bytes:
 
     The vehicle with the lower number is ``vehicle1``. Raises :class:`UserError` for a simulation without a contact, and
     for one in which a person or an object was struck: the layout knows two vehicles.
+
+    >>> sorted(json.loads(write_published(hypothesis, log)))
+    ['crash_point', 'vehicle1', 'vehicle2']
     """
     contact = log.first_contact
     if contact is None:

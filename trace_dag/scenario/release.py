@@ -169,6 +169,13 @@ def write_archive(folder: Path, names: Iterable[str], target: Path, archive_form
     """One archive of files of a release's folder, the same bytes for the same files, never more than one in memory.
 
     Packages are compressed already, so the archive stores them as they are.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as made:
+    ...     _ = (Path(made) / "README.md").write_bytes(b"about this")
+    ...     write_archive(Path(made), ["README.md"], Path(made) / "release.zip", "zip")
+    ...     [name.split("/")[1] for name in zipfile.ZipFile(Path(made) / "release.zip").namelist()]
+    ['README.md']
     """
     if archive_format == "tar":
         with tarfile.open(target, "w", format=tarfile.USTAR_FORMAT) as tar:

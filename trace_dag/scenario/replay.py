@@ -42,7 +42,12 @@ PAGE: Final = "replay.html"
 
 def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
     """A page that stands alone. Without a third dimension it has the plan alone; one that is ``paired`` has no time
-    line: that is the page's around (:func:`write_html_pair`). The same content gives the same bytes."""
+    line: that is the page's around (:func:`write_html_pair`). The same content gives the same bytes.
+
+    >>> from trace_dag.scenario.replay_content import replay_content
+    >>> replay_page(replay_content(record, network, log, in_3d=False))[:15]
+    b'<!DOCTYPE html>'
+    """
     in_3d = content.solid is not None
     return (
         templates()
@@ -61,7 +66,12 @@ def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """What the page of a site reads of one crash: a script that calls it with the packed parts of the content."""
+    """What the page of a site reads of one crash: a script that calls it with the packed parts of the content.
+
+    >>> from trace_dag.scenario.replay_content import replay_content
+    >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
+    b'replay({'
+    """
     parts = {"data": json.dumps(content.said, separators=(",", ":"), allow_nan=False), "map": content.map_svg}
     kept = {name: packed(text.encode()) for name, text in parts.items()}
     if content.solid is not None:
@@ -70,7 +80,11 @@ def replay_script(content: ReplayContent) -> bytes:
 
 
 def site_files() -> dict[str, bytes]:
-    """What a site needs for its replays, but for the library of the third dimension: the page and its script."""
+    """What a site needs for its replays, but for the library of the third dimension: the page and its script.
+
+    >>> sorted(site_files())
+    ['replay.html', 'replay.js']
+    """
     shown = {"title": "Replay", "paired": False, "in_3d": True}
     pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
     return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}
@@ -89,6 +103,9 @@ def write_html_player(
 
     ``log`` is of the hypothesis that ``verdict`` is about, or of an agent's ``drive``. The same input gives the same
     bytes.
+
+    >>> b"MAIN ST" in write_html_player(record, network, log, verdict)
+    True
     """
     return replay_page(replay_content(record, network, log, verdict, drive, surroundings=surroundings))
 

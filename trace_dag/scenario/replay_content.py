@@ -51,7 +51,12 @@ class ReplayWindows:
 
 
 def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
-    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all)."""
+    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all).
+
+    >>> west, south, east, north = replay_windows(log).impact
+    >>> west < log.first_contact.x_m < east and south < log.first_contact.y_m < north
+    True
+    """
     points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
     low, high = points.min(axis=0), points.max(axis=0)
     half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
@@ -65,7 +70,11 @@ def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
 
 
 def square(centre: FloatArray, half_m: float) -> Window:
-    """A window around a point, shape (2,), m."""
+    """A window around a point, shape (2,), m.
+
+    >>> square(np.array([10.0, 0.0]), 5.0)
+    (5.0, -5.0, 15.0, 5.0)
+    """
     x, y = float(centre[0]), float(centre[1])
     return x - half_m, y - half_m, x + half_m, y + half_m
 
@@ -95,6 +104,10 @@ def replay_content(
 
     ``sampled`` has other likely courses, which can be chosen. What is shown ``beside`` others has their windows, and
     its outcome as its title.
+
+    >>> content = replay_content(record, network, log, verdict, in_3d=False)
+    >>> content.solid is None, content.map_svg[:4]
+    (True, '<svg')
     """
     windows = beside or shown_windows(log, drive)
     west, south, east, north = windows.overview
@@ -125,13 +138,21 @@ def replay_content(
 
 
 def shown_windows(log: SimulationLog, drive: Drive | None) -> ReplayWindows:
-    """What to look at; where an agent drives, at what it was to avoid."""
+    """What to look at; where an agent drives, at what it was to avoid.
+
+    >>> shown_windows(log, None) == replay_windows(log)  # no agent drives
+    True
+    """
     windows = replay_windows(log)
     return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
 
 
 def place_in_words(record: CrashRecord) -> str:
-    """The streets, the county and the state of a crash."""
+    """The streets, the county and the state of a crash.
+
+    >>> place_in_words(record)
+    'NE-411/MAIN ST / ELDER ST, Lodestar, Nebraska'
+    """
     roads = " / ".join(filter(None, (record.trafficway_1, record.trafficway_2)))
     return ", ".join(filter(None, (roads, record.county_name.title(), record.state_name)))
 

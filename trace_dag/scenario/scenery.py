@@ -119,7 +119,12 @@ class Scenery:
 
 
 def look_of(feature: OsmFeature) -> Look | None:
-    """How something beside the roads is drawn, if it is."""
+    """How something beside the roads is drawn, if it is.
+
+    >>> from trace_dag.osm.types import OsmFeature
+    >>> look_of(OsmFeature("n1", shapely.Point(-101.5, 41.8), {"shop": "yes"})) is None  # a shop's point is not drawn
+    True
+    """
     for (key, value), look in _LOOKS.items():
         if key in feature.tags and value in ("", feature.tags[key]):
             return look
@@ -127,12 +132,21 @@ def look_of(feature: OsmFeature) -> Look | None:
 
 
 def parts_of(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
-    """The single points, lines and polygons of a geometry."""
+    """The single points, lines and polygons of a geometry.
+
+    >>> [part.x for part in parts_of(shapely.MultiPoint([(1.0, 2.0), (3.0, 4.0)]))]
+    [1.0, 3.0]
+    """
     yield from getattr(geometry, "geoms", (geometry,))
 
 
 def local_points(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
-    """The coordinates of a geometry in WGS84 in the local frame, shape (n, 2), m."""
+    """The coordinates of a geometry in WGS84 in the local frame, shape (n, 2), m.
+
+    >>> here = shapely.Point(network.frame.longitude_deg, network.frame.latitude_deg)
+    >>> (local_points(here, network.frame).round(6) + 0.0).tolist()  # the origin of the frame
+    [[0.0, 0.0]]
+    """
     places = shapely.get_coordinates(geometry)
     return frame.to_local(places[:, 1], places[:, 0])
 
@@ -147,7 +161,11 @@ def draw_night(panel: Panel) -> None:
 
 
 def map_reach_m(network: RoadNetwork) -> float:
-    """How far the map goes to each side of its origin: extracts are squares around the reported point (m)."""
+    """How far the map goes to each side of its origin: extracts are squares around the reported point (m).
+
+    >>> 100.0 < map_reach_m(network) < 1000.0
+    True
+    """
     ends = [
         network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2]
         for road in network.roads

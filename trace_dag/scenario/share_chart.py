@@ -35,7 +35,11 @@ def wilson_interval(part: int, of: int) -> tuple[float, float]:
 
 
 def share_chart(title: str, shares: Sequence[Share]) -> str:
-    """One bar a share, from 0 to 100 %, with its 95 % interval as a line, as SVG."""
+    """One bar a share, from 0 to 100 %, with its 95 % interval as a line, as SVG.
+
+    >>> "3 of 4" in share_chart("Verified", [Share("all", 3, 4)])
+    True
+    """
     height = _ROW_PX * (len(shares) + 2)
     label_px = 16 + _SIGN_PX * max((len(share.label) for share in shares), default=0)
     lines = [

@@ -76,7 +76,11 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 
 def static_files() -> dict[str, bytes]:
-    """What is the same on every site, by name: style, scripts, and the page of all replays."""
+    """What is the same on every site, by name: style, scripts, and the page of all replays.
+
+    >>> "site.css" in static_files()
+    True
+    """
     files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", "site_states.js", LIBRARY)}
     return {name: text.encode() for name, text in files.items()} | site_files()
 

@@ -26,7 +26,11 @@ _ESCAPES = str.maketrans({'"': "'"} | {sign: f"%{ord(sign):02X}" for sign in "%<
 
 
 def draw_sketch(network: RoadNetwork, log: SimulationLog | None = None, *, most: int = MOST_CHARACTERS) -> str:
-    """An SVG whose :func:`data_url` has at most ``most`` characters; the farthest roads go first where it must."""
+    """An SVG whose :func:`data_url` has at most ``most`` characters; the farthest roads go first where it must.
+
+    >>> len(data_url(draw_sketch(network, log))) <= MOST_CHARACTERS
+    True
+    """
     moment = moment_of(log) if log else None
     centre = np.array([moment.x_m, moment.y_m]) if moment else np.zeros(2)
     strokes = road_strokes(network, centre)
@@ -53,7 +57,12 @@ def data_url(svg: str) -> str:
 
 def road_strokes(network: RoadNetwork, centre: FloatArray) -> list[tuple[float, FloatArray]]:
     """Width (m) and middle line of every drivable road within 35 m of ``centre``, shape (n, 2) from there, the nearest
-    first."""
+    first.
+
+    >>> width_m, line = road_strokes(network, np.zeros(2))[0]
+    >>> bool(np.abs(line).min() < 35.0)
+    True
+    """
     found = []
     reach_m = 1.4 * _HALF_WINDOW_M  # to the corners
     for road in network.roads_within((*(centre - reach_m), *(centre + reach_m))):
@@ -121,7 +130,11 @@ def _pose_at_contact(log: SimulationLog, number: int) -> Pose | None:
 
 
 def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> str:
-    """SVG path data, y turned downward, in as few characters as there can be."""
+    """SVG path data, y turned downward, in as few characters as there can be.
+
+    >>> path_data([np.array([[0.0, 0.0], [3.0, 4.0]])], 0.0)  # y downward
+    'M0,0,3-4'
+    """
     path = ""
     for line in lines:
         points = line[worth_keeping([line], by_m)] if by_m else line

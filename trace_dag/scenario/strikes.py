@@ -22,6 +22,9 @@ def strikes(log: SimulationLog) -> list[dict[str, object]]:
 
     ``trigger`` is the state of the striking vehicle when the person sets off; ``path`` the person's motion up to the
     first strike, rows of time (s), x, y, z (m), heading (rad) and speed (m/s).
+
+    >>> strikes(log)  # nobody on foot was struck
+    []
     """
     found: dict[tuple[int, int], Contact] = {}
     for contact in sorted(log.contacts, key=lambda each: each.time_s):

@@ -32,6 +32,9 @@ def moving_thumbnail(network: RoadNetwork, log: SimulationLog, surroundings: Seq
     """The SVG of a crash; ``surroundings`` lie behind the roads.
 
     Raises ValueError if there was neither a contact nor an overturn: there is no moment to show.
+
+    >>> moving_thumbnail(network, log)[:4]
+    '<svg'
     """
     moment = moment_of(log)
     if moment is None:

@@ -25,7 +25,11 @@ _FRAME = "x east, y north of the reported point, headings counter-clockwise from
 
 
 def log_to_json(key: str, log: SimulationLog) -> bytes:
-    """A log as UTF-8 JSON, ending with a newline; the same bytes for the same log. ``key`` is the crash's."""
+    """A log as UTF-8 JSON, ending with a newline; the same bytes for the same log. ``key`` is the crash's.
+
+    >>> json.loads(log_to_json(record.key, log))["run"]["parties"]
+    [1, 2]
+    """
     meanings = {column.name: column for column in SIMULATION_STEPS.columns}
     document = {
         "key": key,

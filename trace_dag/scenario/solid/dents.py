@@ -22,13 +22,23 @@ _LEAST_S: Final = 0.05
 
 
 def crush_of(contact: Contact, number: int) -> float:
-    """How deep a contact pressed a participant in (m); 0 of those it does not concern."""
+    """How deep a contact pressed a participant in (m); 0 of those it does not concern.
+
+    >>> crush_of(log.first_contact, 1) == log.first_contact.crush_1_m, crush_of(log.first_contact, 7)
+    (True, 0.0)
+    """
     one, two = contact.touched
     return {one: contact.crush_1_m, two: contact.crush_2_m}.get(number, 0.0)
 
 
 def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
-    """Offsets of the points of each part, shape (n, 3), in the vehicle's axes."""
+    """Offsets of the points of each part, shape (n, 3), in the vehicle's axes.
+
+    >>> from trace_dag.scenario.solid.shapes import Mesh
+    >>> contact, no_triangles = log.first_contact, np.zeros((0, 3), int)
+    >>> dent(contact, 1, [(None, Mesh(np.zeros((1, 3)), no_triangles))])[0].shape  # an offset for its only point
+    (1, 3)
+    """
     first = contact.touched[0] == number
     pose = contact.poses[number]
     depth = contact.crush_1_m if first else contact.crush_2_m
@@ -54,7 +64,11 @@ def dent(contact: Contact, number: int, parts: Parts) -> list[FloatArray]:
 
 
 def dent_keys(contacts: list[Contact]) -> Keys:
-    """How much of each dent there is over time: none before its contact, all at the end of it."""
+    """How much of each dent there is over time: none before its contact, all at the end of it.
+
+    >>> dent_keys([log.first_contact]).values[[0, -1]].tolist()  # none at first, all at last
+    [[0.0], [1.0]]
+    """
     ends = [(each.time_s, each.time_s + max(each.duration_s, _LEAST_S)) for each in contacts]
     times = np.unique(np.array([0.0, *(time for pair in ends for time in pair)]).round(4))
     values = [np.interp(times, np.round(pair, 4), [0.0, 1.0]) for pair in ends]

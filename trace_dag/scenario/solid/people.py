@@ -31,7 +31,13 @@ _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0
 
 
 def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """The segments of a person, dressed in a colour, and what the person rides, each a node that moves by itself."""
+    """The segments of a person, dressed in a colour, and what the person rides, each a node that moves by itself.
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> nodes = person_nodes(log.vehicles[0], person_body(BodyKind.PEDESTRIAN, 40), "P1", "#009E73")
+    >>> len(nodes)  # torso, head, and on each side an arm, a thigh and a shank
+    8
+    """
     places = landmarks(log, body)
     left = body_turns(log).apply([0.0, 1.0, 0.0])
     h = body.height_m
@@ -59,7 +65,14 @@ def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
 
 
 def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
-    """The points of a person in the local frame by name, each of shape (n, 3)."""
+    """The points of a person in the local frame by name, each of shape (n, 3).
+
+    >>> from trace_dag.sim.anthropometry import person_body
+    >>> adult = person_body(BodyKind.PEDESTRIAN, 40)
+    >>> places = landmarks(log.vehicles[0], adult)  # upright, along another one's way
+    >>> bool((places["head"][:, 2] < adult.height_m).all())
+    True
+    """
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     if log.landmarks_m.shape[1]:
         points = log.landmarks_m.reshape(len(log.time_s), -1, 3)

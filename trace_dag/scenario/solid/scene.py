@@ -59,6 +59,9 @@ def crash_glb(
     """The crash as one GLB file: the log's bodies in their poses, dented as deep as the log says, on the road.
 
     Where an agent drives, the recorded vehicle is there too, to be seen through. The same input gives the same bytes.
+
+    >>> crash_glb(record.key, network, log)[:4]
+    b'glTF'
     """
     window = _window(log)
     scene = MapScene(network, window)

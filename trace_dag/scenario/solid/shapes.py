@@ -33,7 +33,12 @@ class Mesh(NamedTuple):
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """Several shapes as one."""
+    """Several shapes as one.
+
+    >>> tile = flat(shapely.box(0.0, 0.0, 1.0, 1.0))
+    >>> len(joined([tile, tile]).points_m)
+    8
+    """
     parts = [mesh for mesh in meshes if len(mesh.triangles)]
     if not parts:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
@@ -57,7 +62,12 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 def loft(stations: FloatArray, rings: FloatArray) -> Mesh:
     """A body along x with closed ends: rings, shape (n, k, 2), of (y, z) at stations, shape (n,), from rear to front,
-    each counter-clockwise seen from the front."""
+    each counter-clockwise seen from the front.
+
+    >>> ring = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    >>> len(loft(np.array([0.0, 1.0]), np.stack([ring, ring])).triangles)  # three sides of two each, two ends
+    8
+    """
     n, k, _ = rings.shape
     points = np.concatenate([np.repeat(stations, k)[:, None], rings.reshape(-1, 2)], axis=1)
     near = np.arange(k)
@@ -88,7 +98,11 @@ def cylinder(radius_m: float, low_m: float, high_m: float, sides: int = 10, top_
 
 
 def across(mesh: Mesh) -> Mesh:
-    """An upright shape laid on its side: what was up points left."""
+    """An upright shape laid on its side: what was up points left.
+
+    >>> across(Mesh(np.array([[0.0, 0.0, 1.0]]), np.zeros((0, 3), np.int64))).points_m.tolist()
+    [[0.0, 1.0, 0.0]]
+    """
     return Mesh(mesh.points_m[:, [1, 2, 0]], mesh.triangles)
 
 
@@ -105,7 +119,12 @@ def ball(radius_m: float, stretch: float = 1.0, rings: int = 5, sides: int = 9) 
 
 
 def turned_body(heights_m: FloatArray, radii_m: FloatArray, sides: int = 8) -> Mesh:
-    """A body around the z axis: its radius at some heights, from below."""
+    """A body around the z axis: its radius at some heights, from below.
+
+    >>> post = turned_body(np.array([0.0, 3.0]), np.array([0.1, 0.1]))
+    >>> float(post.points_m[:, 2].max())
+    3.0
+    """
     angles = np.arange(sides) * math.tau / sides
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     lying = loft(heights_m, radii_m[:, None, None] * ring[None])
@@ -143,7 +162,11 @@ def about_z(heading_rad: float) -> FloatArray:
 
 
 def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
-    """An area seen from above as triangles that face up."""
+    """An area seen from above as triangles that face up.
+
+    >>> len(flat(shapely.box(0.0, 0.0, 1.0, 1.0)).triangles)
+    2
+    """
     parts = shapely.get_parts(area)
     found = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[shapely.get_type_id(parts) == 3]))
     corners = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)[:, :3]
@@ -158,7 +181,11 @@ def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
 
 
 def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | float) -> Mesh:
-    """Upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all."""
+    """Upright walls on an outline, shape (n, 2), without floor and roof; heights of each corner or of all.
+
+    >>> len(prism(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), 0.0, 2.0).triangles)  # three walls of two each
+    6
+    """
     ring = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(outline)))[:-1]
     n = len(ring)
     low, high = np.broadcast_to(low_m, n), np.broadcast_to(high_m, n)
@@ -169,7 +196,11 @@ def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | f
 
 
 def ribbon(line: FloatArray, width_m: float) -> Mesh:
-    """A strip along a line of points, shape (n, 3), level across and facing up."""
+    """A strip along a line of points, shape (n, 3), level across and facing up.
+
+    >>> float(np.ptp(ribbon(np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]), 0.2).points_m[:, 1]))
+    0.2
+    """
     step = np.gradient(line[:, :2], axis=0)
     left = np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
     beside = np.column_stack([left * width_m / 2, np.zeros(len(line))])

@@ -24,13 +24,22 @@ _LARGEST_TURN_RAD: Final = 1.5  # from key to key: a quaternion knows no more th
 
 
 def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
-    """Key frames of a way, shape (n, 3)."""
+    """Key frames of a way, shape (n, 3).
+
+    >>> time_s = np.array([0.0, 1.0, 2.0])
+    >>> place_keys(time_s, np.column_stack([time_s, 0 * time_s, 0 * time_s])).time_s.tolist()  # straight at one speed
+    [0.0, 2.0]
+    """
     kept = _needed(time_s, places_m, PLACE_M)
     return Keys(time_s[kept], places_m[kept])
 
 
 def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
-    """Key frames of how something is turned at each time; it turns less than half a turn from one to the next."""
+    """Key frames of how something is turned at each time; it turns less than half a turn from one to the next.
+
+    >>> turn_keys(np.array([0.0, 1.0, 2.0]), Rotation.identity(3)).time_s.tolist()  # it does not turn
+    [0.0, 2.0]
+    """
     values = turns.as_quat()
     flipped = np.cumprod(np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     values[1:] *= flipped[:, None]  # the same turn has two quaternions: the one nearer to the last
@@ -39,13 +48,21 @@ def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
 
 
 def size_keys(time_s: FloatArray, sizes: FloatArray) -> Keys:
-    """Key frames of something that shows (1) or does not (0), shape (n,)."""
+    """Key frames of something that shows (1) or does not (0), shape (n,).
+
+    >>> size_keys(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0])).time_s.tolist()  # shows from 1 s on
+    [0.0, 1.0]
+    """
     changes = np.flatnonzero(np.diff(sizes, prepend=np.nan))
     return Keys(time_s[changes], np.repeat(sizes[changes, None], 3, axis=1), step=True)
 
 
 def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
-    """Key frames of a wheel that has turned by some angles about the axis to its left."""
+    """Key frames of a wheel that has turned by some angles about the axis to its left.
+
+    >>> rolling_keys(np.array([0.0, 1.0]), np.zeros(2)).time_s.tolist()  # it stands
+    [0.0]
+    """
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angles_rad)))])
     steps = math.ceil(turned[-1] / _LARGEST_TURN_RAD)
     if not steps:
@@ -56,12 +73,20 @@ def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
 
 
 def body_places(log: VehicleLog) -> FloatArray:
-    """Where the middle of a body is, shape (n, 3)."""
+    """Where the middle of a body is, shape (n, 3).
+
+    >>> body_places(log.vehicles[0]).shape == (len(log.vehicles[0].time_s), 3)
+    True
+    """
     return np.column_stack([log.x_m, log.y_m, log.z_m + log.above_road_m])
 
 
 def body_turns(log: VehicleLog) -> Rotation:
-    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead."""
+    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead.
+
+    >>> bool(abs(body_turns(log.vehicles[0])[0].as_euler("ZYX")[0] - log.vehicles[0].heading_rad[0]) < 1e-9)
+    True
+    """
     angles = np.column_stack([log.heading_rad, log.pitch_rad, log.roll_rad])
     return Rotation.from_euler("ZYX", angles)
 

@@ -23,7 +23,11 @@ _DENIM: Final = Material("#39465C")
 
 
 def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
-    """A motorcycle and its rider; the rider stays on it, as in the log, which has one body of both."""
+    """A motorcycle and its rider; the rider stays on it, as in the log, which has one body of both.
+
+    >>> len(motorcycle_shape(log.bodies[2], "#56B4E9").wheels)
+    2
+    """
     size = body.length_m / _DRAWN_M
     radius, hub = 0.31, _DRAWN_M / 2 - 0.31
     sides = (-1.0, 1.0)

@@ -81,7 +81,11 @@ _PLANS: Final = {
 
 def vehicle_shape(body: Body, colour: str) -> VehicleShape:
     """A vehicle of that class and size, painted in a colour; motorcycles are
-    :func:`trace_dag.scenario.solid.two_wheelers.motorcycle_shape`'s."""
+    :func:`trace_dag.scenario.solid.two_wheelers.motorcycle_shape`'s.
+
+    >>> len(vehicle_shape(log.bodies[1], "#E69F00").wheels)
+    4
+    """
     if body.is_trailer:
         return _trailer_shape(body, colour)
     plan = _PLANS[body.vehicle_class]
