@@ -162,7 +162,11 @@ def _chord_heading(segments: Sequence[tuple[float, float, float, float, float, f
 
 
 def cuts_of(ends: Sequence[StreetEnd], streets: Sequence[Street], plans: Sequence[PlanView]) -> list[Cut]:
-    """The cut of each arm of one junction, as if streets were long enough."""
+    """The cut of each arm of one junction, as if streets were long enough.
+
+    >>> cuts_of([StreetEnd(0, True)], street_graph.streets, plans)  # one arm alone has none to be clear of
+    [Cut(clear_m=0.5, wanted_m=1.0)]
+    """
     met = Counter(end.street for end in ends)
     strips = []
     for end in ends:
@@ -216,7 +220,13 @@ def _angle(a: _Strip, b: _Strip) -> float:
 
 
 def fit_cuts(length_m: float, start: Cut, end: Cut) -> tuple[float, float]:
-    """Both cuts of a street, shortened if the street is too short: first the room for corners, then the rest."""
+    """Both cuts of a street, shortened if the street is too short: first the room for corners, then the rest.
+
+    >>> fit_cuts(60.0, Cut(4.0, 10.0), Cut(4.0, 6.0))
+    (10.0, 6.0)
+    >>> fit_cuts(12.0, Cut(4.0, 10.0), Cut(4.0, 6.0))  # 1 m of the street is left
+    (6.25, 4.75)
+    """
     room = length_m - min(LEAST_STREET_M, length_m / 3)
     clear, wanted = start.clear_m + end.clear_m, start.wanted_m + end.wanted_m
     if wanted <= room:
