@@ -17,7 +17,13 @@ OBJECT_NOTE: Final = "placed by the program: the map has none of the kind there"
 
 
 def outline(item: FixedObject) -> FloatArray:
-    """Corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes."""
+    """Corners of an object seen from above, shape (n, 2): of a ditch or embankment, of all that slopes.
+
+    >>> from trace_dag.geometry import Pose
+    >>> barrier = FixedObject(1001, 1, 25, "concrete barrier", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 1.0, Resistance.RIGID)
+    >>> float(np.ptp(outline(barrier)[:, 0]))
+    20.0
+    """
     if item.resistance is Resistance.SLOPE:
         (near_m, _), *_, (far_m, _) = slope_profile_m(item)
         middle = item.pose.to_world(np.array([0.0, (near_m + far_m) / 2]))
@@ -31,7 +37,12 @@ def outline(item: FixedObject) -> FloatArray:
 
 
 def is_ours(item: FixedObject) -> bool:
-    """Whether the program placed the object."""
+    """Whether the program placed the object.
+
+    >>> from trace_dag.geometry import Pose
+    >>> is_ours(FixedObject(1001, 1, 42, "tree", Pose(0.0, 0.0, 0.0), 0.4, 0.4, 8.0, Resistance.RIGID))  # not the map's
+    True
+    """
     return item.placed_by is PlacedBy.PROGRAM
 
 

@@ -116,6 +116,10 @@ def estimate_departure(
     """The ranked hypotheses of a crash in which a vehicle leaves the road, best first.
 
     Raises :class:`Rejection` (``no_feasible_state``) where no way past the place leads off the road as reported.
+
+    >>> estimate_departure(record, network, map_report, StateSettings())
+    Traceback (most recent call last):
+    trace_dag.errors.Rejection: no_feasible_state: no departure from the road in the record
     """
     departure = departure_of(record)
     if departure is None or departure.side is None:

@@ -54,7 +54,15 @@ def path_aside(
     base: Path, anchor_m: float, off_m: float, slope: float, lateral_mps2: float, speed_mps: float
 ) -> tuple[Path, float]:
     """The path that leaves ``base``, is ``off_m`` to its left at a given station of it, and goes on at that slope; and
-    the station of that place along the new path."""
+    the station of that place along the new path.
+
+    >>> from trace_dag.states.paths import from_points
+    >>> line = np.linspace(0.0, 200.0, 401)
+    >>> east = from_points(line, np.zeros(401), np.zeros(401))
+    >>> path, station_m = path_aside(east, 100.0, 4.0, 0.1, 3.0, 20.0)
+    >>> round(path.pose(station_m).y_m, 2)  # 4 m to the left there
+    4.0
+    """
     sign, far_m = math.copysign(1.0, off_m), abs(off_m)
     ramp_m = min(1.5 * slope * max(speed_mps, 5.0) ** 2 / max(lateral_mps2, 1e-6), 2 * far_m / slope)
     shift = LateralShift(sign * (far_m + slope * GOES_ON_M), off_m, slope, max(ramp_m, 1.0))
@@ -64,7 +72,12 @@ def path_aside(
 
 
 def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
-    """The speed up to the impact: skidding sideways brakes."""
+    """The speed up to the impact: skidding sideways brakes.
+
+    >>> from trace_dag.states.encounters import party
+    >>> skid_profile(party(tree_record, tree_record.vehicles[0]), 22.0, 0.0).impact_mps  # it does not skid
+    22.0
+    """
     if not slip_rad or brakes(who.vehicle):
         return speed_profile(who.vehicle, speed_mps)
     lost = _SKID_G * GRAVITY_MPS2 * SKID_S * min(abs(math.sin(slip_rad)) + 0.3, 1.0)
@@ -119,7 +132,13 @@ def turned_by(pose: Pose, slip_rad: float) -> Pose:
 
 
 def skidding(state: ParticipantState, slip_rad: float, lead_s: float) -> ParticipantState:
-    """The same course with the body turning about itself over the last part, up to its slip angle at the impact."""
+    """The same course with the body turning about itself over the last part, up to its slip angle at the impact.
+
+    >>> car = hypothesis.participants[0]
+    >>> skidded = skidding(car, 0.5, hypothesis.impact_time_s)
+    >>> round(skidded.impact_pose.heading_rad - car.impact_pose.heading_rad, 6)
+    0.5
+    """
     t = state.trajectory
     share = np.clip((t.time_s - (lead_s - SKID_S)) / SKID_S, 0.0, 1.0)
     slip = slip_rad * share**2

@@ -134,7 +134,13 @@ _DITCH: Final = 34
 
 
 def base_m(item: FixedObject) -> float:
-    """Height of an object's lowest point above the ground before it (m): 0 but for ditches."""
+    """Height of an object's lowest point above the ground before it (m): 0 but for ditches.
+
+    >>> from trace_dag.geometry import Pose
+    >>> ditch = FixedObject(1001, 1, 34, "ditch", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 0.8, Resistance.SLOPE)  # SOE 34
+    >>> base_m(ditch)  # 0.8 m deep
+    -0.8
+    """
     return -item.height_m if item.code == _DITCH else 0.0
 
 
@@ -143,6 +149,11 @@ def slope_profile_m(item: FixedObject) -> tuple[tuple[float, float], ...]:
     straight; before the first and beyond the last the ground is level.
 
     A ditch falls over as much as it rises again: to its outline, and over it. An embankment rises over its outline.
+
+    >>> from trace_dag.geometry import Pose
+    >>> ditch = FixedObject(1001, 1, 34, "ditch", Pose(0.0, 0.0, 0.0), 20.0, 2.0, 0.8, Resistance.SLOPE)  # SOE 34
+    >>> slope_profile_m(ditch)  # 2 m down, 2 m up again
+    ((-3.0, 0.0), (-1.0, -0.8), (1.0, 0.0))
     """
     near_m, far_m = -item.width_m / 2, item.width_m / 2
     if item.code == _DITCH:

@@ -34,6 +34,11 @@ def ways(party: Party, stream: Stream, speed: TravelSpeed, *, slides: bool = Fal
     """What a vehicle that keeps to its path can do: go along, turn, back up.
 
     ``slides``: where it turned may follow from where the crash was, at a price; else it turned where the lanes do.
+
+    >>> from trace_dag.states.encounters import party
+    >>> rider, street = party(record, record.vehicles[1]), scene.through[0]
+    >>> [option.manoeuvre.value for option in ways(rider, street, speed_of(rider, street))]
+    ['straight']
     """
     if party.backing:
         return [back_up(stream, speed.speed_mps)]
@@ -45,12 +50,23 @@ def ways(party: Party, stream: Stream, speed: TravelSpeed, *, slides: bool = Fal
 
 
 def along(party: Party, stream: Stream, speed: TravelSpeed) -> Option:
-    """Keeping to the lane."""
+    """Keeping to the lane.
+
+    >>> from trace_dag.states.encounters import party
+    >>> rider, street = party(record, record.vehicles[1]), scene.through[0]
+    >>> along(rider, street, speed_of(rider, street)).manoeuvre.value  # P_CRASH1 1: going straight
+    'straight'
+    """
     return keep_lane(stream, party.vehicle, speed.speed_mps)
 
 
 def speed_of(party: Party, stream: Stream, *, crossing: bool = False) -> TravelSpeed:
-    """The vehicle's travel speed on this stream, reported or inferred."""
+    """The vehicle's travel speed on this stream, reported or inferred.
+
+    >>> from trace_dag.states.encounters import party
+    >>> round(speed_of(party(record, record.vehicles[1]), scene.through[0]).speed_mps / 0.44704)  # 30 mph in the report
+    30
+    """
     return travel_speed(party.vehicle, party.crash_type, party.turn, stream.road, crossing=crossing)
 
 

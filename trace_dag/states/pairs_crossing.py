@@ -26,7 +26,14 @@ CROSSING_SIGMA_RAD = math.radians(40)
 
 
 def crossing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """From the side: straight across or turning into the other's path."""
+    """From the side: straight across or turning into the other's path.
+
+    >>> from trace_dag.states.encounters import encounters, party
+    >>> one, two = (party(record, vehicle) for vehicle in record.vehicles)
+    >>> pairs = list(crossing(scene, encounters(record, one, two)[0]))
+    >>> {pair.parallel for pair in pairs}  # the paths cross
+    {False}
+    """
     mover, other = encounter.mover, encounter.other
     others = _usable(scene.streams, other.turn)
     for stream in _usable(scene.streams, mover.turn):

@@ -202,7 +202,13 @@ def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
 
 
 def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
-    """The evidence for one way of a vehicle, as log-likelihoods."""
+    """The evidence for one way of a vehicle, as log-likelihoods.
+
+    >>> rider = party(record, record.vehicles[1])
+    >>> option, speed, terms = next(ways_of(scene, rider, streams=scene.through[:1]))
+    >>> way_terms(scene, rider, option, speed) == terms
+    True
+    """
     stream, number = option.stream, who.vehicle.number
     terms = {
         **evidence.street_terms(scene.network, scene.placement, scene.record, stream),

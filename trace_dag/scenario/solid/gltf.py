@@ -202,7 +202,11 @@ class _Writer:
 
 
 def grid_of(view: Mapping[str, Any]) -> int:
-    """How many parts of a unit the floating-point numbers of a buffer view are counted in."""
+    """How many parts of a unit the floating-point numbers of a buffer view are counted in.
+
+    >>> grid_of({"target": _VERTICES}) == _VERTEX_GRID, grid_of({}) == _KEY_GRID  # points of shapes, and key frames
+    (True, True)
+    """
     return _VERTEX_GRID if view.get("target") == _VERTICES else _KEY_GRID
 
 

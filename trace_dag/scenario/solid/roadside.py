@@ -118,7 +118,11 @@ def _lettering(text: str, size_m: float, middle_m: float) -> Mesh:
 def areas_of(
     features: Sequence[OsmFeature], frame: LocalFrame, window: Window
 ) -> list[tuple[Material, shapely.Geometry]]:
-    """The areas that the ground in a window is made of, the later above the earlier: water, woods, parking."""
+    """The areas that the ground in a window is made of, the later above the earlier: water, woods, parking.
+
+    >>> areas_of([], network.frame, (-60.0, -60.0, 60.0, 60.0))  # nothing but grass
+    []
+    """
     border = shapely.box(*window)
     found: list[tuple[float, Material, shapely.Geometry]] = []
     for feature in features:
