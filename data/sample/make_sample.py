@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from make import broken_map, chains, crossings, people, roadside, stretches, town
 from make.crash import Crash
@@ -20,6 +21,9 @@ from make.rejected import rejected
 from make.report import Report, coded
 from make.roads import Road
 from make.truth import truth_of
+
+_Crash = TypeVar("_Crash")
+_Motion = TypeVar("_Motion")
 
 ABOUT = (
     "True motion behind the sample's reports. Frame of each crash: transverse Mercator at its reported point, x east, "
@@ -50,28 +54,27 @@ def files() -> dict[str, bytes]:
         expected = {"final_state": "rejected", "reason": item.reason}
         rows.append({"key": f"2023-{item.case}", "title": item.title, "expected": expected, "vehicles": []})
     out["truth.json"] = _truth(rows)
-    rows = []
-    for crash_of_people in people.crashes(roads):
-        touch = people.collision_of(crash_of_people)
-        told = people.coded(crash_of_people, touch)
-        out[f"people/reports/crash_{told.case}.xml"] = crashapi_xml(told)
-        rows.append(people.truth_of(crash_of_people, told, touch))
-    out["people/truth.json"] = _truth(rows)
-    rows = []
-    for chain in chains.crashes(roads):
-        meetings = chains.meetings_of(chain)
-        told = chains.coded(chain, meetings)
-        out[f"chains/reports/crash_{told.case}.xml"] = crashapi_xml(told)
-        rows.append(chains.truth_of(chain, told, meetings))
-    out["chains/truth.json"] = _truth(rows)
-    rows = []
-    for alone in roadside.crashes(roads):
-        impact = roadside.impact_of(alone)
-        told = roadside.coded(alone, impact)
-        out[f"roadside/reports/crash_{told.case}.xml"] = crashapi_xml(told)
-        rows.append(roadside.truth_of(alone, told, impact))
-    out["roadside/truth.json"] = _truth(rows)
+    out |= _part("people", people.crashes(roads), people.collision_of, people.coded, people.truth_of)
+    out |= _part("chains", chains.crashes(roads), chains.meetings_of, chains.coded, chains.truth_of)
+    out |= _part("roadside", roadside.crashes(roads), roadside.impact_of, roadside.coded, roadside.truth_of)
     return out
+
+
+def _part(
+    folder: str,
+    crashes: Iterable[_Crash],
+    motion_of: Callable[[_Crash], _Motion],
+    coded_as: Callable[[_Crash, _Motion], Report],
+    row_of: Callable[[_Crash, Report, _Motion], dict[str, Any]],
+) -> dict[str, bytes]:
+    """The files of the crashes in a folder of their own: how each came about, what is told of it, and its truth."""
+    out, rows = {}, []
+    for crash in crashes:
+        motion = motion_of(crash)
+        report = coded_as(crash, motion)
+        out[f"{folder}/reports/crash_{report.case}.xml"] = crashapi_xml(report)
+        rows.append(row_of(crash, report, motion))
+    return out | {f"{folder}/truth.json": _truth(rows)}
 
 
 def _truth(rows: list[dict[str, Any]]) -> bytes:

@@ -12,6 +12,7 @@ from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import one_line, print_table, write_json
 from trace_dag.errors import Failure
 from trace_dag.logs import complain
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import Cohort
@@ -89,7 +90,7 @@ def show(root: str, name: str, as_json: bool) -> None:
             }
         )
         return
-    click.echo(f"Cohort {found.name}: {len(found.reports)} crashes, made {found.created_at}")
+    click.echo(f"Cohort {found.name}: {counted(len(found.reports), 'crash', 'crashes')}, made {found.created_at}")
     for kind, crashes in kinds.items():
         click.echo(f"  {crashes} {kind} ({crashes / len(found.reports):.1%})")
     for origin in found.origins:
@@ -176,8 +177,8 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         except Failure as failure:
             errors = (str(failure),)
     click.echo(
-        f"Cohort {name}: {len(gone)} crashes removed"
-        + (f", {deleted} files deleted." if artefacts else "; what was made of them is kept.")
+        f"Cohort {name}: {counted(len(gone), 'crash', 'crashes')} removed"
+        + (f", {counted(deleted, 'file')} deleted." if artefacts else "; what was made of them is kept.")
     )
     for error in errors:
         complain(f"failed: {one_line(error, 500)}")

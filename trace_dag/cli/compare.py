@@ -79,10 +79,10 @@ def compare(
 def _only_cohort(names: list[str], root: str) -> str:
     from trace_dag.errors import UserError
 
-    if len(names) != 1:
-        raise UserError(
-            f"{root} holds {len(names)} cohorts; say which with --cohort" + (f": {', '.join(names)}" if names else "")
-        )
+    if not names:
+        raise UserError(f"{root} holds no cohort yet; trace-dag ingest registers one")
+    if len(names) > 1:
+        raise UserError(f"{root} holds {len(names)} cohorts; say which with --cohort: {', '.join(names)}")
     return names[0]
 
 

@@ -9,6 +9,7 @@ import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.progress import progress_of
+from trace_dag.wording import counted
 
 
 @click.command(
@@ -56,7 +57,7 @@ def export(root: str, export_format: str, cohort: str | None, only: tuple[str, .
         written = write(
             workspace, keys, folder, export_format, told=tell, complain=complaints.hear, left_out=left_out.append
         )
-    click.echo(f"{folder}  {exported} crashes, {written} files written")
+    click.echo(f"{folder}  {counted(exported, 'crash', 'crashes')}, {counted(written, 'file')} written")
     for why in left_out:
         click.echo(f"left out  {why}")
     sys.exit(complaints.told())

@@ -11,6 +11,7 @@ from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.progress import progress_told
 from trace_dag.errors import UserError
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.ingest import IngestReport
@@ -127,12 +128,12 @@ def _add_partitions(root: str) -> None:
 def _lines(report: IngestReport, cohort: str) -> list[str]:
     done = report.registration
     lines = [
-        f"Cohort {cohort}: {len(done.added)} crashes registered, {len(done.known)} known already, "
-        f"{len(done.changed)} with a changed report; {report.maps} map files, {done.maps_added} of them new."
+        f"Cohort {cohort}: {counted(len(done.added), 'crash', 'crashes')} registered, {len(done.known)} known already, "
+        f"{len(done.changed)} with a changed report; {counted(report.maps, 'map file')}, {done.maps_added} of them new."
     ]
     registered = len(done.added) + len(done.known) + len(done.changed) + len(done.elsewhere)
     if registered < report.offered:
-        lines.append(f"{registered} of {report.offered} crashes in question were chosen.")
+        lines.append(f"Chosen: {registered} of {counted(report.offered, 'crash', 'crashes')} in question.")
     for title, items in (
         ("in another cohort already, left there", [f"{key} ({other})" for key, other in done.elsewhere.items()]),
         ("the same report twice, merged", [f"{each.path} = {each.kept}" for each in report.duplicates]),

@@ -12,6 +12,7 @@ import click
 from trace_dag.cli.options import examples
 from trace_dag.cli.progress import progress_told
 from trace_dag.cli.study import into_warehouse
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.scenario.release import ArchiveFormat
@@ -60,12 +61,15 @@ def release(root: str, version: str, cohort: str | None, output: Path, archive: 
             complain=complaints.hear,
         )
     if made.missing:
-        click.echo(f"{made.folder}  {made.packages} packages; not finished, {made.missing} crashes are missing:")
+        click.echo(
+            f"{made.folder}  {counted(made.packages, 'package')}; not finished, "
+            f"missing: {counted(made.missing, 'crash', 'crashes')}"
+        )
         complaints.told()
         click.echo("Mend them and release again; what is there is kept.")
         sys.exit(1)
-    state = f"{made.written} files written" if made.written else "up to date"
-    click.echo(f"{made.folder}  {made.packages} packages, {state}")
+    state = f"{counted(made.written, 'file')} written" if made.written else "up to date"
+    click.echo(f"{made.folder}  {counted(made.packages, 'package')}, {state}")
     click.echo("Where to look:")
     click.echo(f"  {made.folder}/README.md  what it is")
     click.echo(f"  {made.folder}/DATASHEET.md  where it comes from, with counts, and its limits")

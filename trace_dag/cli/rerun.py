@@ -48,7 +48,7 @@ def rerun(
 ) -> None:
     """Run again exactly the crashes and stages asked for, unchanged or not."""
     if failed + (rejected is not None) + (first is not None) > 1:
-        raise UserError("rerun: --failed, --rejected REASON and --from STAGE exclude each other")
+        raise UserError("rerun: --failed, --rejected REASON and --from STAGE exclude each other; give one of them")
     if not failed and rejected is None and first is None:
         if not only:
             raise UserError("rerun: say what to run again with --failed, --rejected REASON, --from STAGE or --only KEY")

@@ -13,6 +13,7 @@ from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_stale, print_table, write_json
 from trace_dag.cli.progress import progress_told
 from trace_dag.logs import complain
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.flow.batch import StaleResult
@@ -156,15 +157,25 @@ def _print(title: str, rows: Sequence[Disagreement]) -> None:
 
 def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: bool) -> str:
     figures = _figures(report)
-    lines = [f"{figures['crashes']} crashes, {figures['records']} stage outcomes, {figures['files']} files"]
+    lines = [
+        ", ".join(
+            (
+                counted(figures["crashes"], "crash", "crashes"),
+                counted(figures["records"], "stage outcome"),
+                counted(figures["files"], "file"),
+            )
+        )
+    ]
     if figures["interrupted"]:
-        lines.append(f"{figures['interrupted']} stages were interrupted; trace-dag run finishes them")
+        lines.append(f"interrupted: {counted(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
     if figures["unregistered"]:
-        lines.append(f"{figures['unregistered']} crashes are kept that are registered no more")
+        lines.append(f"kept, though registered no more: {counted(figures['unregistered'], 'crash', 'crashes')}")
     if found:
         counts = Counter(each.kind.title for each in found)
         named = ", ".join(f"{count} {title}" for title, count in counts.most_common())
-        lines.append(f"{len(found)} disagreements: {named}" + ("" if repaired else "; --repair mends what can be"))
+        lines.append(
+            f"{counted(len(found), 'disagreement')}: {named}" + ("" if repaired else "; --repair mends what can be")
+        )
     else:
         lines.append("storage, Dagster and the warehouse agree")
     return ": ".join((lines[0], "; ".join(lines[1:])))

@@ -15,6 +15,7 @@ from trace_dag.crash.keys import parse_key
 from trace_dag.crash.listing import CrashListing
 from trace_dag.crash.places import state_abbreviation
 from trace_dag.errors import UserError
+from trace_dag.wording import counted
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Choice:
 
     def __post_init__(self) -> None:
         if self.sample is not None and self.stratified is not None:
-            raise UserError("a random sample and a stratified one at once; choose one of them")
+            raise UserError("--sample and --stratified at once; choose one of them")
         for key in self.cases:
             parse_key(key)
 
@@ -91,9 +92,9 @@ class Choice:
         low, high = wanted.min_vehicles, wanted.max_vehicles
         if low is not None or high is not None:
             several = f"{low if low is not None else 0} to {high}" if high is not None else f"{low} or more"
-            words.append(f"{low if low == high else several} vehicles")
+            words.append(counted(low, "vehicle") if low is not None and low == high else f"{several} vehicles")
         if self.cases:
-            words.append(f"{len(self.cases)} cases by key")
+            words.append(f"{counted(len(self.cases), 'case')} by key")
         if self.sample is not None:
             words.append(f"sample of {self.sample}, seed {self.seed}")
         if self.stratified is not None:

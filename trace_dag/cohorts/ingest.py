@@ -21,6 +21,7 @@ from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
 from trace_dag.progress import Progress
 from trace_dag.storage import Storage
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.crash.crashapi import CrashApiClient
@@ -70,8 +71,8 @@ def ingest(
     scanned = scan(reports)
     if reports and not scanned.reports and not watch:
         raise UserError(
-            f"{', '.join(map(str, reports))}: no crash report among {len(scanned.unrecognised)} files; expected "
-            "CrashAPI GetCaseDetails responses in XML"
+            f"{', '.join(map(str, reports))}: no crash report among {counted(len(scanned.unrecognised), 'file')}; "
+            "expected CrashAPI GetCaseDetails responses in XML"
         )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
     sources += [TableSource(plugin, location) for plugin, location in tables]
@@ -103,10 +104,13 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
             offers.setdefault(listing.key, (listing, source))
     names = " and ".join(source.name for source in sources)
     if not offers:
-        raise UserError(f"{names}: no crash that is asked for ({choice.in_words()})")
+        raise UserError(f"{names}: no crash that is asked for ({choice.in_words()}); ask for others or for more")
     missing = choice.cases - offers.keys()
     if missing:
-        raise UserError(f"{names}: no crash {min(missing)}, or it is not what the filter asks for")
+        raise UserError(
+            f"{names}: no crash {min(missing)} among those that the filters let through; "
+            "look at the key, or leave a filter out"
+        )
     by_source: dict[int, set[str]] = {}
     for listing in choice.sampled(listing for listing, _ in offers.values()):
         by_source.setdefault(id(offers[listing.key][1]), set()).add(listing.key)

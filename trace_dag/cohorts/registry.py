@@ -184,7 +184,7 @@ class Registry:
         ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes.
         """
         if not _NAME.fullmatch(cohort):
-            raise UserError(f"cohort name {cohort!r}: letters, digits, '-' and '_' only, 64 at most")
+            raise UserError(f"cohort name {cohort!r}: expected letters, digits, '-' and '_' only, 64 at most")
         cohorts = self.cohorts()
         before = cohorts.pop(cohort, None) or Cohort(cohort, now())
         elsewhere = {key: other.name for other in cohorts.values() for key in reports if key in other.reports}
@@ -238,7 +238,9 @@ class Registry:
         before = self.cohort(cohort)
         for key in only:
             if key not in before.reports:
-                raise UserError(f"crash {key} is not in cohort {cohort}")
+                raise UserError(
+                    f"crash {key} is not in cohort {cohort}; trace-dag cohort show {cohort} --json lists those that are"
+                )
         return tuple(in_order(only or before.keys))
 
     def remove(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from trace_dag.crash.tables import CRASH_RECORD, VEHICLE_COLUMNS
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.schemas import Column, ColumnType
 from trace_dag.settings import CrashSettings
+from trace_dag.wording import counted
 
 US_LATITUDE_DEG: Final = (17.5, 71.6)
 US_LONGITUDE_DEG: Final = (-180.0, -64.4)
@@ -144,7 +145,7 @@ def _number_of_vehicles(wanted: int) -> Rule:
             return None
         parked = sum(not vehicle.in_transport for vehicle in record.vehicles)
         beside = f" (and {parked} parked or working)" if parked else ""
-        return f"{found} motor vehicle{'' if found == 1 else 's'} in transport{beside}; the cohort takes {wanted}"
+        return f"{counted(found, 'motor vehicle')} in transport{beside}; the cohort takes {wanted}"
 
     return Rule(
         "number_of_vehicles",

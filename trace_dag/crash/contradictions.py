@@ -33,6 +33,7 @@ from trace_dag.crash.record import (
 from trace_dag.crash.summary import event_in_words
 from trace_dag.crash.zones import ZONES_OF_BIKEPOS, ZONES_OF_LOCATION, ZONES_OF_PEDPOS
 from trace_dag.units import mps_to_mph
+from trace_dag.wording import counted
 
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
 _STILL: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
@@ -87,7 +88,7 @@ def named_contradictions(record: CrashRecord) -> Iterator[tuple[str, str]]:
 def _vehicle_counts(record: CrashRecord) -> Iterator[str]:
     stated, listed = record.vehicles_in_transport, sum(vehicle.in_transport for vehicle in record.vehicles)
     if stated is not None and stated != listed:
-        yield f"VE_FORMS says {stated} vehicles in transport, but the report lists {listed}"
+        yield f"VE_FORMS says {counted(stated, 'vehicle')} in transport, but the report lists {listed}"
 
 
 def _crash_types(record: CrashRecord) -> Iterator[str]:

@@ -133,7 +133,8 @@ def untold_departure(record: CrashRecord) -> str | None:
         return None
     if _vehicle(record) is None:
         moving = record.moving_vehicles
-        return f"nothing tells which of {moving} vehicles in transport the first harmful event was of"
+        which = f"which of {moving} vehicles" if moving > 1 else "which vehicle"
+        return f"nothing tells {which} in transport the first harmful event was of"
     return None
 
 

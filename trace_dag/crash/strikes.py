@@ -108,23 +108,23 @@ def untold_strike(record: CrashRecord) -> str | None:
 
     >>> silent = replace(pedestrian_record.events[0], party_2=None)
     >>> untold_strike(replace(pedestrian_record, events=(silent,)))
-    'event 1 does not say which of 1 persons was struck'
+    'event 1 does not name the person that was struck'
     """
     if not is_of_strikes(record):
         return None
     events = _strike_events(record)
     if not events:
         moving = sum(vehicle.in_transport for vehicle in record.vehicles)
-        return (
-            f"nothing tells which of {moving} vehicles in transport struck {_whom(record)}: the report lists no such "
-            "event"
-        )
+        which = "that the vehicle" if moving == 1 else f"which of {moving} vehicles"
+        return f"nothing tells {which} in transport struck {_whom(record)}: the report lists no such event"
     listed = {vehicle.number for vehicle in record.vehicles}
     for event in events:
         if event.party_1 not in listed:
             return f"event {event.number} does not say which vehicle struck {_whom(record)}"
         if _struck(record, event) is None:
-            return f"event {event.number} does not say which of {len(record.non_motorists)} persons was struck"
+            persons = len(record.non_motorists)
+            which = f"say which of {persons} persons was struck" if persons > 1 else "name the person that was struck"
+            return f"event {event.number} does not {which}"
     return None
 
 

@@ -11,6 +11,8 @@ import socket
 import struct
 import traceback
 from collections.abc import Sequence
+from dataclasses import fields
+from operator import attrgetter
 
 import numpy as np
 
@@ -26,6 +28,9 @@ FARTHEST_M = 1e6
 MESSAGE_CHARACTERS = 400
 _LENGTH = struct.Struct("<I")
 _SEEN, _OTHER = struct.Struct("<9dI"), struct.Struct("<qB7d")
+# What is sent has the order of the fields, in which it is put together again.
+_OWN = attrgetter(*(field.name for field in fields(OwnState)))
+_SEEN_OF_OTHER = attrgetter(*(field.name for field in fields(RoadUser) if field.name not in ("number", "kind")))
 _PEDALS, _MOTION = struct.Struct("<3d?"), struct.Struct("<3dB")
 _NO_PATH, _SAME_PATH, _NEW_PATH = range(3)
 _KINDS = tuple(BodyKind)
@@ -64,32 +69,9 @@ def received(connection: socket.socket) -> bytes:
 # --- observations -----------------------------------------------------------------------------------------------------
 def observation_to_bytes(seen: Observation) -> bytes:
     """An observation for an agent's process."""
-    own = seen.own
-    head = _SEEN.pack(
-        seen.time_s,
-        own.x_m,
-        own.y_m,
-        own.z_m,
-        own.heading_rad,
-        own.velocity_x_mps,
-        own.velocity_y_mps,
-        own.speed_mps,
-        own.yaw_rate_rps,
-        len(seen.others),
-    )
+    head = _SEEN.pack(seen.time_s, *_OWN(seen.own), len(seen.others))
     return head + b"".join(
-        _OTHER.pack(
-            other.number,
-            _KIND_NUMBERS[other.kind],
-            other.x_m,
-            other.y_m,
-            other.heading_rad,
-            other.velocity_x_mps,
-            other.velocity_y_mps,
-            other.length_m,
-            other.width_m,
-        )
-        for other in seen.others
+        _OTHER.pack(other.number, _KIND_NUMBERS[other.kind], *_SEEN_OF_OTHER(other)) for other in seen.others
     )
 
 

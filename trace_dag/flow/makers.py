@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from trace_dag.provenance import OutcomeRecord
+from trace_dag.wording import counted
 
 
 class Made(NamedTuple):
@@ -37,4 +38,4 @@ def makers_in_words(estimates: Iterable[Made]) -> str:
             counts.items(), key=lambda item: (item[0].fallback_from is not None, item[0].estimator)
         )
     ]
-    return f"{total} estimate{'' if total == 1 else 's'}: {', '.join(parts)}"
+    return f"{counted(total, 'estimate')}: {', '.join(parts)}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.errors import UserError
 from trace_dag.reading.crash import Crash
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     import duckdb
@@ -76,7 +77,7 @@ class Crashes(Mapping[str, Crash], ABC):
     __hash__ = object.__hash__
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.place}: {len(self)} crashes>"
+        return f"<{type(self).__name__} {self.place}: {counted(len(self), 'crash', 'crashes')}>"
 
 
 class Home(Crashes):

@@ -20,6 +20,7 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution, solve
 from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+from trace_dag.wording import counted
 
 NAME = "analytic"
 VERSION = "2"
@@ -55,7 +56,7 @@ def parties(record: CrashRecord) -> tuple[Party, Party]:
     if pair is None:
         raise Rejection(
             Reason.NO_FEASIBLE_STATE,
-            f"{len(record.vehicles)} vehicles in the record and no collision between two of them named in its events",
+            f"{counted(len(record.vehicles), 'vehicle')} in the record, and its events name no collision between two",
             measured=len(record.vehicles),
         )
     return party(record, pair[0]), party(record, pair[1])

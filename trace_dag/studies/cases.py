@@ -21,6 +21,7 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.studies.stored_variations import families, read_variation
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.settings import SimSettings
@@ -146,9 +147,7 @@ def verified_cases(
         if standing_of_valid(files.key, files.records).final_state is FinalState.VERIFIED
     ]
     if not cases:
-        raise UserError(
-            f"none of the {len(keys)} crashes asked for is verified; trace-dag status tells where they stand"
-        )
+        raise UserError(f"no crash of the {len(keys)} asked for is verified; trace-dag status tells where they stand")
     if split is not None:
         records = {case.key: case.files.unread().load(RECORD) for case in cases}
         parts = splits_of({key: (record.latitude_deg, record.longitude_deg) for key, record in records.items()})
@@ -183,5 +182,7 @@ def stored_variations(
         if each["verdict_fingerprint"] == of_crash[key].fingerprint
     ]
     if not found:
-        raise UserError(f"no variation of the {len(cases)} crashes asked for is stored; trace-dag vary makes them")
+        raise UserError(
+            f"of {counted(len(cases), 'crash', 'crashes')} asked for, no variation is stored; trace-dag vary makes them"
+        )
     return found

@@ -21,6 +21,7 @@ from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
 from trace_dag.states.llm.store import AnswerStore, Files, StoredAnswer
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
+from trace_dag.wording import counted
 
 NAME = "llm"
 VERSION = "1"
@@ -136,7 +137,7 @@ def estimate_llm(
         tally.add(answer, [])
         return StateEstimate(record.key, hypotheses, tally.run(settings), ambiguity)
     last = "; ".join(str(each) for each in _complaints(tally))
-    tries = f"{len(tally.answers)} attempt{'' if len(tally.answers) == 1 else 's'}"
+    tries = counted(len(tally.answers), "attempt")
     why = f"{settings.llm_model} gave no usable answer in {tries}; the last: {last}"
     asked = tally.run(settings)
     if settings.llm_fallback == "reject":
