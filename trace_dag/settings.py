@@ -258,7 +258,7 @@ class ExecutionSettings(_Section):
         gt=0,
         le=86_400,
         description="Longest time of a stage for a crash, after which it has failed; for cutting maps, of all crashes "
-        "that share them.",
+        "that share them, and a second more for each MB of the map files.",
     )
     transient_retries: int = Field(2, ge=0, description="Times a stage is tried again after a transient failure.")
     retry_wait_s: float = Field(1.0, ge=0, description="Pause before the first of those; doubles each time.")

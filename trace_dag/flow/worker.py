@@ -51,6 +51,8 @@ from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
 
+_SLOWEST_MAP_BYTES_PER_S = 1_000_000.0  # a twentieth of the usual
+
 
 def _may_pass(error: BaseException) -> bool:
     """Whether trying again may help: not if the code that raised the error has tried several times already."""
@@ -336,11 +338,15 @@ def _call_for_several(
         what = f"{definition.stage} of {keys[0]}" + (f" and {len(keys) - 1} others" if keys[1:] else "")
         files = [worker.files for worker, _ in crashes]
         limit_s = work.settings.execution.stage_time_limit_s
+        if "maps" in definition.sources:
+            maps = {file for worker, _ in crashes for file in worker.task.source.maps}
+            limit_s += sum(file.size for file in maps) / _SLOWEST_MAP_BYTES_PER_S
         products = within(limit_s, what, lambda: work.flow.make_for_several(definition, files))
     except Exception as error:
-        if len(crashes) > 1:  # find the one it broke on
-            for crash in crashes:
-                yield from _call_for_several(work, definition, [crash])
+        if len(crashes) > 1:  # find the one it broke on; a call may read a large map file, so with few of them
+            half = len(crashes) // 2
+            yield from _call_for_several(work, definition, crashes[:half])
+            yield from _call_for_several(work, definition, crashes[half:])
             return
         yield crashes[0], error, started_at, time.monotonic() - started
         return
