@@ -77,14 +77,17 @@ def test_another_likely_course_can_be_chosen_by_keyboard_and_by_address(tmp_path
         assert page.run(best) == pytest.approx(0.3)
         assert page.run(solid) == [1, 0.3, 0.3]
         assert "&course=1" in page.run(LINK)
-        page.run("show_pane('solid')")
-        press(page, "ArrowDown")
-        assert page.run("document.getElementById('stage').dataset.pane") == "plan", "where the course can be seen"
-        press(page, "ArrowUp")
         bodies = "courses[0].group.querySelectorAll('g')"
         moved = f"[...{bodies}].map((each) => Number(each.getAttribute('transform').match(/[-0-9.]+/)))"
         logged = "D.courses[0].bodies.map((body) => courses[0].at(body.number, 5).x)"
         assert page.run(moved) == pytest.approx(page.run(logged))
+        page.run("show_pane('solid')")
+        page.wait(DRAWN)
+        for choice, pose in (("2", "courses[1].at"), ("best", "logged")):
+            page.run(f"choose_course('{choice}'); line.show(5)")
+            for number in page.run("solid.numbers"):
+                there = page.run(f"(({{ x, y }}) => [x, y])({pose}({number}, 5))")
+                assert page.run(f"solid.place({number}).slice(0, 2)") == pytest.approx(there, abs=0.02), choice
         watch(page, f"{replay}#t=6.00&view=impact&course=alone")
         assert page.run(solid) == [0, 0, 0]
         assert page.errors == []

@@ -7,6 +7,7 @@ import {
 } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { otherCourses } from "./courses.mjs";
 
 const SKY = { day: "#b9cfe2", dim: "#75889b", night: "#0e1524" };
 const GROUND = "#8fa36b"; // the grass of the glTF
@@ -16,8 +17,9 @@ const FAR_M = 900, SHADOW_M = 45;
 const LIT_VEHICLES = 3; // each pair of headlamps costs a light
 
 // `box` is the element to draw in, `glb` an ArrayBuffer; `night` says whether it was dark, `dim` whether the page is,
-// `slow` that there is no graphics processor: then there are no shadows, and edges are not smoothed.
-export async function create(box, glb, { night = false, dim = false, slow = false, colours = {} } = {}) {
+// `slow` that there is no graphics processor: then there are no shadows, and edges are not smoothed. `courses` and `logged`
+// are those of courses.mjs.
+export async function create(box, glb, { night = false, dim = false, slow = false, colours = {}, courses = [], logged } = {}) {
   const renderer = new WebGLRenderer({ antialias: !slow, powerPreference: "high-performance" });
   renderer.toneMapping = ACESFilmicToneMapping;
   renderer.toneMappingExposure = night ? 1.0 : 0.9;
@@ -70,16 +72,22 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   const mixer = new AnimationMixer(world), clip = animations[0];
   const action = clip ? mixer.clipAction(clip).play() : null;
 
+  function pose(t) {
+    if (action) { action.time = Math.max(0, Math.min(t, clip.duration - 1e-4)); mixer.update(0); }
+  }
+
   for (const body of bodies.values()) {
     body.middle = body.kind === "person" ? body.node.children[0] : body.node;
     body.tag = tag(body.label, colours[body.number] || "#333");
     scene.add(body.tag);
   }
-  if (night) [...bodies.values()].filter((body) => body.kind === "body").slice(0, LIT_VEHICLES).forEach(({ node }) => {
+  const others = otherCourses(world, bodies, contacts, courses, logged, pose);
+  if (night) [...bodies.values()].filter((body) => body.kind === "body").slice(0, LIT_VEHICLES).forEach((body) => {
     const lamp = new SpotLight("#fff1d6", 260, 60, 0.42, 0.7, 1.6);
     lamp.position.set(1.2, 0, 0.1);
     lamp.target.position.set(20, 0, -1.2);
-    node.add(lamp, lamp.target);
+    body.lamps = [lamp, lamp.target];
+    body.node.add(...body.lamps);
   });
 
   const controls = new OrbitControls(camera, canvas);
@@ -91,14 +99,15 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
 
   let mode = { name: "orbit" }, followed = null, look = { yaw: 0, pitch: 0 }, asked = 0;
   const place = new Vector3(), turn = new Quaternion(), before = new Vector3();
-  const at = (body) => body.middle.getWorldPosition(new Vector3());
+  const middle = (body) => body.kind === "person" ? others.shownOf(body).children[0] : others.shownOf(body);
+  const at = (body) => middle(body).getWorldPosition(new Vector3());
 
   function aim() {
     if (mode.name === "eyes") {
-      const body = bodies.get(mode.number);
-      if (body.kind === "person") body.node.children[1].getWorldPosition(place);
-      else body.node.localToWorld(place.fromArray(body.eye));
-      body.middle.getWorldQuaternion(turn);
+      const body = bodies.get(mode.number), node = others.shownOf(body);
+      if (body.kind === "person") node.children[1].getWorldPosition(place);
+      else node.localToWorld(place.fromArray(body.eye));
+      middle(body).getWorldQuaternion(turn);
       camera.position.copy(place);
       camera.quaternion.copy(turn).multiply(EYES)
         .multiply(new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), look.yaw))
@@ -110,21 +119,22 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
       camera.position.add(by);
       camera.lookAt(controls.target);
     }
-    const middle = mode.name === "eyes" ? camera.position : controls.target;
-    sun.target.position.copy(middle);
-    sun.position.copy(middle).add(new Vector3(38, 80, 30));
+    const seen = mode.name === "eyes" ? camera.position : controls.target;
+    sun.target.position.copy(seen);
+    sun.position.copy(seen).add(new Vector3(38, 80, 30));
   }
   function render() {
     asked = 0;
+    others.see(mode.name === "eyes" ? mode.number : null);
     aim();
     for (const body of bodies.values()) {
       body.tag.position.copy(at(body));
       body.tag.position.y += body.kind === "person" ? 1.9 : 2.6;
       body.tag.visible = !(mode.name === "eyes" && mode.number === body.number);
     }
-    for (const contact of contacts) {
+    for (const contact of [...contacts, ...others.marks]) {
       const size = Math.max(1, camera.position.distanceTo(contact.node.getWorldPosition(place)) / 16);
-      contact.node.scale.setScalar(time >= contact.time_s ? size : 0);
+      contact.node.scale.setScalar(time >= contact.time_s && others.isShown(contact) ? size : 0);
     }
     renderer.render(scene, camera);
   }
@@ -133,9 +143,16 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   let time = 0;
   function show(t) {
     time = t;
-    if (action) { action.time = Math.min(t, clip.duration - 1e-4); mixer.update(0); }
+    pose(t);
+    others.show(t);
+    for (const body of bodies.values()) if (body.lamps) others.shownOf(body).add(...body.lamps);
     world.updateMatrixWorld(true);
     draw();
+  }
+  // Which course is shown in full, null for the best estimate; the others are faint or, if it is shown `alone`, not seen.
+  function choose(course, alone) {
+    others.choose(course, alone);
+    show(time);
   }
   // Where to look from: "orbit" around a place [x, y, size], "follow" a party by number, or through its "eyes".
   function camera_to(name, { number, place: where } = {}) {
@@ -151,7 +168,7 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
       camera.position.copy(controls.target).add(new Vector3(-0.35 * reach, 0.62 * reach, 0.75 * reach));
     } else if (followed) {
       before.copy(at(followed));
-      followed.middle.getWorldQuaternion(turn);
+      middle(followed).getWorldQuaternion(turn);
       const ahead = new Vector3(1, 0, 0).applyQuaternion(turn).setY(0);
       if (ahead.lengthSq() < 0.01) ahead.set(1, 0, 0);
       ahead.normalize();
@@ -219,7 +236,7 @@ export async function create(box, glb, { night = false, dim = false, slow = fals
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { grip = null; });
   // Where a party is and where one looks from, in the crash's frame: east, north, up.
   const local = ({ x, y, z }) => [x, -z, y];
-  return { show, camera: camera_to, resize, canvas, numbers: [...bodies.keys()],
+  return { show, choose, camera: camera_to, resize, canvas, numbers: [...bodies.keys()],
     place: (number) => local(at(bodies.get(number))), eye: () => local(camera.position) };
 }
 

@@ -42,7 +42,7 @@ const courses = hit === null ? [] : D.courses.map((course, k) => {
       if (here) body.setAttribute("transform", `translate(${here.x} ${-here.y}) rotate(${-here.h * 180 / Math.PI})`);
     }
   }
-  return { ...course, group, lines, at, show };
+  return { ...course, starts: hit + course.begins, group, lines, at, show };
 });
 function choose_course(asked) {
   const select = $("course");
@@ -55,7 +55,10 @@ function choose_course(asked) {
   for (const id of ["bodies", "paths", "rings", "speeds"]) $(id).setAttribute("opacity", chosen ? .3 : 1);
   if (chosen) $("courses").append(chosen.group); // above the others
   $("course-said").textContent = !courses.length || select.value === "alone" ? "" : chosen
-    ? `Faint: the best estimate and other likely courses.${PLAN_ALONE}` : `Faint: other likely courses, from ${-courses[0].begins} s before the impact.`;
+    ? `Faint: the best estimate and other likely courses.` : `Faint: other likely courses, from ${-courses[0].begins} s before the impact.`;
+  {% if in_3d %}
+  solid?.choose(chosen ?? null, select.value === "alone");
+  {% endif %}
 }
 if (courses.length) {
   $("likely").hidden = false;
@@ -64,9 +67,6 @@ if (courses.length) {
   $("course").add(new Option("Best estimate alone", "alone"));
   $("course").addEventListener("change", () => {
     choose_course();
-    {% if in_3d %}
-    if (chosen_course() && shown === "solid") show_pane("plan"); // where the course can be seen
-    {% endif %}
     line.show(line.now);
   });
 }

@@ -44,15 +44,21 @@ async function model() {
   }
   return glb.buffer;
 }
+// Where a body of the best estimate is: x, y and heading.
+function logged(number, now) {
+  const [a, b, f] = at(now), v = D.vehicles.find(v => v.number === number);
+  return Object.fromEntries(["x", "y", "h"].map(name => [name, v[name][a] + f * (v[name][b] - v[name][a])]));
+}
 let started = null;
 function start() {
   return started ??= (async () => {
     if (typeof replay3d === "undefined") await library();
     const dim = matchMedia("(prefers-color-scheme: dark)").matches;
     const colours = Object.fromEntries(D.vehicles.map(v => [v.number, v.colour]));
-    solid = await replay3d.create($("solid"), await model(), { night: D.night, dim, slow: able === "slow", colours });
+    solid = await replay3d.create($("solid"), await model(), { night: D.night, dim, slow: able === "slow", colours, courses, logged });
     look_from();
     solid.show(line.now);
+    choose_course();
     requestAnimationFrame(() => { document.body.dataset.solid = "drawn"; performance.mark("drawn in 3D"); });
   })().catch(error => refuse(`The 3D view could not be drawn (${error.message}); the plan view shows the same.`));
 }
