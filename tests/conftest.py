@@ -31,8 +31,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Two more than there are cores, which tests that wait for other processes would leave idle a third of the time."""
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 2
+    """Three more than there are cores, which tests that wait for other processes would leave idle a third of the time."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 3
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
