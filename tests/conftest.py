@@ -31,7 +31,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Three more than there are cores, which tests that wait for other processes would leave idle a third of the time."""
+    """Three more than there are cores, which tests that wait for other processes would leave idle for a while."""
     return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else available_cores() + 3
 
 
