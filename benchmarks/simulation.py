@@ -26,7 +26,7 @@ from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.log_io import logs_to_files
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, Participant
-from trace_dag.states.objects import KINDS, FixedObject
+from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Trajectory
 
 CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
@@ -46,20 +46,7 @@ def vehicle(number: int, x_m: float, y_m: float, heading_rad: float, speed_mps: 
 
 def fixed(number: int, code: int, x_m: float, y_m: float) -> FixedObject:
     """An object by its ``SOE``, along the x axis."""
-    kind = KINDS[code]
-    return FixedObject(
-        number=number,
-        event_number=number - 2000,
-        code=code,
-        name=kind.name,
-        pose=Pose(x_m, y_m, 0.0),
-        length_m=kind.length_m,
-        width_m=kind.width_m,
-        height_m=kind.height_m,
-        resistance=kind.resistance,
-        force_n=kind.force_n,
-        energy_j=kind.energy_j,
-    )
+    return FixedObject.of_kind(code, number=number, event_number=number - 2000, pose=Pose(x_m, y_m, 0.0))
 
 
 QUEUE = (

@@ -25,20 +25,7 @@ TREE, CURB, SIGN, GUARDRAIL, BARRIER = 42, 33, 59, 24, 25
 
 
 def item(code: int, x_m: float, y_m: float, heading_rad: float = 0.0) -> FixedObject:
-    kind = KINDS[code]
-    return FixedObject(
-        number=2002,
-        event_number=2,
-        code=code,
-        name=kind.name,
-        pose=Pose(x_m, y_m, heading_rad),
-        length_m=kind.length_m,
-        width_m=kind.width_m,
-        height_m=kind.height_m,
-        resistance=kind.resistance,
-        force_n=kind.force_n,
-        energy_j=kind.energy_j,
-    )
+    return FixedObject.of_kind(code, number=2002, event_number=2, pose=Pose(x_m, y_m, heading_rad))
 
 
 def run(speed_mps: float, struck: FixedObject, body: Body = CAR, *, heading_rad: float = 0.0) -> SimulationLog:

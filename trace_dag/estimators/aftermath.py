@@ -137,7 +137,7 @@ class _Run:
         if since_s is None:
             return course, EstimateCheck(event.name, False, f"vehicle {number} meets nobody before it")
         for tried, turned in self._ways(course, event, since_s):
-            if _overturns(tried.log, number) and _order(tried.log) == _order(course.log):
+            if overturned_at(tried.log.vehicle_log(number)) is not None and _order(tried.log) == _order(course.log):
                 return tried, EstimateCheck(event.name, True, f"vehicle {number} overturns{turned}")
         return course, EstimateCheck(event.name, False, f"vehicle {number} stays on its wheels")
 
@@ -162,10 +162,6 @@ class _Run:
 def _since_s(log: SimulationLog, number: int) -> float | None:
     """When a vehicle last came into a contact; None if it did not."""
     return max((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=None)
-
-
-def _overturns(log: SimulationLog, number: int) -> bool:
-    return any(each.number == number and overturned_at(each) is not None for each in log.vehicles)
 
 
 def _disturbed(
@@ -212,7 +208,7 @@ class _Way:
     def of(cls, run: _Run, log: SimulationLog, number: int, since_s: float) -> _Way:
         """That of a vehicle of a log."""
         network = run.network
-        driven = next(each for each in log.vehicles if each.number == number)
+        driven = log.vehicle_log(number)
         body = log.bodies[number]
         moves = np.hypot(driven.velocity_x_mps, driven.velocity_y_mps) >= _CREEPS_MPS
         steps = np.flatnonzero((driven.time_s > since_s) & moves)

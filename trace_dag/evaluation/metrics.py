@@ -93,7 +93,7 @@ def measure(case: Case, ego: int, log: SimulationLog) -> Metrics:
     """Measures of a run of a case with an agent at the wheel of participant ``ego``."""
     contact, recorded = log.first_contact, case.contact
     until_s = log.duration_s if contact is None else contact.time_s
-    own = next(vehicle for vehicle in log.vehicles if vehicle.number == ego)
+    own = log.vehicle_log(ego)
     others = [vehicle for vehicle in log.vehicles if party_of_body(vehicle.number) != ego]
     rules = measure_rules(case.network, own, until_s)
     shift_s = shift_m = None

@@ -92,7 +92,7 @@ def _vehicle(way: _Way, lead_s: float) -> dict[str, object]:
 def _way(state: ParticipantState, log: SimulationLog, contact: Contact) -> _Way:
     pose = contact.pose_1 if state.vehicle_number == contact.number_1 else contact.pose_2
     ahead_m, left_m = _shift(state, pose, contact)
-    logged = next(vehicle for vehicle in log.vehicles if vehicle.number == state.vehicle_number)
+    logged = log.vehicle_log(state.vehicle_number)
     before = logged.time_s < contact.time_s
     driven = np.stack([logged.x_m[before], logged.y_m[before]], axis=-1)
     to_contact_m = float(arc_lengths(np.concatenate([driven, [[pose.x_m, pose.y_m]]]))[-1])

@@ -62,7 +62,7 @@ def left_road_after_contact(
     >>> left_road_after_contact(network, log, 1, log.first_contact.time_s)  # strikes the other on the crossing
     ()
     """
-    driven = next(each for each in log.vehicles if each.number == number)
+    driven = log.vehicle_log(number)
     first = next((each for each in log.meetings if number in (each.number_1, each.number_2)), None)
     pose = None if first is None else log.pose_at_contact(first, number)
     came_rad = None if pose is None else pose.heading_rad

@@ -264,6 +264,10 @@ class SimulationLog:
         """The logs of the participants: of all bodies but trailers."""
         return tuple(each for each in self.vehicles if party_of_body(each.number) == each.number)
 
+    def vehicle_log(self, number: int) -> VehicleLog:
+        """The log of a body."""
+        return next(each for each in self.vehicles if each.number == number)
+
     def trailer_log(self, number: int) -> VehicleLog | None:
         """The log of what a vehicle pulls."""
         return next((each for each in self.vehicles if each.number == trailer_body(number)), None)
@@ -274,7 +278,7 @@ class SimulationLog:
             return None
         if number in contact.poses:
             return contact.poses[number]
-        body = next(each for each in self.vehicles if each.number == number)
+        body = self.vehicle_log(number)
         values = (body.x_m, body.y_m, np.unwrap(body.heading_rad), body.z_m)
         x, y, heading, z = (float(np.interp(contact.time_s, body.time_s, each)) for each in values)
         return Pose(x, y, heading, z)
@@ -285,7 +289,7 @@ class SimulationLog:
         trailer = self.trailer_log(number)
         if trailer is None:
             return None
-        puller = next(each for each in self.vehicles if each.number == number)
+        puller = self.vehicle_log(number)
         return np.asarray((puller.heading_rad - trailer.heading_rad + math.pi) % math.tau - math.pi)
 
     def clock_body(self, contact: Contact, number: int) -> tuple[Pose, float, float]:

@@ -88,6 +88,33 @@ class FixedObject:
     placed_by: PlacedBy = PlacedBy.PROGRAM
     osm_id: str = ""
 
+    @classmethod
+    def of_kind(
+        cls,
+        code: int,
+        *,
+        number: int,
+        event_number: int,
+        pose: Pose,
+        length_m: float | None = None,
+        width_m: float | None = None,
+    ) -> FixedObject:
+        """An object of the kind that an ``SOE`` names, of the usual size where no other is given."""
+        kind = KINDS[code]
+        return cls(
+            number=number,
+            event_number=event_number,
+            code=code,
+            name=kind.name,
+            pose=pose,
+            length_m=kind.length_m if length_m is None else length_m,
+            width_m=kind.width_m if width_m is None else width_m,
+            height_m=kind.height_m,
+            resistance=kind.resistance,
+            force_n=kind.force_n,
+            energy_j=kind.energy_j,
+        )
+
 
 _POST, _LINE = ObjectForm.POST, ObjectForm.LINE
 _RIGID, _YIELDING = Resistance.RIGID, Resistance.YIELDING

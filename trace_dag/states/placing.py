@@ -144,18 +144,8 @@ def placed(
         round(math.remainder(heading, math.tau), 6),
         round(pose.z_m, 6),
     )
-    item = FixedObject(
-        number=struck.party,
-        event_number=struck.event_number,
-        code=struck.code,
-        name=kind.name,
-        pose=placed,
-        length_m=round(length_m, 6),
-        width_m=kind.width_m,
-        height_m=kind.height_m,
-        resistance=kind.resistance,
-        force_n=kind.force_n,
-        energy_j=kind.energy_j,
+    item = FixedObject.of_kind(
+        struck.code, number=struck.party, event_number=struck.event_number, pose=placed, length_m=round(length_m, 6)
     )
     return item, (round(float(contact[0]), 6), round(float(contact[1]), 6))
 

@@ -64,7 +64,7 @@ def aftermath_shown(
 
 
 def _overturn(event: Afterwards, log: SimulationLog, since_s: float, came_of: str) -> Criterion:
-    driven = next(each for each in log.vehicles if each.number == event.vehicle.number)
+    driven = log.vehicle_log(event.vehicle.number)
     step = overturned_at(driven)
     over = step is not None and float(driven.time_s[step]) >= since_s
     tilted_deg = float(np.degrees(np.abs(driven.roll_rad).max()))

@@ -7,7 +7,7 @@ from typing import Final
 
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
-from trace_dag.states.objects import KINDS, FixedObject
+from trace_dag.states.objects import FixedObject
 from trace_dag.studies.validation.placing import before_object, damaged_m
 from trace_dag.studies.validation.recorded import RecordedEvent, RecordedVehicle
 from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, recorded_by, simulate
@@ -51,26 +51,12 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
     force_rad = damage.force_from_rad if damage is not None and damage.force_from_rad is not None else 0.0
     course = force_rad if on_side or abs(force_rad) > _SIDEWAYS_RAD else 0.0
     start = before_object(body, place, course, recording.speed_mps, diameter_m / 2)
-    log = simulate((start,), settings, (_post(kind, diameter_m),))
+    post = FixedObject.of_kind(
+        kind, number=2001, event_number=1, pose=Pose(0.0, 0.0, 0.0), length_m=diameter_m, width_m=diameter_m
+    )
+    log = simulate((start,), settings, (post,))
     if log.first_contact is None:
         raise Unusable("placed by its damage and at this speed the vehicle does not meet the object")
     speed = recording.speed_mps
     stops = (-speed * math.cos(course), -speed * math.sin(course))
     return compared_row(case, vehicle.number, "object", recording, damage, recorded_by(log, 0), stops, log, first=True)
-
-
-def _post(code: int, diameter_m: float) -> FixedObject:
-    kind = KINDS[code]
-    return FixedObject(
-        number=2001,
-        event_number=1,
-        code=code,
-        name=kind.name,
-        pose=Pose(0.0, 0.0, 0.0),
-        length_m=diameter_m,
-        width_m=diameter_m,
-        height_m=kind.height_m,
-        resistance=kind.resistance,
-        force_n=kind.force_n,
-        energy_j=kind.energy_j,
-    )
