@@ -137,6 +137,11 @@ def gaps_m(poses_1: Poses, size_1_m: tuple[float, float], poses_2: Poses, size_2
 
     ``size_*_m`` are length and width; the result has the shape of the arrays. Exact in sign; where two corners face
     each other it is less than their distance.
+
+    >>> at = lambda x_m, y_m: (np.array([x_m]), np.array([y_m]), np.array([0.0]))
+    >>> car = (4.0, 2.0)
+    >>> gaps_m(at(0.0, 0.0), car, at(5.0, 0.0), car), gaps_m(at(0.0, 0.0), car, at(3.0, 1.0), car)  # apart, overlapping
+    (array([1.]), array([-1.]))
     """
     (x1, y1, h1), (x2, y2, h2) = poses_1, poses_2
     dx, dy = x2 - x1, y2 - y1

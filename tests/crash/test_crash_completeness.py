@@ -16,8 +16,6 @@ SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98}
 """Codes of a vehicle that say nothing about how it moved."""
 
 
-STRUCK_THE_SAME_PEDESTRIAN = ("510063", "510076", "510174", "510200", "510221", "510304")
-"""Real reports of two vehicles none of whose events is a contact of the two (SOE 8 of each)."""
 STRUCK_BY_WHAT_FLEW = "510130"
 """A motorcycle overturned, and what it set in motion struck the car (SOE 1, 54)."""
 

@@ -40,7 +40,15 @@ class Afterwards:
 
 def aftermath_of(record: CrashRecord) -> tuple[Afterwards, ...]:
     """What vehicles that met somebody did afterwards, in the order of the events; nothing where the crash is
-    reconstructed by a departure, or by strikes of people."""
+    reconstructed by a departure, or by strikes of people.
+
+    >>> aftermath_of(record)  # its events end with the collision
+    ()
+    >>> from dataclasses import replace
+    >>> then = replace(record.events[0], number=2, code=42, party_1=2, party_2=None)  # vehicle 2 strikes a tree
+    >>> [(each.name, each.vehicle.number) for each in aftermath_of(replace(record, events=(*record.events, then)))]
+    [('object of event 2', 2)]
+    """
     method = reconstruction_of(record)
     if method not in (Reconstruction.COLLISION, Reconstruction.CONTACTS) and record.kind is not CrashKind.ANIMAL:
         return ()

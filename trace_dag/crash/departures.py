@@ -85,7 +85,13 @@ _SIDEWAYS: Final = frozenset({3, 4, 5, 7})  # PCRASH4
 
 
 def departs_at_end(vehicle: VehicleRecord) -> bool:
-    """Whether a vehicle drove on where its road ended, by its crash type or critical event."""
+    """Whether a vehicle drove on where its road ended, by its crash type or critical event.
+
+    >>> from dataclasses import replace
+    >>> car = tree_record.vehicles[0]
+    >>> departs_at_end(car), departs_at_end(replace(car, critical_event_code=14))  # P_CRASH2: off its end
+    (False, True)
+    """
     return vehicle.crash_type_code == _END_OF_ROAD or vehicle.critical_event_code == _OFF_THE_END
 
 

@@ -99,7 +99,14 @@ def noted(path: Path) -> LongWays | None:
 
 
 def note(path: Path, ways: LongWays) -> None:
-    """Keep them for :func:`noted`."""
+    """Keep them for :func:`noted`.
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     (file := Path(folder) / "town.osm.pbf").touch()
+    ...     note(file, np.zeros(2, dtype=_COLUMNS))
+    ...     len(noted(file))
+    2
+    """
     folder, name = _note_of(path)
     stream = io.BytesIO()
     np.save(stream, ways)

@@ -47,12 +47,20 @@ def is_ours(item: FixedObject) -> bool:
 
 
 def in_words(item: FixedObject) -> str:
-    """What the object is, and where its place comes from."""
+    """What the object is, and where its place comes from.
+
+    >>> in_words(tree)
+    'tree (placed by the program: the map has none of the kind there)'
+    """
     return f"{item.name} ({OBJECT_NOTE if is_ours(item) else 'OpenStreetMap ' + item.osm_id})"
 
 
 def names(items: Iterable[FixedObject]) -> str:
-    """The names of some objects, without repetitions, in their order."""
+    """The names of some objects, without repetitions, in their order.
+
+    >>> names([tree, tree])
+    'tree'
+    """
     return ", ".join(dict.fromkeys(item.name for item in items))
 
 
@@ -67,5 +75,9 @@ _CATEGORIES: Final = {
 
 def object_category(item: FixedObject) -> str:
     """The object's category, in the words that OpenDRIVE (``e_objectType``) and OpenSCENARIO (``MiscObjectCategory``)
-    share."""
+    share.
+
+    >>> object_category(tree)
+    'tree'
+    """
     return _CATEGORIES.get(item.code, "obstacle")

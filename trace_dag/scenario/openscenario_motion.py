@@ -48,7 +48,13 @@ class TimedPoses:
 
 
 def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> TimedPoses:
-    """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on."""
+    """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on.
+
+    >>> from trace_dag.sim.surface import Surface
+    >>> moves = motion(log, log.vehicles[0], ahead_m=1.3, surface=Surface())  # level ground
+    >>> float(moves.time_s[0]), bool(moves.pitch_rad.any())  # from the beginning; nothing pitches there
+    (0.0, False)
+    """
     centres, seen_s = _with_contacts(log, vehicle)
     time, x, y, z, heading = centres.T
     heading = np.unwrap(heading)

@@ -19,7 +19,12 @@ _MASS_KG: Final = 1e5  # the standard wants one; nothing moves it
 
 
 def misc_object(item: FixedObject) -> xosc.MiscObject:
-    """An object as an entity."""
+    """An object as an entity.
+
+    >>> made = misc_object(tree)
+    >>> made.name, made.category.get_name()
+    ('tree_2', 'tree')
+    """
     from scenariogeneration import xosc
 
     box = xosc.BoundingBox(
@@ -41,7 +46,11 @@ def misc_object(item: FixedObject) -> xosc.MiscObject:
 
 
 def standing_at(item: FixedObject) -> xosc.TeleportAction:
-    """Puts an object where it stands."""
+    """Puts an object where it stands.
+
+    >>> standing_at(tree).position.x == round(tree.pose.x_m, 6)
+    True
+    """
     from scenariogeneration import xosc
 
     pose = item.pose

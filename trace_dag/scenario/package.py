@@ -95,7 +95,12 @@ class _File(NamedTuple):
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
-    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
+    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them.
+
+    >>> files = package_files(package_input)
+    >>> {"README.md", "LICENSES.md", MANIFEST} <= files.keys()
+    True
+    """
     files = [
         *_sources(crash),
         *_scenarios(crash),

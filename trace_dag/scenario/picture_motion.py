@@ -192,14 +192,30 @@ def _last_pose(vehicle: VehicleLog) -> Pose:
 
 
 def draw_cross(panel: Panel) -> None:
-    """The reported point, the origin of the frame."""
+    """The reported point, the origin of the frame.
+
+    >>> from matplotlib.figure import Figure
+    >>> from trace_dag.scenario.map_panel import Panel
+    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
+    >>> draw_cross(panel)
+    >>> [artist.get_marker() for artist in panel.figure.artists]
+    ['+']
+    """
     from matplotlib.lines import Line2D
 
     panel.add(Line2D([0.0], [0.0], marker="+", ms=15, mew=2.4, color=REPORTED_COLOUR, zorder=41))
 
 
 def draw_reported_point(panel: Panel, report: MapReport) -> None:
-    """The reported point, and the point on the road to which it was moved, if it was."""
+    """The reported point, and the point on the road to which it was moved, if it was.
+
+    >>> from matplotlib.figure import Figure
+    >>> from trace_dag.scenario.map_panel import Panel
+    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
+    >>> draw_reported_point(panel, map_report)
+    >>> [artist.get_marker() for artist in panel.figure.artists]  # on the road: it was not moved
+    ['+']
+    """
     from matplotlib.lines import Line2D
 
     x, y = report.placement.x_m, report.placement.y_m

@@ -45,7 +45,12 @@ def draw_rejected_map(
     surroundings: Sequence[OsmFeature] = (),
     dpi: int = 90,
 ) -> Image:
-    """The picture, 13 by 7.2 inches; its second line is ``why``, the reason of the rejection."""
+    """The picture, 13 by 7.2 inches; its second line is ``why``, the reason of the rejection.
+
+    >>> far_off = RejectedMapReport("native", 30.0, ())
+    >>> draw_rejected_map(record, network, extract, far_off, "57 m from any street", dpi=20).size  # 13 by 7.2 inches
+    (260, 144)
+    """
     sheet = Sheet(dpi)
     sheet.words += [place_line(record), headline_words(1, why)]
     pointed_at = _pointed_at(report)

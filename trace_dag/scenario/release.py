@@ -121,7 +121,17 @@ class BenchmarkRelease:
 
 
 def release_documents(release: BenchmarkRelease) -> dict[str, bytes]:
-    """The files beside the packages by name, all but the checksums."""
+    """The files beside the packages by name, all but the checksums.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> row = dict.fromkeys(column.name for column in RELEASE_INDEX.columns)
+    >>> row |= {"key": "2023-510001", "map_attribution": OSM_ATTRIBUTION, "latitude_deg": 37.0, "longitude_deg": -78.0}
+    >>> row["case_year"] = 2023
+    >>> row |= {"split": "train", "package": "packages/2023-510001.zip", "package_bytes": 1, "package_sha256": ""}
+    >>> files = release_documents(BenchmarkRelease("1.0", "2026-01-31", ["va-2023"], [], [row]))
+    >>> b"2023-510001" in files["index.json"], b"ODbL" in files["LICENSES.md"]
+    (True, True)
+    """
     index = _index_parquet(release)
     return {
         "README.md": _card(release) + _rendered("release_readme.md.jinja", release),

@@ -67,7 +67,16 @@ _CONTEXT: Final[dict[str, Any]] = {
 def croissant(
     name: str, version: str, published: str, about: str, rights: Rights, index: TableSchema, index_parquet: bytes
 ) -> bytes:
-    """``croissant.json``: the files of a release, and the columns of its index. ``published`` is a date."""
+    """``croissant.json``: the files of a release, and the columns of its index. ``published`` is a date.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> from trace_dag.schemas import Column
+    >>> index = TableSchema("index", "A row per crash", (Column("key", ColumnType.TEXT, "Key of the crash"),))
+    >>> rights = Rights.of([OSM_ATTRIBUTION])
+    >>> made = json.loads(croissant("crashes", "1.0", "2026-01-31", "Two crashes", rights, index, b""))
+    >>> made["version"], made["recordSet"][0]["field"][0]["description"]  # Croissant asks for three numbers
+    ('1.0.0', 'Key of the crash')
+    """
     fields = [
         {
             "@type": "cr:Field",
@@ -131,7 +140,14 @@ def datacite(
     name: str, version: str, published: str, title: str, about: str, rights: Rights, box_deg: Sequence[float]
 ) -> bytes:
     """``datacite.json``: what a repository needs to give a DOI, all but the DOI. ``box_deg`` is west, south, east,
-    north of the crashes."""
+    north of the crashes.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> rights, box_deg = Rights.of([OSM_ATTRIBUTION]), (-83.7, 36.5, -75.2, 39.5)
+    >>> made = json.loads(datacite("crashes", "1.0", "2026-01-31", "Crashes", "Two crashes", rights, box_deg))
+    >>> made["publicationYear"], made["geoLocations"][0]["geoLocationBox"]["northBoundLatitude"]
+    ('2026', 39.5)
+    """
     west, south, east, north = box_deg
     return _json(
         {
@@ -169,7 +185,12 @@ def datacite(
 
 
 def licences(rights: Rights) -> list[str]:
-    """Addresses of the licences of a release: its own, and those of its maps."""
+    """Addresses of the licences of a release: its own, and those of its maps.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> licences(Rights.of([OSM_ATTRIBUTION]))
+    ['https://spdx.org/licenses/CC0-1.0', 'https://spdx.org/licenses/ODbL-1.0']
+    """
     names = {"CC0-1.0", *rights.licence.split(" AND ")}
     return [_SPDX + each for each in sorted(names) if not each.startswith("LicenseRef")]
 

@@ -123,7 +123,13 @@ def write_html_pair(
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
-    """The drives of several agents in the same crash, beside each other on one page with one time line and one view."""
+    """The drives of several agents in the same crash, beside each other on one page with one time line and one view.
+
+    >>> drives = [(Drive(agent, 1, "avoided", log), log) for agent in ("brake", "idm")]
+    >>> page = write_html_pair(record, network, drives)
+    >>> b"brake drives" in page and b"idm drives" in page
+    True
+    """
     each = [shown_windows(log, drive) for drive, log in driven]
     windows = ReplayWindows(_around([one.overview for one in each]), each[0].impact)
     sides = [

@@ -152,7 +152,15 @@ def local_points(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
 
 
 def draw_night(panel: Panel) -> None:
-    """Darken the map."""
+    """Darken the map.
+
+    >>> from matplotlib.figure import Figure
+    >>> from trace_dag.scenario.map_panel import Panel
+    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
+    >>> draw_night(panel)
+    >>> [(patch.get_width(), patch.get_height()) for patch in panel.figure.artists]  # one over the whole window
+    [(120.0, 120.0)]
+    """
     from matplotlib.patches import Rectangle
 
     west, south, east, north = panel.window
@@ -175,7 +183,15 @@ def map_reach_m(network: RoadNetwork) -> float:
 
 
 def draw_fading(panel: Panel, reach_m: float, ground: str) -> None:
-    """Let the map fade into the ground at its edge, if a window shows that."""
+    """Let the map fade into the ground at its edge, if a window shows that.
+
+    >>> from matplotlib.figure import Figure
+    >>> from trace_dag.scenario.map_panel import Panel
+    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
+    >>> draw_fading(panel, 400.0, "white")  # the edge of the map is far outside of this window
+    >>> len(panel.figure.artists)
+    0
+    """
     from matplotlib.collections import PolyCollection
 
     fade_m = _FADE_SHARE * reach_m

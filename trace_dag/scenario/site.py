@@ -38,7 +38,13 @@ class IndexRows:
 
 
 def write_index(rows: IndexRows, rights: Rights) -> bytes:
-    """``index.html``; ``rights`` of all crashes' maps."""
+    """``index.html``; ``rights`` of all crashes' maps.
+
+    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
+    >>> rows = IndexRows([{"key": "2023-510001", "final_state": "verified"}], [], [], [], [], leaderboard=False)
+    >>> b"2023-510001" in write_index(rows, Rights.of([OSM_ATTRIBUTION]))
+    True
+    """
     crashes, funnel = rows.crashes, rows.funnel
     page = (
         templates()

@@ -93,18 +93,6 @@ def front_stiffness_npm2(body: Body) -> float:
     return body.mass_kg * rate * rate / body.width_m
 
 
-def stiffness_npm2(body: Body, ahead: float, left: float) -> float:
-    """The stiffness of the face that a direction points to: a unit vector in the body's axes, ahead and left.
-
-    >>> from trace_dag.sim.types import BodyKind
-    >>> car = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.8, 1.8, 1.45, 1500.0)
-    >>> front, rear, side = (stiffness_npm2(car, *way) for way in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0)))
-    >>> round(rear / front, 6), round(side / front, 6)
-    (0.8, 0.6)
-    """
-    return front_stiffness_npm2(body) * _of_front(ahead, left)
-
-
 def _of_front(ahead: float, left: float) -> float:
     """The stiffness of the face that a direction points to, as a share of the front's."""
     end = 1.0 if ahead >= 0 else _REAR

@@ -60,7 +60,15 @@ class DrawnCourse:
 
 
 def course_of(sample: int, drawn: DrawnCrash, log: SimulationLog) -> DrawnCourse | None:
-    """The course of a draw that was simulated to its end; None if nothing touched in it."""
+    """The course of a draw that was simulated to its end; None if nothing touched in it.
+
+    >>> from trace_dag.sim.drawn import DrawnCrash
+    >>> from trace_dag.states.samples import draw_samples
+    >>> drawn = DrawnCrash.of(hypothesis, draw_samples(record, [hypothesis], 1)[0])
+    >>> course = course_of(0, drawn, log)
+    >>> course.begins_s, [body.number for body in course.bodies]
+    (-3.0, [1, 2])
+    """
     contact = log.first_contact
     if contact is None:
         return None

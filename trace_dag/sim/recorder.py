@@ -201,7 +201,13 @@ class Pulled(NamedTuple):
 
 def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
     """A contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the way from
-    the state before to that after, their velocities before it."""
+    the state before to that after, their velocities before it.
+
+    >>> here, there, stands = (BodyMotion(x_m, 0.0, 0.0, 10.0, 0.0, 0.0) for x_m in (0.0, 1.0, 4.0))
+    >>> episode = begin_contact(*simulated_pair, (here, stands), (there, stands), 0.0, 0.1)
+    >>> of_combinations(episode, (None, None), 0.5) == episode  # no trailer was touched
+    True
+    """
     poses, velocities = list(episode.poses), list(episode.velocities)
     trailers: list[Pose | None] = [None, None]
     for k, by in enumerate(pulled):
@@ -241,6 +247,12 @@ def begin_contact(
     """The contact of two bodies that were apart at ``before_s`` and overlap ``step_s`` later, from their first touch.
 
     Velocities are those before it; the closing speed is that of the points that touch, along the normal.
+
+    >>> here, there = (BodyMotion(x_m, 0.0, 0.0, 10.0, 0.0, 0.0) for x_m in (0.0, 1.0))  # 10 m/s for 0.1 s
+    >>> stands = BodyMotion(4.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    >>> episode = begin_contact(*simulated_pair, (here, stands), (there, stands), 2.0, 0.1)
+    >>> 2.0 < episode.start_s < 2.1, episode.normal, episode.closing_speed_mps
+    (True, (1.0, 0.0), 10.0)
     """
 
     def outlines(motions: tuple[BodyMotion, BodyMotion]) -> tuple[Outline, Outline]:
@@ -274,7 +286,13 @@ def begin_contact(
 
 def begin_strike(vehicle: Vehicle, person: Person, touch: PersonTouch, now_s: float, step_s: float) -> ContactEpisode:
     """The contact of a vehicle and a person who touch at ``now_s`` but did not a step before, from their first touch:
-    as long ago as it takes to come as deep as they are."""
+    as long ago as it takes to come as deep as they are.
+
+    >>> from trace_dag.sim.people import PersonTouch
+    >>> car, touch = simulated_pair[0], PersonTouch(0.01, [0.0, 0.0, 1.0], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    >>> round(begin_strike(car, simulated_person, touch, 2.0, 0.005).start_s, 4)  # 0.01 m ago, at 6 m/s
+    1.9983
+    """
     px, py, _ = touch.point
     nx, ny = touch.normal[0], touch.normal[1]
     level = math.hypot(nx, ny)

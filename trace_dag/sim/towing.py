@@ -119,7 +119,11 @@ class Towed(Vehicle):
 
 
 def whole_kg(vehicle: Vehicle) -> float:
-    """Mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it."""
+    """Mass of a vehicle with its trailer, or of a trailer with the vehicle that pulls it.
+
+    >>> whole_kg(simulated_pair[0])  # a car that pulls nothing
+    1600.0
+    """
     puller = vehicle.puller if isinstance(vehicle, Towed) else vehicle
     return puller.model.body.mass_kg + puller.model.pulled_kg
 

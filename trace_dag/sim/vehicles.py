@@ -129,7 +129,17 @@ def _pulling(alone: VehicleModel, trailer: Trailer, p: _Proportions) -> VehicleM
 
 @lru_cache(maxsize=256)
 def trailer_model(body: Body, trailer: Trailer) -> VehicleModel:
-    """A trailer's model. Its front axle is the hitch, which has no wheels."""
+    """A trailer's model. Its front axle is the hitch, which has no wheels.
+
+    >>> from trace_dag.crash.codes.bodies import PICKUP
+    >>> from trace_dag.crash.codes.trailers import trailer_of
+    >>> from trace_dag.sim.types import BodyKind
+    >>> trailer = trailer_of(PICKUP, 1)  # TOW_VEH 1: one trailer
+    >>> body = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.OTHER, trailer.length_m, 2.0, 2.0, trailer.mass_kg)
+    >>> model = trailer_model(body, trailer)
+    >>> model.front_stiffness_npr, model.max_acceleration_mps2  # no wheels in front, no engine
+    (0.0, 0.0)
+    """
     p = _HEAVY_TRAILER if trailer.mass_kg > _HEAVY_FROM_KG else _LIGHT_TRAILER
     rear_n = (1.0 - trailer.hitch_load_share) * trailer.mass_kg * GRAVITY_MPS2
     return VehicleModel(

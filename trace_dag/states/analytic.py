@@ -12,7 +12,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
-from trace_dag.states.assemble import hypothesis
+from trace_dag.states.assemble import hypothesis_of
 from trace_dag.states.candidates import Candidate, candidates
 from trace_dag.states.checks import ESSENTIAL
 from trace_dag.states.encounters import Encounter, Party, encounters, party
@@ -119,7 +119,7 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     kept: list[tuple[int, int, Solution, Hypothesis]] = []
     flawless = 0
     for solution in chosen:
-        built = hypothesis(solution, scene.network, lead_time_s=settings.lead_time_s)
+        built = hypothesis_of(solution, scene.network, lead_time_s=settings.lead_time_s)
         failed = {each.name for each in built.checks if not each.passed}
         if not failed & ESSENTIAL:
             kept.append((len(failed), len(kept), solution, built))

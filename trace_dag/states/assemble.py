@@ -28,8 +28,15 @@ _TRAILS_M = 1.0  # a trailer is followed from so far before a path's beginning
 _DECIMALS = 6  # to a micrometre: equal on every machine, which the last bits are not
 
 
-def hypothesis(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
-    """The solution as states: each vehicle's profile run backward from the impact along its path."""
+def hypothesis_of(solution: Solution, network: RoadNetwork, *, lead_time_s: float) -> Hypothesis:
+    """The solution as states: each vehicle's profile run backward from the impact along its path.
+
+    >>> made = hypothesis_of(solution, network, lead_time_s=5.0)
+    >>> [(each.vehicle_number, each.manoeuvre.value) for each in made.participants]
+    [(1, 'turn_left'), (2, 'straight')]
+    >>> made.impact_time_s, all(check.passed for check in made.checks)
+    (5.0, True)
+    """
     candidate = solution.candidate
     parts = (
         (candidate.encounter.mover, solution.mover, candidate.mover_speed, candidate.mover_profile),
@@ -104,7 +111,16 @@ def driven(
     after_s: float,
 ) -> ParticipantState:
     """A vehicle driven along a path, at ``station_m`` of it (metres) after ``lead_time_s`` seconds, and for ``after_s``
-    seconds more."""
+    seconds more.
+
+    >>> from trace_dag.states.types import SpeedSource
+    >>> car, way = tree_record.vehicles[0], way_past_the_tree
+    >>> speed, steady = TravelSpeed(20.0, SpeedSource.REPORTED), SpeedProfile(20.0, 20.0)
+    >>> state = driven(network, car, way, way.path(), way.station_m, speed, steady, lead_time_s=5.0, after_s=1.0)
+    >>> t = state.trajectory
+    >>> round(math.dist((t.x_m[0], t.y_m[0]), (t.x_m[-1], t.y_m[-1])), 1), float(t.time_s[-1])  # 6 s at 20 m/s
+    (120.0, 6.0)
+    """
     time, distance, speeds = profile.sample(lead_time_s, after_s)
     x, y, z, heading = path.at(station_m + distance)
     trailing = _trailing(vehicle, path, station_m + distance, heading)

@@ -41,7 +41,13 @@ def check(
     beyond_map: dict[int, bool],
 ) -> tuple[EstimateCheck, ...]:
     """All checks of one hypothesis; ``beyond_map`` says for each vehicle number whether it starts where the map has no
-    road."""
+    road.
+
+    >>> states, lead_s = hypothesis.participants, hypothesis.impact_time_s
+    >>> done = check(solution, states, lead_time_s=lead_s, beyond_map={1: False, 2: False})
+    >>> [each.name for each in done][:3], all(each.passed for each in done)
+    (['touching', 'no earlier contact', 'place'], True)
+    """
     records = {
         party.vehicle.number: party
         for party in (solution.candidate.encounter.mover, solution.candidate.encounter.other)

@@ -86,7 +86,12 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
 
 def lane_path(scene: Scene, option: Option) -> Path:
     """The path before the departure, as driven at this speed. If a bend is so sharp that this path would leave the
-    carriageway, it follows the middle of the lane instead."""
+    carriageway, it follows the middle of the lane instead.
+
+    >>> path = lane_path(tree_scene, way_past_the_tree)
+    >>> bool(np.abs(path.curvature_1pm).max() < 0.001)  # a straight road
+    True
+    """
     driven_path = option.path()
     if option.turn is not None:
         return driven_path
@@ -97,7 +102,15 @@ def lane_path(scene: Scene, option: Option) -> Path:
 
 
 def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
-    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
+    """Where a line beside a path leaves the carriageway near the place; None if it does not.
+
+    >>> path = lane_path(tree_scene, way_past_the_tree)
+    >>> place_m, _ = path.project(*tree_scene.place_xy_m)
+    >>> end_of_road_m(tree_scene, path, place_m, 0.0) is None  # the road goes on
+    True
+    >>> end_of_road_m(tree_scene, path, place_m, -1.8) is None  # 1.75 m to the right is its edge
+    True
+    """
     s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
     x, y, heading = base.plan(s_m)
     x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
@@ -108,7 +121,14 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
 
 def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[float, float]:
     """The station at which the vehicle crosses the carriageway's edge, and how far from the path the edge is there: at
-    the place itself, or near it if a side street opens there."""
+    the place itself, or near it if a side street opens there.
+
+    >>> path = lane_path(tree_scene, way_past_the_tree)
+    >>> place_m, _ = path.project(*tree_scene.place_xy_m)
+    >>> station_m, edge_m = edge_near(tree_scene, path, place_m, -1.0)
+    >>> edge_m, station_m == place_m  # half of a lane of 3.5 m; no side street opens there
+    (1.75, True)
+    """
     stations = place_m + np.arange(-_AWAY_M, _AWAY_M + 0.1, 0.5)
     edges = np.array([edge_beside_m(scene, base.pose(float(s)), sign) for s in stations])
     usual = float(edges.min())
@@ -118,7 +138,12 @@ def edge_near(scene: Scene, base: Path, place_m: float, sign: float) -> tuple[fl
 
 
 def edge_beside_m(scene: Scene, here: Pose, sign: float) -> float:
-    """Distance from a pose on the carriageway to its edge, at the level of the crash."""
+    """Distance from a pose on the carriageway to its edge, at the level of the crash.
+
+    >>> middle_of_lane = way_past_the_tree.stream.path.pose(way_past_the_tree.station_m)
+    >>> edge_beside_m(tree_scene, middle_of_lane, -1.0)  # half of a lane of 3.5 m to the right
+    1.75
+    """
     return edge_of(scene.carriageway, here, sign)
 
 

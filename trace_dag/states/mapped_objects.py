@@ -95,6 +95,17 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     none.
 
     ``side_sign`` is 1 to the left of the path and -1 to the right.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.states.leaving import turned_by
+    >>> path = way_past_the_tree.path()
+    >>> here = path.pose(path.project(*tree_scene.place_xy_m)[0])
+    >>> x_m, y_m = here.xy_m + 4.0 * turned_by(here, -math.pi / 2).forward  # 4 m to its right
+    >>> mapped = replace(tree_scene, things=(MappedThing("n1", "natural=tree", ((x_m, y_m),)),))
+    >>> float(round(mapped_object(mapped, path, 42, -1.0).off_m, 3))  # SOE 42: a standing tree
+    4.0
+    >>> mapped_object(mapped, path, 42, 1.0) is None  # none to the left
+    True
     """
     if scene.record.road_relation_code in _ON_ROADWAY or not side_sign:
         return None

@@ -47,7 +47,12 @@ CLOSING_MPS = 6.0  # least difference if one of two unreported speeds must have 
 
 
 def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """Rear-end: the mover runs into the other from behind."""
+    """Rear-end: the mover runs into the other from behind.
+
+    >>> pairs = list(same_lane(scene, solution.candidate.encounter))  # were it a rear-end crash
+    >>> all(pair.mover.stream is pair.other.stream for pair in pairs)
+    True
+    """
     mover, other = encounter.mover, encounter.other
     offsets = [0.0]
     if _off_centre(mover) or _off_centre(other):
@@ -78,7 +83,12 @@ def _slowed(
 
 
 def same_direction(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """Adjacent paths: the mover comes over to the other's, or turns across it."""
+    """Adjacent paths: the mover comes over to the other's, or turns across it.
+
+    >>> pairs = list(same_direction(scene, solution.candidate.encounter))  # were they side by side
+    >>> {pair.other.manoeuvre.value for pair in pairs}  # the other keeps to its lane
+    {'straight'}
+    """
     mover, other = encounter.mover, encounter.other
     through = scene.on_road(scene.through)
     for target in through:
@@ -127,7 +137,12 @@ def _coming_over(
 
 
 def opposite(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """Oncoming: the mover crosses the centre line or the median, drives the wrong way, or turns across."""
+    """Oncoming: the mover crosses the centre line or the median, drives the wrong way, or turns across.
+
+    >>> pairs = list(opposite(scene, solution.candidate.encounter))
+    >>> {(pair.mover.manoeuvre.value, pair.other.manoeuvre.value) for pair in pairs}  # vehicle 1 turns across the other
+    {('turn_left', 'straight')}
+    """
     mover, other = encounter.mover, encounter.other
     for target in scene.on_road(scene.through):
         other_speed = speed_of(other, target)

@@ -59,7 +59,12 @@ def _usable(streams: tuple[Stream, ...], turn: Turn | None) -> list[Stream]:
 
 
 def backing(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """Backward along the road into the one behind, or out of a driveway or side road into its traffic."""
+    """Backward along the road into the one behind, or out of a driveway or side road into its traffic.
+
+    >>> pairs = list(backing(scene, solution.candidate.encounter))  # had the first backed up
+    >>> {pair.mover.manoeuvre.value for pair in pairs}
+    {'backing'}
+    """
     mover, other = encounter.mover, encounter.other
     roads = scene.on_road(scene.through)[:6]
     if not roads:

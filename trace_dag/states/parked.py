@@ -65,7 +65,12 @@ STANDS: Final = TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
 
 
 def stands(scene: Scene, vehicle: VehicleRecord) -> Iterator[Stand]:
-    """The places where a parked or working vehicle can have stood, by the zone of the first harmful event."""
+    """The places where a parked or working vehicle can have stood, by the zone of the first harmful event.
+
+    >>> zones = {stand.zone.value for stand in stands(scene, record.vehicles[0])}
+    >>> zones  # the first harmful event was on the roadway
+    {'carriageway'}
+    """
     zones = zones_of_first_event(scene.record) or frozenset({Zone.CARRIAGEWAY})
     for stream in scene.on_road(scene.through):
         if stream.wrong_way:
@@ -117,7 +122,15 @@ class _Plan:
 
 
 def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float, most: int) -> tuple[Hypothesis, ...]:
-    """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many."""
+    """The ranked hypotheses of a moving vehicle that strikes a standing one first, at most so many.
+
+    >>> from dataclasses import replace
+    >>> car = tree_record.vehicles[0]
+    >>> contact = VehicleContact(1, car, None, replace(car, number=2, in_transport=False), None)  # had it met its like
+    >>> best = parked_contacts(tree_scene, contact, lead_time_s=5.0, most=1)[0]
+    >>> [(state.vehicle_number, state.impact_speed_mps) for state in best.participants]  # 50 mph, and parked
+    [(1, 22.352), (2, 0.0)]
+    """
     driven_one, parked = sorted((contact.one, contact.two), key=lambda vehicle: not vehicle.in_transport)
     who = party(scene.record, contact.vehicle(driven_one.number))
     standing = contact.vehicle(parked.number)

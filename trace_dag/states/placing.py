@@ -42,7 +42,12 @@ class Led:
 
 
 def as_mapped(item: FixedObject, thing: MappedThing) -> FixedObject:
-    """An object that stands where the map has it, marked as the map's."""
+    """An object that stands where the map has it, marked as the map's.
+
+    >>> on_map = as_mapped(tree, MappedThing("n1", "natural=tree", ((3.0, 4.0),)))
+    >>> on_map.pose.x_m, on_map.pose.y_m, on_map.placed_by.value
+    (3.0, 4.0, 'openstreetmap')
+    """
     pose = item.pose
     if len(thing.xy_m) == 1:
         pose = replace(pose, x_m=thing.xy_m[0][0], y_m=thing.xy_m[0][1])
@@ -72,7 +77,13 @@ def objects_along(
     departure: Departure, led: Led, course: Course, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
     """The objects along the course, as far as the vehicle gets, each placed at its area of impact; and when and where
-    each is struck."""
+    each is struck.
+
+    >>> straight_on = Led(way_past_the_tree.path(), station_m=100.0, along_rad=0.0, ended=False)
+    >>> objects, planned = objects_along(departure, straight_on, Course("drifting", 0.8, 0.0, 0.0), 20.0)
+    >>> [(item.name, after_s) for item, (after_s, _) in zip(objects, planned, strict=True)]  # struck first, at 0 s
+    [('tree', 0.0)]
+    """
     path, station_m, along_rad = led.path, led.station_m, led.along_rad
     objects: list[FixedObject] = []
     planned: list[tuple[float, tuple[float, float]]] = []
@@ -119,6 +130,11 @@ def placed(
     A compact object lies outside the spot where it is struck; the near face of an object along the edge, which runs
     along ``along_rad`` and is at most ``straight_m`` long, goes through the vehicle's foremost corner. ``slip_rad``:
     the vehicle's heading less its course.
+
+    >>> at_origin = Pose(0.0, 0.0, 0.0)  # heading east
+    >>> item, touched = placed(departure.vehicle, departure.objects[0], at_origin, 0.0, 0.0)
+    >>> touched, item.pose.x_m  # at the middle of the front of a car of 4.85 m; the trunk is 0.4 m thick
+    ((2.425, 0.0), 2.625)
     """
     kind = KINDS[struck.code]
     course_rad = pose.heading_rad - slip_rad

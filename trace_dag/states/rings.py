@@ -24,6 +24,10 @@ def ring_through(
     none.
 
     ``centreline`` gives a lane's centre, shape (n, 4), as :meth:`RoadNetwork.centreline`.
+
+    >>> lane = network.drivable_lanes()[0]
+    >>> ring_through(network, lane, network.centreline)  # this town has crossings, and no roundabout
+    ()
     """
     if not _in_ring(network, seed, centreline):
         return ()

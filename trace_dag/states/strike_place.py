@@ -39,7 +39,13 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 # --- where on the vehicle ------------------------------------------------------------------------------------------
 def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
     """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
-    trailer is taken to be in line."""
+    trailer is taken to be in line.
+
+    >>> drive = strike_plan.drive
+    >>> spot = spot_of(strike_plan.strike, drive.option, 15.0, strike_plan.walk.reading.course, 1.4)
+    >>> spot.ahead_m == strike_plan.strike.vehicle.length_m / 2  # reported: 12 o'clock, the front
+    True
+    """
     vehicle = strike.vehicle
     half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
     ahead = -impact_mps if option.backing else impact_mps
@@ -84,6 +90,12 @@ def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
 
 
 def crosswalk_log_likelihood(crosswalk: shapely.Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Of a strike at some places, by how far they are beside the crosswalk (m): the arrays have one shape.
+
+    >>> stripes, y_m = shapely.box(0.0, 0.0, 3.0, 10.0), np.array([5.0, 5.0])
+    >>> crosswalk_log_likelihood(stripes, np.array([1.0, 3.7]), y_m).round(3) + 0.0  # within, and 0.7 m beside it
+    array([ 0. , -0.5])
+    """
     off_m = shapely.distance(crosswalk, shapely.points(x_m, y_m))
     return np.asarray(-0.5 * (off_m / _CROSSWALK_SIGMA_M) ** 2)
 
@@ -92,7 +104,15 @@ def placed(
     scene: Scene, path: Path, option: Option, spot: Spot, far_side: bool, crosswalk: shapely.Polygon | None
 ) -> tuple[Path, float, float]:
     """The path, the station at the strike, and how far the turn was moved along the road to bring the strike to the
-    place."""
+    place.
+
+    >>> drive, place = strike_plan.drive, pedestrian_scene.place_xy_m
+    >>> front = Spot(strike_plan.strike.vehicle.length_m / 2, 0.0, (1.0, 0.0))
+    >>> path, station_m, slid_m = placed(pedestrian_scene, drive.path, drive.option, front, False, None)
+    >>> touched = path.pose(station_m).to_world(np.array([front.ahead_m, 0.0]))
+    >>> bool(math.dist(touched, place) < 4.0), slid_m  # beside the reported point, in its lane; it does not turn
+    (True, 0.0)
+    """
     if option.turn is None:
         return path, _station(scene, path, option, spot, far_side, 0.0, crosswalk)[0], 0.0
     found = []

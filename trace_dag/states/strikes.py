@@ -82,7 +82,12 @@ def first_states(
     scene: Scene, plan: StrikePlan, together: Sequence[Strike], lead_s: float, *, pulls_over: bool
 ) -> list[ParticipantState]:
     """The parties of the first strike, ``lead_s`` after the beginning: the vehicle and the people it strikes. Its
-    driver may pull over afterwards; a driver who left, by the report, drives on."""
+    driver may pull over afterwards; a driver who left, by the report, drives on.
+
+    >>> vehicle, person = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
+    >>> vehicle.vehicle_number, person.vehicle_number, person.kind.value  # people have the numbers from 1001
+    (1, 1001, 'pedestrian')
+    """
     drive = plan.drive
     path = _pulling_over(plan) if pulls_over and not drive.party.vehicle.hit_and_run else drive.path
     driver = _driven(scene, drive.party, drive.option, path, drive.station_m, drive.speed, drive.profile, lead_s, plan)
@@ -90,7 +95,14 @@ def first_states(
 
 
 def later_state(scene: Scene, later: LaterStrike) -> ParticipantState:
-    """The vehicle of a later strike."""
+    """The vehicle of a later strike.
+
+    >>> from dataclasses import replace
+    >>> lies_at = np.array(strike_plan.contact_xy_m)
+    >>> later = next_way(pedestrian_scene, strike_plan.strike, lies_at, 0.0, 9.0)
+    >>> bool(later_state(pedestrian_scene, later).trajectory.time_s[-1] > 9.0)  # it arrives 9 s after the beginning
+    True
+    """
     way = later.option, later.path, later.station_m, later.speed, later.profile
     return _driven(scene, later.who, *way, later.time_s, None)
 
@@ -102,7 +114,13 @@ def strike_hypothesis(
     chain: Sequence[LaterStrike],
     lead_s: float,
 ) -> Hypothesis:
-    """The hypothesis made of the first strike's plan, other strikes by the same vehicle, and later strikes."""
+    """The hypothesis made of the first strike's plan, other strikes by the same vehicle, and later strikes.
+
+    >>> states = first_states(pedestrian_scene, strike_plan, [], 5.0, pulls_over=False)
+    >>> made = strike_hypothesis(strike_plan, states, [], [], 5.0)
+    >>> made.impact_time_s, made.name == strike_plan.name
+    (5.0, True)
+    """
     participants = tuple(sorted(states, key=lambda state: state.vehicle_number))
     first = _rounded_xy(plan.contact_xy_m)
     planned = [PlannedEvent(plan.strike.event_number, *plan.strike.pair, lead_s, first)]
@@ -202,7 +220,14 @@ def _pulling_over(plan: StrikePlan) -> Path:
 
 # --- strikes after the first -----------------------------------------------------------------------------------------
 def next_way(scene: Scene, strike: Strike, lies_at: FloatArray, course_rad: float, at_s: float) -> LaterStrike | None:
-    """The likeliest way of the next vehicle over the person who lies there."""
+    """The likeliest way of the next vehicle over the person who lies there.
+
+    >>> way = next_way(pedestrian_scene, strike_plan.strike, np.array(strike_plan.contact_xy_m), 0.0, 9.0)
+    >>> way.time_s, way.name.startswith("vehicle 1")
+    (9.0, True)
+    >>> next_way(pedestrian_scene, strike_plan.strike, np.array([500.0, 500.0]), 0.0, 9.0) is None  # no road is there
+    True
+    """
     who = party(scene.record, strike.vehicle)
     best: LaterStrike | None = None
     for option, speed, terms in ways_of(scene, who):

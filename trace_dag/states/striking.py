@@ -135,13 +135,6 @@ class StrikePlan:
         )
 
     @property
-    def at_side(self) -> bool:
-        """Whether the person is touched at a side of the vehicle, behind its front and before its rear."""
-        ahead_m, _ = self.drive.pose.to_body(np.array(self.contact_xy_m))
-        half_m, vehicle = self.strike.vehicle.length_m / 2 - 1e-6, self.strike.vehicle
-        return bool(-half_m - vehicle.behind_m < ahead_m < half_m)
-
-    @property
     def group(self) -> tuple[str, ...]:
         """Plans of one group differ in detail only."""
         option = self.drive.option
@@ -154,7 +147,12 @@ def _person_kind_of(person: NonMotorist) -> PartyKind:
 
 
 def strike_plans(scene: Scene, strike: Strike) -> list[StrikePlan]:
-    """Every way the strike can have happened, likeliest first."""
+    """Every way the strike can have happened, likeliest first.
+
+    >>> plans = strike_plans(pedestrian_scene, strike_plan.strike)
+    >>> plans[0].walk.manoeuvre.value, plans[0].score == max(plan.score for plan in plans)
+    ('cross_from_left', True)
+    """
     who = party(scene.record, strike.vehicle)
     courses = readings(strike.person, who.turn, strike.area)
     crosswalk = crosswalk_of(scene, strike.person)

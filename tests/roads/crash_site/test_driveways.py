@@ -19,7 +19,6 @@ from trace_dag.roads.map.model import Road
 from trace_dag.units import wrap_angle
 
 DRIVEWAY = 0  # VTRAFWAY
-FROM_DRIVEWAY_ACROSS = 71  # P_CRASH2
 
 
 def crash(codes: tuple[int, int], *, street: str = "MAIN ST", **about: object) -> CrashRecord:

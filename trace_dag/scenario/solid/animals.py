@@ -38,7 +38,16 @@ def animal_places(log: VehicleLog) -> dict[str, FloatArray]:
 
 
 def animal_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[Node]:
-    """The segments of an animal whose coat has a colour, each a node that moves by itself."""
+    """The segments of an animal whose coat has a colour, each a node that moves by itself.
+
+    >>> from dataclasses import replace
+    >>> from trace_dag.crash.record import VehicleClass
+    >>> from trace_dag.sim.types import BodyKind
+    >>> deer = Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.6, 0.4, 1.4, 80.0)
+    >>> points = np.random.default_rng(0).normal(size=(len(log.vehicles[0].time_s), 3 * len(LANDMARKS)))
+    >>> len(animal_nodes(replace(log.vehicles[0], landmarks_m=points), deer, "deer", "#8A6A44"))  # 8 are of its legs
+    11
+    """
     places, b = animal_places(log), build(body)
     left = body_turns(log).apply([0.0, 1.0, 0.0])
     coat = Material(colour)

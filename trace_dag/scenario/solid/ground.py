@@ -226,7 +226,14 @@ def _fits_better(one: Heights, two: Heights, points_m: FloatArray) -> bool:
 
 
 def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:
-    """One shape of each material that there is something of, its points on a grid of 4 mm."""
+    """One shape of each material that there is something of, its points on a grid of 4 mm.
+
+    >>> from trace_dag.scenario.solid.shapes import box
+    >>> post, none_of = Material("#7C8084"), Material("#C1272D")
+    >>> [(material, mesh)] = by_material({post: [box((0, 0, 0), (1, 1, 1)), box((2, 0, 0), (3, 1, 1))], none_of: []})
+    >>> material == post, float(mesh.points_m[:, 0].max())  # both boxes as one shape
+    (True, 3.0)
+    """
     shapes = [(material, joined(meshes)) for material, meshes in made.items()]
     return [
         (material, Mesh(np.round(shape.points_m / _STEP_M) * _STEP_M, shape.triangles))

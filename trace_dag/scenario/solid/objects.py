@@ -30,7 +30,12 @@ Maker = Callable[[FixedObject], Parts]
 
 
 def object_parts(item: FixedObject) -> Parts:
-    """What a fixed object looks like."""
+    """What a fixed object looks like.
+
+    >>> trunk, crown = object_parts(tree)
+    >>> bool(crown[1].points_m[:, 2].max() > trunk[1].points_m[:, 2].max())
+    True
+    """
     return _MAKERS.get(item.code, _block(_BROWN))(item)
 
 

@@ -139,7 +139,13 @@ def decide(
     *,
     lead_time_s: float,
 ) -> Decision:
-    """The approaches that an answer chooses. Raises :class:`WrongAnswer` with everything that is wrong with it."""
+    """The approaches that an answer chooses. Raises :class:`WrongAnswer` with everything that is wrong with it.
+
+    >>> answer = SegmentsAnswer(reasoning="", vehicles=[], crash=Place(x_m=0.0, y_m=0.0))
+    >>> decide(answer, Choices(scene, ()), record, (1, 2), lead_time_s=5.0)
+    Traceback (most recent call last):
+    trace_dag.states.llm.answer.WrongAnswer: The answer names vehicles []; it must name 1 and 2, once each.
+    """
     complaints: list[str] = []
     given = [each.vehicle_number for each in answer.vehicles]
     if sorted(given) != sorted(numbers):

@@ -113,6 +113,13 @@ def estimate_llm(
             is "reject" (:class:`UnusableAnswers`).
         TransientFailure, Failure: the provider failed or the budget is spent, see :meth:`LlmClient.ask`.
         UserError: no such prompt.
+
+    >>> class Unhelpful:  # in place of a client that asks a provider
+    ...     def ask(self, messages, *, prompt, schema):
+    ...         return StoredAnswer("I do not know.", "stop", "a-model", 900, 5, 0.0, 1.0)
+    >>> made = estimate_llm(record, network, map_report, StateSettings(llm_model="a-model"), Unhelpful())
+    >>> made.run.estimator, made.run.fallback_from, made.run.attempts
+    ('analytic', 'llm', 3)
     """
     prompt = Prompt.load(settings.llm_prompt)
     scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
