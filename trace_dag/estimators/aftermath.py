@@ -30,6 +30,7 @@ from trace_dag.crash.derive import impact_area
 from trace_dag.crash.record import CrashRecord, ImpactArea, VehicleClass
 from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
+from trace_dag.roads.map.areas import Area
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
 from trace_dag.roads.report import MappedThing, MapReport
@@ -194,7 +195,7 @@ class _Way:
     and how far beyond the edge its four corners are (shape (k, 4), m, negative within it)."""
 
     network: RoadNetwork
-    area: shapely.MultiPolygon
+    area: Area
     log: SimulationLog
     driven: VehicleLog
     body: Body
@@ -217,7 +218,7 @@ class _Way:
         poses = tuple(Pose(*map(float, row)) for row in columns)
         area = network.carriageway_near(poses[0].x_m, poses[0].y_m, _REACH_M, z_m=poses[0].z_m)
         corners = np.concatenate([rectangle_corners(pose, body.length_m, body.width_m) for pose in poses])
-        beyond_m = _beyond_m(area, corners).reshape(-1, 4)
+        beyond_m = area.beyond_m(corners[:, 0], corners[:, 1]).reshape(-1, 4)
         outlines = np.asarray(shapely.polygons(corners.reshape(-1, 4, 2)))
         return cls(network, area, log, driven, body, steps, poses, beyond_m, outlines, run.things)
 
@@ -270,20 +271,25 @@ class _Way:
             outermost_m = self.beyond_m.max(axis=1)
             outward = np.diff(outermost_m, prepend=-math.inf) > 0
             return [(float(m) if out else -math.inf, struck) for m, out in zip(outermost_m, outward, strict=True)]
-        reported = [self._touch(k, struck) for k in range(len(self.poses))] if struck.area is not None else []
+        reported = self._touching([struck] * len(self.poses)) if struck.area is not None else []
         if any(beyond_m >= _NEAREST_M for beyond_m, _ in reported):
             return reported
-        return [self._touch(k, replace(struck, area=_ahead(self._slip_rad(k)))) for k in range(len(self.poses))]
+        return self._touching([replace(struck, area=_ahead(self._slip_rad(k))) for k in range(len(self.poses))])
 
-    def _touch(self, k: int, struck: ObjectStruck) -> tuple[float, ObjectStruck]:
+    def _touching(self, struck: Sequence[ObjectStruck]) -> list[tuple[float, ObjectStruck]]:
+        """How far beyond the edge the part is that strikes, for an object at each step, and that object."""
+        parts = [self._part(k, each) for k, each in enumerate(struck)]
+        places = np.array([part for part in parts if part is not None]).reshape(-1, 2)
+        beyond_m = iter(self.area.beyond_m(places[:, 0], places[:, 1]).tolist() if len(places) else ())
+        return [(-math.inf if part is None else next(beyond_m), each) for part, each in zip(parts, struck, strict=True)]
+
+    def _part(self, k: int, struck: ObjectStruck) -> FloatArray | None:
+        """Where the part is at a step that strikes (x, y; m); None where it does not go ahead."""
         slip_rad = self._slip_rad(k)
         goes = (math.cos(slip_rad), -math.sin(slip_rad))
         spots = spots_of(struck.area, self.body.length_m / 2, self.body.width_m / 2)
         spot = next((each for each in spots if np.dot(goes, each.normal) > _MEETS), None)
-        if spot is None:
-            return -math.inf, struck
-        at = self.poses[k].to_world(np.array([[spot.ahead_m, spot.left_m]]))
-        return float(_beyond_m(self.area, at)[0]), struck
+        return None if spot is None else self.poses[k].to_world(np.array([spot.ahead_m, spot.left_m]))
 
     def _slip_rad(self, k: int) -> float:
         """The heading less the course."""
@@ -310,13 +316,6 @@ class _Way:
             went = " or ".join(self._sides(k))
             return f"{who} comes {farthest_m:.1f} m beyond the edge: it leaves the road {went}, reported is {side}"
         return f"{who} comes {farthest_m:.1f} m beyond the edge at most, with no part ahead that could strike anything"
-
-
-def _beyond_m(area: shapely.MultiPolygon, xy_m: FloatArray) -> FloatArray:
-    """How far points of shape (n, 2) are beyond the edge of an area, negative within it."""
-    points = shapely.points(xy_m)
-    outside_m = shapely.distance(points, area)
-    return np.asarray(np.where(outside_m > 0, outside_m, -shapely.distance(points, area.boundary)))
 
 
 def _ahead(slip_rad: float) -> ImpactArea | None:

@@ -105,15 +105,13 @@ class BeyondEdge:
         self._paved = self._open = self._kerbed = None
         if network is None:
             return
-        paved = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m)
-        shapely.prepare(paved)
-        self._paved = paved
+        self._paved = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m)
         if self._profiles:
             return
         opened = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m, of=_is_open)
         if not opened.is_empty:
             closed = network.paved_near(place.x_m, place.y_m, _REACH_M, z_m=place.z_m, of=lambda r: not _is_open(r))
-            self._open, self._kerbed = opened.boundary, closed.boundary
+            self._open, self._kerbed = opened, closed
 
     @property
     def slopes(self) -> bool:
@@ -129,7 +127,7 @@ class BeyondEdge:
 
     def is_paved(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies on what is paved."""
-        return self._paved is None or bool(shapely.contains_xy(self._paved, x_m, y_m))
+        return self._paved is None or self._paved.has(x_m, y_m)
 
     def at(self, x_m: float, y_m: float) -> Bank:
         """The ground at a point."""
@@ -137,11 +135,12 @@ class BeyondEdge:
             bank = profile.at(x_m, y_m)
             if bank != LEVEL:
                 return bank
-        if self._open is None or self.is_paved(x_m, y_m):
+        if self._open is None or self._kerbed is None or self.is_paved(x_m, y_m):
             return LEVEL
         point = shapely.Point(x_m, y_m)
-        from_open_m, from_kerb_m = self._open.distance(point), _distance_m(self._kerbed, point)
-        edge, away_m = (self._open, from_open_m) if from_open_m <= from_kerb_m else (self._kerbed, from_kerb_m)
+        opened, closed = self._open.edge_near(x_m, y_m), self._kerbed.edge_near(x_m, y_m)
+        from_open_m, from_kerb_m = _distance_m(opened, point), _distance_m(closed, point)
+        edge, away_m = (opened, from_open_m) if from_open_m <= from_kerb_m else (closed, from_kerb_m)
         if away_m >= FORE_SLOPE_M or away_m < 1e-6:
             return Bank(-_FORE_SLOPE * min(away_m, FORE_SLOPE_M), 0.0, 0.0)
         x, y = shapely.get_coordinates(shapely.shortest_line(edge, point))[0].tolist()
@@ -154,8 +153,8 @@ def _is_open(road: Road) -> bool:
     return is_high_speed(road.highway, road.speed_mps)
 
 
-def _distance_m(edge: shapely.Geometry | None, point: shapely.Point) -> float:
-    return math.inf if edge is None or shapely.is_empty(edge) else float(shapely.distance(edge, point))
+def _distance_m(edge: shapely.Geometry, point: shapely.Point) -> float:
+    return math.inf if shapely.is_empty(edge) else float(shapely.distance(edge, point))
 
 
 class Push(NamedTuple):

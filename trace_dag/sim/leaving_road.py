@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import shapely
-from shapely.ops import nearest_points
 
 from trace_dag.crash.departures import DepartureSide
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
@@ -32,22 +31,18 @@ def left_road(
     """
     now = [float(np.interp(until_s, driven.time_s, values)) for values in (driven.x_m, driven.y_m, driven.z_m)]
     area = network.carriageway_near(now[0], now[1], _REACH_M, z_m=now[2])
-    poses = [_moment(driven, until_s)]
-    before = np.flatnonzero(driven.time_s < until_s)[::-1]
-    poses += [_moment(driven, float(driven.time_s[k])) for k in before]
     left: tuple[float, FloatArray, float] | None = None
-    for time_s, pose, course in poses:
+    for time_s, pose, course in _back_from(driven, until_s):
         corners = rectangle_corners(pose, body.length_m, body.width_m)
-        outside = corners[~shapely.contains_xy(area, corners[:, 0], corners[:, 1])]
+        outside = corners[~area.contains(corners[:, 0], corners[:, 1])]
         if not len(outside):
             break
         left = time_s, outside[0], course
     if left is None:
         return None, ()
     time_s, corner, course = left
-    point = shapely.Point(corner)
-    edge, _ = nearest_points(area, point)
-    out_rad = math.atan2(point.y - edge.y, point.x - edge.x)
+    edge_x, edge_y = area.nearest(float(corner[0]), float(corner[1]))
+    out_rad = math.atan2(float(corner[1]) - edge_y, float(corner[0]) - edge_x)
     seen = [course] if came_rad is None else [course, came_rad]
     return time_s, tuple(dict.fromkeys(side for along in seen for side in _sides(out_rad - along)))
 
@@ -78,8 +73,11 @@ def _sides(out_rad: float) -> tuple[DepartureSide, ...]:
     return (DepartureSide.AHEAD,) if ahead > _AHEAD else (aside, DepartureSide.AHEAD)
 
 
-def _moment(driven: VehicleLog, time_s: float) -> tuple[float, Pose, float]:
-    """Time, pose and course of a vehicle at a time."""
+def _back_from(driven: VehicleLog, until_s: float) -> Iterator[tuple[float, Pose, float]]:
+    """Time, pose and course of a vehicle at a time, and at the steps of its log before, the latest first."""
+    times = driven.time_s[driven.time_s < until_s]
     columns = (driven.x_m, driven.y_m, np.unwrap(driven.heading_rad), driven.velocity_x_mps, driven.velocity_y_mps)
-    x, y, heading, vx, vy = (float(np.interp(time_s, driven.time_s, values)) for values in columns)
-    return time_s, Pose(x, y, heading), math.atan2(vy, vx)
+    then = [float(np.interp(until_s, driven.time_s, values)) for values in columns]
+    before = (values[: len(times)][::-1].tolist() for values in columns)
+    for time_s, x, y, heading, vx, vy in ((until_s, *then), *zip(times[::-1].tolist(), *before, strict=True)):
+        yield time_s, Pose(x, y, heading), math.atan2(vy, vx)

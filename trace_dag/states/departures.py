@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import shapely
 
 from trace_dag.crash.departures import (
     Departure,
@@ -286,7 +285,7 @@ def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int
         usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)
     for beyond_m in (usual, usual / 2, 0.3):
         at = here.to_world(np.array([0.0, sign * (edge + beyond_m + 0.2)]))
-        if not shapely.contains_xy(scene.carriageway, float(at[0]), float(at[1])):
+        if not scene.carriageway.has(float(at[0]), float(at[1])):
             return beyond_m
     return min(usual, 0.1)
 

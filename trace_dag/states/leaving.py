@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-import shapely
 
 from trace_dag.crash.departures import DepartureSide
 from trace_dag.geometry import Pose
@@ -114,7 +113,7 @@ def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> fl
     s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
     x, y, heading = base.plan(s_m)
     x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)
-    off = ~shapely.contains_xy(scene.carriageway, x, y)
+    off = ~scene.carriageway.contains(x, y)
     began = np.flatnonzero(off[1:] & ~off[:-1])
     return float(s_m[int(began[0]) + 1]) if len(began) else None
 

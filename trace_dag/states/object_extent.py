@@ -28,7 +28,7 @@ def clear_of_roadways(item: FixedObject, struck_at_xy_m: tuple[float, float], ne
     ends = item.pose.to_world(np.array([[-item.length_m / 2, 0.0], [item.length_m / 2, 0.0]]))
     axis = shapely.LineString(ends)
     area = network.carriageway_near(item.pose.x_m, item.pose.y_m, item.length_m, z_m=item.pose.z_m)
-    clear = axis.difference(area.buffer(-_AT_THE_EDGE_M))
+    clear = axis.difference(area.within(axis.bounds, 2 * _AT_THE_EDGE_M).buffer(-_AT_THE_EDGE_M))
     struck = axis.interpolate(axis.project(shapely.Point(struck_at_xy_m)))
     parts = [part for part in shapely.get_parts(clear) if part.distance(struck) < _AT_THE_EDGE_M]
     if not parts or clear.length == axis.length:

@@ -13,7 +13,7 @@ from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.streams import Stream
 
 if TYPE_CHECKING:
-    from shapely import MultiPolygon
+    from trace_dag.roads.map.areas import Area
 
 CARRIAGEWAY_REACH_M = 120.0
 BESIDE_ROAD_M = 5.0  # a reported point this near to its carriageway is used as it is
@@ -46,7 +46,7 @@ class Scene:
         return place_of(self.placement)
 
     @cached_property
-    def carriageway(self) -> MultiPolygon:
+    def carriageway(self) -> Area:
         """The area that traffic drives on around the crash, at its level."""
         place = self.placement
         return self.network.carriageway_near(place.x_m, place.y_m, CARRIAGEWAY_REACH_M, z_m=place.z_m)

@@ -22,6 +22,7 @@ from trace_dag.crash.record import CrashRecord, NonMotorist
 from trace_dag.crash.strikes import Strike
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.geometry import FloatArray, Pose, body_bearing_rad
+from trace_dag.roads.map.areas import Area
 from trace_dag.states import evidence
 from trace_dag.states.animals import SIZES
 from trace_dag.states.anthropometry import PersonSize, person_size
@@ -288,17 +289,17 @@ def edge_m(scene: Scene, here: Pose, side: float) -> float:
     return edge_of(scene.network.drivable_area, here, side)
 
 
-def edge_of(area: shapely.MultiPolygon, here: Pose, side: float) -> float:
+def edge_of(area: Area, here: Pose, side: float) -> float:
     """Distance from a pose in an area to its edge, to the left (side 1) or right (-1); 0 where it is outside.
 
-    >>> road = shapely.MultiPolygon([shapely.box(0.0, -5.0, 100.0, 3.0)])
-    >>> edge_of(road, Pose(50.0, 0.0, 0.0), 1.0), edge_of(road, Pose(50.0, 0.0, 0.0), -1.0)  # in steps of 0.25 m
-    (3.0, 5.0)
+    >>> in_its_lane = way_past_the_tree.stream.path.pose(way_past_the_tree.station_m)
+    >>> edge_of(tree_scene.carriageway, in_its_lane, -1.0)  # half of a lane of 3.5 m
+    1.75
     """
     away = np.arange(0.0, _WIDEST_M, 0.25)
     x = here.x_m - math.sin(here.heading_rad) * side * away
     y = here.y_m + math.cos(here.heading_rad) * side * away
-    inside = shapely.contains_xy(area, x, y)
+    inside = area.contains(x, y)
     return float(away[int(np.argmin(inside))]) if inside[0] and not inside.all() else 0.0
 
 

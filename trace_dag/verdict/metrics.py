@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.classes import RoadTopology
@@ -319,9 +318,7 @@ def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
     >>> outside_m(network, 0.0, 0.0) < 0.0 < outside_m(network, 30.0, 30.0)  # in the crossing; between two streets
     True
     """
-    point, area = shapely.Point(x_m, y_m), network.drivable_area
-    outside = float(area.distance(point))
-    return outside if outside > 0 else -float(area.boundary.distance(point))
+    return float(network.drivable_area.beyond_m(np.array([x_m]), np.array([y_m]))[0])
 
 
 def clock_error_h(clock_h: float, area: ImpactArea | None) -> float | None:

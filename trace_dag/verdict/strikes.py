@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import shapely
 
 from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.crash_types import Turn, turn_of
@@ -119,7 +118,7 @@ def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
 
 def _exposed_s(network: RoadNetwork, person: VehicleLog, until_s: float) -> float:
     before = person.time_s <= until_s
-    inside = shapely.contains_xy(network.drivable_area, person.x_m[before], person.y_m[before])
+    inside = network.drivable_area.contains(person.x_m[before], person.y_m[before])
     if not len(inside) or not inside[-1]:
         return 0.0
     outside = np.flatnonzero(~inside)

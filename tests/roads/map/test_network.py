@@ -226,17 +226,6 @@ def test_tracing_beyond_the_map_says_so() -> None:
     assert all(path.points[0, :2] == pytest.approx((start.x_m, start.y_m)) for path in paths)
 
 
-def test_drivable_area_of_a_crossing_is_one_piece_without_holes_between_lanes() -> None:
-    network = crossroads()
-    area = network.drivable_area
-    assert len(area.geoms) == 1
-    for ref in network.drivable_lanes():
-        s_m = sum(network.lane_span(ref)) / 2
-        pose = network.pose(ref, s_m)
-        assert area.contains(shapely.Point(pose.x_m, pose.y_m))
-    assert not area.contains(shapely.Point(30, 30))
-
-
 def test_a_network_survives_pickling_with_its_caches_used() -> None:
     network = crossroads()
     network.nearest_lanes(0, 0, 10)

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.geometry import FloatArray, LocalFrame, Pose
+from trace_dag.roads.map.areas import Area, LaneAreas
 from trace_dag.roads.map.lane_geometry import LaneGeometry, RoadGeometry
-from trace_dag.roads.map.lane_index import LaneIndex, drivable_area
+from trace_dag.roads.map.lane_index import LaneIndex
 from trace_dag.roads.map.lane_links import LaneLinks
 from trace_dag.roads.map.model import Controller, Junction, Lane, LaneMatch, LaneRef, Road
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from shapely import MultiPolygon
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
 SAME_LEVEL_M: Final = 2.5
 """Surfaces further apart than this in height are different levels: half of the usual clearance of 4.9 m."""
@@ -58,8 +57,8 @@ class RoadNetwork:
         return _Lanes(self._geometry)
 
     @cached_property
-    def _areas(self) -> _Areas:
-        return _Areas(self._lanes)
+    def _lane_areas(self) -> LaneAreas:
+        return LaneAreas()
 
     @cached_property
     def _drivable(self) -> tuple[LaneRef, ...]:
@@ -167,32 +166,50 @@ class RoadNetwork:
         return self._lanes[ref].centreline(step_m)
 
     @cached_property
-    def drivable_area(self) -> MultiPolygon:
+    def drivable_area(self) -> Area:
         """Everything traffic drives on, junctions included, seen from above."""
-        return self._areas[self._drivable]
+        return self._area(self.drivable_lanes_of, lambda _: True)
 
-    def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> MultiPolygon:
+    def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
         """The area that traffic drives on within some distance of a place, of roads at its level."""
-        roads = self._roads_near(x_m, y_m, reach_m, z_m)
-        return self._areas[tuple(ref for road in roads for ref in self.drivable_lanes_of(road))]
+        return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
 
     def paved_near(
         self, x_m: float, y_m: float, reach_m: float, *, z_m: float, of: Callable[[Road], bool] | None = None
-    ) -> MultiPolygon:
+    ) -> Area:
         """As :meth:`carriageway_near` with the paved lanes beside it: shoulders, parking, for cycling and walking.
 
         ``of`` says which roads count.
         """
-        roads = [road for road in self._roads_near(x_m, y_m, reach_m, z_m) if of is None or of(road)]
-        return self._areas[tuple(ref for road in roads for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved)]
+        is_near = self._is_near(x_m, y_m, reach_m, z_m)
+        counts = is_near if of is None else lambda road: of(road) and is_near(road)
+        return self._area(lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved], counts)
 
-    def _roads_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Iterator[Road]:
-        """Roads within some distance of a place, at its level."""
-        for road in self.roads_within((x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)):
+    def _is_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Callable[[Road], bool]:
+        """Whether a road may be within some distance of a place, at its level."""
+        near = {road.id for road in self.roads_within((x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m))}
+
+        def is_near(road: Road) -> bool:
+            if road.id not in near:
+                return False
             geometry = self._geometry[road.id]
             s_m, _, _ = geometry.line.project(x_m, y_m)
-            if abs(geometry.height_at(s_m) - z_m) <= SAME_LEVEL_M:
-                yield road
+            return abs(geometry.height_at(s_m) - z_m) <= SAME_LEVEL_M
+
+        return is_near
+
+    def _area(self, lanes_of: Callable[[Road], Iterable[LaneRef]], counts: Callable[[Road], bool]) -> Area:
+        """The area of the lanes of those roads that count: each is asked once, when a place near it is looked at."""
+        counted: dict[str, bool] = {}
+
+        def within(box_m: tuple[float, float, float, float]) -> Iterator[tuple[LaneRef, LaneGeometry]]:
+            for road in self.roads_within(box_m):
+                if road.id not in counted:
+                    counted[road.id] = counts(road)
+                if counted[road.id]:
+                    yield from ((ref, self._lanes[ref]) for ref in lanes_of(road))
+
+        return Area(self._lane_areas, within)
 
     def project(self, ref: LaneRef, x_m: float, y_m: float) -> LaneMatch:
         """A point in a given lane's coordinates, the inverse of :meth:`pose` within the lane's span."""
@@ -264,15 +281,3 @@ class _Lanes(dict[LaneRef, LaneGeometry]):
         if ref not in self:
             raise KeyError(ref)
         return self[ref]
-
-
-class _Areas(dict[tuple[LaneRef, ...], "MultiPolygon"]):
-    """The area that some lanes cover together, made when it is first asked for: every draw of a crash asks anew."""
-
-    def __init__(self, lanes: _Lanes) -> None:
-        super().__init__()
-        self._lanes = lanes
-
-    def __missing__(self, refs: tuple[LaneRef, ...]) -> MultiPolygon:
-        self[refs] = area = drivable_area(self._lanes[ref] for ref in refs)
-        return area

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-import shapely
+import numpy as np
 
 from trace_dag.osm.road_classes import road_class, usual_shoulder_m
 from trace_dag.roads.map.model import LaneMatch, LaneRef, LaneType
@@ -80,7 +80,7 @@ def roadside_at(network: RoadNetwork, x_m: float, y_m: float, *, z_m: float | No
 
 def _to_edge_m(network: RoadNetwork, x_m: float, y_m: float, z_m: float) -> float:
     area = network.carriageway_near(x_m, y_m, _LOOK_AROUND_M, z_m=z_m)
-    return float(area.boundary.distance(shapely.Point(x_m, y_m)))
+    return abs(float(area.beyond_m(np.array([x_m]), np.array([y_m]))[0]))
 
 
 def _zone(

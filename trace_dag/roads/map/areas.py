@@ -1,0 +1,141 @@
+"""Areas that lanes cover, seen from above: whether points lie in them, and how far from their edge.
+
+The surfaces of all lanes of a large map take a fifth of a second to put together, and a crash looks at a few places
+of it. So an area is put together where it is asked about, of the lanes that come near, and what is farther away does
+not count: a point's place in an area depends on the lanes around it alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import shapely
+
+from trace_dag.roads.map.lane_index import drivable_area, polygon
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from trace_dag.geometry import FloatArray
+    from trace_dag.roads.map.lane_geometry import LaneGeometry
+    from trace_dag.roads.map.model import LaneRef
+
+    Box = tuple[float, float, float, float]  # west, south, east, north; m
+    LanesWithin = Callable[[Box], Iterable[tuple[LaneRef, LaneGeometry]]]
+
+_TILE_M: Final = 32.0
+_AROUND_M: Final = 12.0
+"""Lanes this near to a tile are part of its piece."""
+_TOUCHING_M: Final = 1.0  # more than what closing the slivers between lanes can reach
+
+
+class LaneAreas:
+    """Surfaces of single lanes, and of some lanes together, made when they are first asked for and kept."""
+
+    def __init__(self) -> None:
+        self._surfaces: dict[LaneRef, shapely.Polygon] = {}
+        self._areas: dict[tuple[LaneRef, ...], shapely.MultiPolygon] = {}
+
+    def of(self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float) -> shapely.MultiPolygon:
+        """The area of those of some lanes that come within some distance of a box."""
+        known = list(lanes)
+        for ref, geometry in known:
+            if ref not in self._surfaces:
+                self._surfaces[ref] = polygon(geometry, 2.0)
+        surfaces = np.array([self._surfaces[ref] for ref, _ in known], dtype=object)
+        if known and reach_m < math.inf:
+            near = shapely.dwithin(surfaces, shapely.box(*box), reach_m)
+            known = [lane for lane, is_near in zip(known, near, strict=True) if is_near]
+        refs = tuple(ref for ref, _ in known)
+        if refs not in self._areas:
+            area = drivable_area(geometry for _, geometry in known)
+            shapely.prepare(area)
+            self._areas[refs] = area
+        return self._areas[refs]
+
+
+class Area:
+    """The area of some lanes: those that ``lanes_within`` gives for a box (west, south, east, north; m)."""
+
+    def __init__(self, lane_areas: LaneAreas, lanes_within: LanesWithin) -> None:
+        self._lane_areas = lane_areas
+        self._lanes_within = lanes_within
+        self._tiles: dict[tuple[int, int], shapely.MultiPolygon] = {}
+        self._edges: dict[tuple[int, int], shapely.MultiLineString] = {}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no lane at all."""
+        return next(iter(self._lanes_within((-math.inf, -math.inf, math.inf, math.inf))), None) is None
+
+    def within(self, box: Box, reach_m: float) -> shapely.MultiPolygon:
+        """The surfaces that come within some distance of a box, whole."""
+        west, south, east, north = box
+        wider = (west - reach_m, south - reach_m, east + reach_m, north + reach_m)
+        return self._lane_areas.of(self._lanes_within(wider), box, reach_m)
+
+    def has(self, x_m: float, y_m: float) -> bool:
+        """Whether a point lies in the area."""
+        return bool(shapely.contains_xy(self._tile(x_m, y_m), x_m, y_m))
+
+    def contains(self, x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
+        """Whether points lie in the area."""
+        return np.asarray(shapely.contains_xy(self._piece(x_m, y_m), x_m, y_m))
+
+    def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """How far points are beyond the edge (m), negative within the area; not a number where there is no area."""
+        points = shapely.points(x_m, y_m)
+        for area, reach_m in self._growing(_box_about(x_m, y_m)):
+            outside_m = shapely.distance(points, area)
+            found = np.asarray(np.where(outside_m > 0, outside_m, -shapely.distance(points, area.boundary)))
+            if bool((np.abs(found) < reach_m).all()):
+                break
+        return found
+
+    def nearest(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """The point of the area that is nearest to a point (x, y; m); the point itself where there is no area."""
+        point = shapely.Point(x_m, y_m)
+        for area, reach_m in self._growing((x_m, y_m, x_m, y_m)):
+            if not area.is_empty and area.distance(point) < reach_m:
+                x, y = shapely.get_coordinates(shapely.shortest_line(area, point))[0].tolist()
+                return x, y
+        return x_m, y_m
+
+    def _growing(self, box: Box) -> Iterator[tuple[shapely.MultiPolygon, float]]:
+        """The area about a box, ever more of it, and how far from the box nothing is missing."""
+        for reach_m in (_TILE_M, 4 * _TILE_M, math.inf):
+            yield self.within(box, reach_m), reach_m
+
+    def edge_near(self, x_m: float, y_m: float) -> shapely.MultiLineString:
+        """The edge of the area around a point: all of it that is within twelve metres."""
+        at = _tile_of(x_m, y_m)
+        if at not in self._edges:
+            self._edges[at] = self._tile(x_m, y_m).boundary
+        return self._edges[at]
+
+    def _piece(self, x_m: FloatArray, y_m: FloatArray) -> shapely.MultiPolygon:
+        """The part of the area in which some points can lie."""
+        west, south, east, north = _box_about(x_m, y_m)
+        at = _tile_of(west, south)
+        if at == _tile_of(east, north):
+            return self._tile(west, south)
+        return self.within((west, south, east, north), _TOUCHING_M)
+
+    def _tile(self, x_m: float, y_m: float) -> shapely.MultiPolygon:
+        at = _tile_of(x_m, y_m)
+        if at not in self._tiles:
+            west, south = at[0] * _TILE_M, at[1] * _TILE_M
+            self._tiles[at] = self.within((west, south, west + _TILE_M, south + _TILE_M), _AROUND_M)
+        return self._tiles[at]
+
+
+def _tile_of(x_m: float, y_m: float) -> tuple[int, int]:
+    return math.floor(x_m / _TILE_M), math.floor(y_m / _TILE_M)
+
+
+def _box_about(x_m: FloatArray, y_m: FloatArray) -> Box:
+    return float(np.min(x_m)), float(np.min(y_m)), float(np.max(x_m)), float(np.max(y_m))
