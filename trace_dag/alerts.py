@@ -17,7 +17,6 @@ from enum import StrEnum
 from typing import Final
 
 from trace_dag.errors import Failure
-from trace_dag.http import send_json
 from trace_dag.settings import AutomationSettings
 
 WEBHOOK_VARIABLE: Final = "TRACE_DAG_ALERT_WEBHOOK"
@@ -84,6 +83,8 @@ def send(alert: Alert, settings: AutomationSettings) -> None:
     if settings.alert_command:
         _run(settings.alert_command, json.dumps(document))
     if address := os.environ.get(WEBHOOK_VARIABLE):
+        from trace_dag.http import send_json  # a tenth of a run's start-up, and few ask for alerts
+
         try:
             send_json(address, document)
         except Failure as failure:

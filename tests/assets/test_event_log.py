@@ -112,7 +112,8 @@ def _as_read(log: SqliteEventLogStorage, keys: list[AssetKey]) -> dict[str, obje
     }
 
 
-def test_a_batch_of_events_is_stored_as_dagster_stores_them_one_by_one(tmp_path, monkeypatch):
+@pytest.mark.parametrize("waiting", [False, True], ids=["as a batch", "waiting for each other"])
+def test_events_are_stored_as_dagster_stores_them_one_by_one(waiting, tmp_path, monkeypatch):
     monkeypatch.setenv("DAGSTER_HOME", str(tmp_path / "home"))
     keys, partitions = [AssetKey("road_map"), AssetKey("verdict")], ["2023-510179", "2023-510180"]
 
@@ -152,13 +153,40 @@ def test_a_batch_of_events_is_stored_as_dagster_stores_them_one_by_one(tmp_path,
         entry(DagsterEventType.RUN_SUCCESS, 20, None),
     ]
     ours, theirs = EventLog(), SqliteEventLogStorage(str(tmp_path / "theirs"))
-    ours.store_event_batch(events)
+    if waiting:
+        with ours.together():
+            for each in events:
+                ours.store_event(each)
+    else:
+        ours.store_event_batch(events)
     for each in events:
         theirs.store_event(each)
     expected = _as_read(theirs, keys)
     assert expected["partitions"] == [set(partitions)] * 2  # there is something to compare
     assert _as_read(ours, keys) == expected
     ours.dispose()
+
+
+def test_an_event_that_waits_for_others_is_found_at_once_and_outlasts_an_error(tmp_path, monkeypatch):
+    monkeypatch.setenv("DAGSTER_HOME", str(tmp_path / "home"))
+    key, log = AssetKey("verdict"), EventLog()
+
+    def materialized(partition: str) -> EventLogEntry:
+        data = StepMaterializationData(AssetMaterialization(key, partition=partition))
+        event = DagsterEvent("ASSET_MATERIALIZATION", "job", step_key="crashes", event_specific_data=data)
+        return EventLogEntry(None, 10, "", "run", 1e9, "crashes", "job", event)
+
+    def stop() -> None:
+        with log.together():
+            log.store_event(materialized("2023-510179"))
+            assert log.get_materialized_partitions(key) == {"2023-510179"}
+            log.store_event(materialized("2023-510180"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stop()
+    log.dispose()
+    assert EventLog().get_materialized_partitions(key) == {"2023-510179", "2023-510180"}
 
 
 def test_what_a_run_plans_is_written_as_one_batch(instance, monkeypatch):

@@ -23,6 +23,7 @@ from pydantic import Field
 from trace_dag import markdown
 from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
 from trace_dag.assets.metadata import materialization
+from trace_dag.assets.our_log import written_together
 from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
@@ -78,15 +79,16 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
         events = run_stages(workspace, context.partition_keys, stages, run_id=context.run.run_id, force=force)
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
-        for event in events:
-            if event.failed:
-                failed.setdefault(event.key, event)
-            else:
-                context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
-                checks.note(event)
-            summary.note(event)
-            if workspace.listener is not None:
-                workspace.listener(event)
+        with written_together(context.instance):
+            for event in events:
+                if event.failed:
+                    failed.setdefault(event.key, event)
+                else:
+                    context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
+                    checks.note(event)
+                summary.note(event)
+                if workspace.listener is not None:
+                    workspace.listener(event)
         finished_checks = list(checks.finish())
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error

@@ -3,12 +3,14 @@
 Dagster's own class makes an engine and opens a file anew for each of the fourteen events a crash causes: every
 statement is compiled again, and SQLite writes its log back into the database at each close. It also looks up the
 columns of a table for each event, and knows no batches. Keeping the engines and writing what comes together in one
-transaction takes an eighth of the time, for a run's plan a twentieth. Events are packed
+transaction takes an eighth of the time, for a run's plan a twentieth; a run's materializations wait for each other for
+that (:meth:`EventLog.together`). Events are packed
 (:mod:`trace_dag.assets.event_packing`), a tenth of their size; so the files lie in a folder of their own, and
 Dagster's class, which could not read them, keeps its own where it always does.
 
-A killed process loses nothing that was committed. A machine that loses power may lose the last events (never the
-database): the artefacts say what was done, and ``trace-dag verify --repair`` tells Dagster again.
+A killed process loses nothing that was committed. What still waited is lost with it, and the last events (never the
+database) where a machine loses power: the artefacts say what was done, and the next run of these crashes, or
+``trace-dag verify --repair``, tells Dagster again.
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ _FOLDER = "history/packed"  # below DAGSTER_HOME
 _WAIT_FOR_OTHERS_S = 60.0
 _AT_ONCE = {DagsterEventType.ASSET_MATERIALIZATION_PLANNED, DagsterEventType.ASSET_MATERIALIZATION}
 _FILES_OPEN = 8  # the index, and the runs last written to or looked at
+_WAIT_FOR_EACH_OTHER = 100  # materializations, those of some fifteen crashes
 
 # All columns that hold events, of tables that are one for all databases: packed where the engine is ours.
 for _column in (
@@ -54,6 +57,7 @@ class EventLog(SqliteEventLogStorage):
     def __init__(self, folder: str = _FOLDER, inst_data: ConfigurableClassData | None = None) -> None:
         self._engines: OrderedDict[str, Engine] = OrderedDict()
         self._tables: set[str] = set()
+        self._waiting: list[EventLogEntry] | None = None  # None: nothing waits
         super().__init__(str(Path(os.environ["DAGSTER_HOME"]) / folder), inst_data)
 
     @classmethod
@@ -72,6 +76,25 @@ class EventLog(SqliteEventLogStorage):
             self._tables.add(table_name)
         return table_name in self._tables
 
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Within it, materializations wait until there are some to be written at once.
+
+        Whatever else is stored or looked up here meanwhile writes them first, so that only other processes see them
+        later, and all events come in their order.
+        """
+        self._waiting = []
+        try:
+            yield
+        finally:
+            self._write_waiting()
+            self._waiting = None
+
+    def _write_waiting(self) -> None:
+        if self._waiting:
+            waiting, self._waiting = self._waiting, []
+            self.store_event_batch(waiting)
+
     def dispose(self) -> None:
         """Close the files."""
         with self._db_lock:
@@ -80,8 +103,13 @@ class EventLog(SqliteEventLogStorage):
         super().dispose()
 
     def store_event(self, event: EventLogEntry) -> None:
-        """Store one event."""
-        self.store_event_batch([event])
+        """Store one event, or let it wait for others (:meth:`together`)."""
+        if self._waiting is None or _kind(event) is not DagsterEventType.ASSET_MATERIALIZATION:
+            self.store_event_batch([event])
+            return
+        self._waiting.append(event)
+        if len(self._waiting) >= _WAIT_FOR_EACH_OTHER:
+            self._write_waiting()
 
     def store_event_batch(self, events: Sequence[EventLogEntry]) -> None:
         """Store events in their order: planned ones next to each other at once, and materializations likewise."""
@@ -119,6 +147,7 @@ class EventLog(SqliteEventLogStorage):
 
     @contextmanager
     def _connect(self, shard: str) -> Iterator[Connection]:
+        self._write_waiting()
         with self._db_lock, self._engine(shard).connect() as connection, connection.begin():
             yield connection
 

@@ -11,6 +11,7 @@ beside it. zlib says which words a text was packed with, by their checksum, and 
 from __future__ import annotations
 
 import zlib
+from functools import lru_cache
 from importlib import resources
 from typing import Any, Final
 
@@ -20,10 +21,12 @@ from sqlalchemy.types import TypeDecorator
 
 _WORDS: Final = resources.files("trace_dag.assets").joinpath("event_words.txt").read_bytes()
 _LEVEL: Final = 6
+_REMEMBERED: Final = 512  # as many as Dagster hands over at once; 2 MB
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def packed(text: str) -> bytes:
-    """A text, compressed.
+    """A text, compressed. The last ones are remembered: an event is written into two files.
 
     >>> unpacked(packed("STEP_START"))
     'STEP_START'

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
-from trace_dag.assets import dagster_internals
+from trace_dag.assets.our_log import our_log
 from trace_dag.cohorts.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
@@ -36,11 +36,9 @@ def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
 
 
 def _delete(instance: DagsterInstance, keys: Sequence[str]) -> None:
-    if dagster_internals.KNOWN:
-        from trace_dag.assets.event_log import EventLog
-
-        if isinstance(instance.event_log_storage, EventLog):
-            instance.event_log_storage.delete_dynamic_partitions("crashes", keys)
-            return
+    log = our_log(instance)
+    if log is not None:
+        log.delete_dynamic_partitions("crashes", keys)
+        return
     for key in keys:
         instance.delete_dynamic_partition("crashes", key)

@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
 
@@ -59,6 +60,11 @@ def _may_pass(error: BaseException) -> bool:
     return isinstance(error, TransientFailure) and not error.tried_again
 
 
+def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
+    error = state.outcome.exception() if state.outcome else None
+    log.warning("%s %s: %s; trying again", key, stage, error)
+
+
 def get_ready(flow: Flow, settings: Settings) -> None:
     """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version.
 
@@ -87,11 +93,13 @@ def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     if definitions[0].for_several:
         with _holding(work, chunk.crashes) as crashes:
             return _work_on_group(replace(chunk, crashes=crashes), definitions[0])
-    events = []
-    for crash in chunk.crashes:
-        with _holding(work, [crash]) as (held_crash,):
-            events.extend(_CrashWorker(work, held_crash).run(chunk.stages, chunk.last))
-    return events
+    return [event for crash in chunk.crashes for event in _work_on_crash(work, crash, chunk)]
+
+
+@no_garbage_collection()  # until the crash is let go: then hardly anything is left to look through
+def _work_on_crash(work: Work, crash: CrashTask, chunk: Chunk) -> list[StageEvent]:
+    with _holding(work, [crash]) as (held_crash,):
+        return _CrashWorker(work, held_crash).run(chunk.stages, chunk.last)
 
 
 @contextmanager
@@ -117,7 +125,6 @@ class _CrashWorker:
         )
         self.damaged: DamagedArtefactError | None = None
 
-    @no_garbage_collection()
     def run(self, stages: Sequence[Stage], last: bool) -> list[StageEvent]:
         """The stages in order, up to the first that does not accept the crash."""
         events = self._in_order(stages, self.work.force)
@@ -163,7 +170,7 @@ class _CrashWorker:
             retry=retry_if_exception(_may_pass),
             stop=stop_after_attempt(execution.transient_retries + 1),
             wait=wait_exponential(multiplier=execution.retry_wait_s),
-            before_sleep=lambda state: self._say_trying_again(definition, state),
+            before_sleep=partial(_say_trying_again, self.task.key, definition.stage),
             reraise=True,
         )
         try:
@@ -178,10 +185,6 @@ class _CrashWorker:
         what = f"{definition.stage} of {self.task.key}"
         with at_work(self.task.key, definition.stage):
             return within(limit_s, what, lambda: self.work.flow.make(definition, self.files))
-
-    def _say_trying_again(self, definition: StageDefinition, state: RetryCallState) -> None:
-        error = state.outcome.exception() if state.outcome else None
-        log.warning("%s %s: %s; trying again", self.task.key, definition.stage, error)
 
     def conclude(
         self,
