@@ -186,20 +186,47 @@ def test_the_same_case_written_otherwise_comes_to_the_same(tmp_path: Path, same:
 @pytest.mark.parametrize(
     ("samples", "at_impact_kmh"),
     [
-        ([[-2.0, 50.0], [-1.0, 40.0]], 30.0),  # who brakes goes on braking
-        ([[-2.0, 50.0], [-1.0, 20.0]], 0.0),
-        ([[-1.0, 50.0], [-0.5, 40.0]], 40.0),  # half a second before, the last sample is nearer in the median
+        ([[-2.0, 50.0], [-1.0, 40.0]], 35.0),  # who brakes goes on braking, for half of the second on average
+        ([[-2.0, 32.0], [-1.0, 4.0]], 0.0),
+        ([[-1.0, 50.0], [-0.5, 40.0]], 35.0),
+        ([[-1.0, 50.0], [-0.5, 20.0]], 20.0),  # 17 m/s2 are not brakes: something was struck before
+        ([[-0.6, 50.0], [-0.1, 40.0]], 40.0),
         ([[-2.0, 40.0], [-1.0, 50.0]], 50.0),
         ([[-1.0, 40.0]], 40.0),
     ],
 )
-def test_a_recorder_that_stops_a_second_before_the_impact_goes_on_slowing_down(
+def test_a_recorder_whose_last_sample_is_old_goes_on_slowing_down(
     tmp_path: Path, samples: list[list[float]], at_impact_kmh: float
 ) -> None:
     (crash,) = read_recorded_crashes(write(tmp_path, changed(sp={"1": samples})))
     recording = crash.vehicles[2].recording(1)
     assert recording is not None
     assert recording.speed_mps == pytest.approx(at_impact_kmh / 3.6)
+
+
+def test_modules_of_one_vehicle_share_the_speed_at_an_event(tmp_path: Path) -> None:
+    """As in CIREN 162: the module with the change of velocity has no samples, another of the same event has."""
+    edr = [{"no": 1, "cdcev": 1, "dvl": 997.0, "dvla": 997.0}, {"no": 2, "cdcev": 1, "dvl": -22.54, "dvla": 22.54}]
+    assert rows_of(tmp_path, changed(edr=edr)) == rows_of(tmp_path, CASE)
+
+
+def test_a_speed_that_was_recorded_without_the_change_of_velocity_is_not_fitted(tmp_path: Path) -> None:
+    """As in CIREN 424: the other's recorder has speeds alone. Nothing of it depends on what was reconstructed."""
+    case = changed(edr=[{"no": 1, "cdcev": 1, "dvl": 997.0, "dvla": 997.0}])
+    case["V"]["1"]["cdc"][0]["dvt"] = 99.0
+    one, two = rows_of(tmp_path, case)
+    assert one["simulated_delta_v_kmh"] == rows_of(tmp_path, CASE)[0]["simulated_delta_v_kmh"]
+    assert (one["kind"], two["measured_delta_v_kmh"]) == ("one", None)
+
+
+def test_cargo_that_is_known_is_carried(tmp_path: Path) -> None:
+    one, _ = rows_of(tmp_path, changed(cargo=550.0))
+    assert rows_of(tmp_path, changed(cargo=9999.0)) == rows_of(tmp_path, CASE)
+    # By hand: 2158 kg in place of 1608 kg, beside 1255 kg.
+    ratio = (2158 / 3413) / (1608 / 2863)
+    assert one["plastic_delta_v_kmh"] == pytest.approx(
+        rows_of(tmp_path, CASE)[0]["plastic_delta_v_kmh"] * ratio, abs=0.02
+    )
 
 
 def test_where_the_part_along_the_vehicle_was_not_recorded_the_part_across_it_is_compared(tmp_path: Path) -> None:
@@ -272,6 +299,8 @@ def test_errors_by_group_are_shares_of_what_was_measured(tmp_path: Path) -> None
     first, second, fitted, objects = errors_by_group(compare_crash(crash, SimSettings()))
     assert (first.vehicles, second.vehicles, fitted.vehicles, objects.vehicles) == (1, 1, 0, 0)
     assert first.plastic_median_error == pytest.approx(0.071, abs=0.001)  # 43.6 for 40.7
+    assert first.leaning is not None
+    assert abs(first.leaning) == first.median_error
     assert fitted.median_error is None
 
 
@@ -284,3 +313,4 @@ def test_staged_tests_are_met_in_delta_v_within_eight_percent() -> None:
     """SAE 2006-01-0908, NHTSA 4363 and 4364."""
     for result in staged_results(SimSettings()):
         assert result.simulated_delta_v_kmh == pytest.approx(result.measured_delta_v_kmh, rel=0.08), result.vehicle
+        assert result.simulated_yaw_dps * result.measured_yaw_dps > 0, result.vehicle  # it turns the way it did

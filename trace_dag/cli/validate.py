@@ -103,6 +103,7 @@ def _print_crashes(rows: list[Compared]) -> None:
             "error of delta-v",
             "vehicles",
             "median",
+            "with its sign",
             "worst",
             "plastic median",
             "plastic worst",
@@ -118,6 +119,7 @@ def _print_crashes(rows: list[Compared]) -> None:
                     _percent(share)
                     for share in (
                         group.median_error,
+                        group.leaning,
                         group.worst_error,
                         group.plastic_median_error,
                         group.plastic_worst_error,

@@ -18,9 +18,10 @@ Stiffness by class and side, linear and proportional to the mass:
   have some 650.
 
 Restitution falls with the closing speed v, m/s: 0.5992 exp(-0.2508 v + 0.01934 v^2 - 0.001279 v^3) in collisions of
-bumpers (Antonetti, SAE 980552). Beyond their speeds the structure springs back with some 2 m/s whatever the crush:
-about 0.1 at medium and high speeds (SAE 931842), 0.09 and 0.13 in oblique tests at 31 m/s (Rose et al., SAE
-2006-01-0908).
+bumpers (Antonetti, SAE 980552). Beyond their speeds the structures of two vehicles spring back with some 2.5 m/s
+whatever the crush: about 0.1 at medium and high speeds (SAE 931842), 0.126 and 0.089 in oblique tests, whose closing
+speeds along the normal were 23.4 and 24.1 m/s (Rose et al., SAE 2006-01-0908); one vehicle springs back from what does
+not give way with some 2 m/s.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ WALL_CRUSH_M: Final = {
 _SIDE, _REAR = 0.6, 0.8  # of a front's stiffness
 _SPRINGS_BACK = 0.05
 """Of the greatest crush, at least, while they still press: so pulses last 80 to 120 ms at changes of 30 to 70 km/h."""
-_REBOUND_MPS, _MOST_REBOUND = 2.0, 0.3
+FROM_WALL_MPS: Final = 2.0
+"""What a vehicle springs back with from a wall."""
+_FROM_VEHICLE_MPS, _MOST_REBOUND = 2.5, 0.3
 _SETTLED_M = 0.3  # from this overlap on the surface between both has its direction
 _BOTTOMS_M = 2.4  # of both: engines and cells, which hardly give way; twice as stiff there, and rising steeply
 _AGAIN_S = 0.05  # who presses again later presses another place
@@ -69,15 +72,18 @@ class Pressed(NamedTuple):
     moment_2: float
 
 
-def restitution_at(closing_mps: float) -> float:
-    """Restitution of two vehicles that close at a speed along the normal.
+def restitution_at(closing_mps: float, rebound_mps: float = _FROM_VEHICLE_MPS) -> float:
+    """Restitution of two vehicles that close at a speed along the normal, or of one and what its structure springs back
+    from with another speed.
 
     >>> [round(restitution_at(speed), 2) for speed in (0.0, 2.0, 5.0, 16.0, 32.0)]
-    [0.6, 0.39, 0.3, 0.12, 0.06]
+    [0.6, 0.39, 0.3, 0.16, 0.08]
+    >>> round(restitution_at(16.0, FROM_WALL_MPS), 3)
+    0.125
     """
     v = max(closing_mps, 0.0)
     bumpers = 0.5992 * math.exp(-0.2508 * v + 0.01934 * v**2 - 0.001279 * v**3)
-    return max(bumpers, _REBOUND_MPS / max(v, _REBOUND_MPS / _MOST_REBOUND))
+    return max(bumpers, rebound_mps / max(v, rebound_mps / _MOST_REBOUND))
 
 
 def front_stiffness_npm2(body: Body) -> float:

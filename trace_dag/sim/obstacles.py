@@ -23,7 +23,7 @@ from typing import Final
 from trace_dag.crash.parties import party_of_body
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
-from trace_dag.sim.crush import WALL_CRUSH_M, WALL_TEST_MPS, restitution_at
+from trace_dag.sim.crush import FROM_WALL_MPS, WALL_CRUSH_M, WALL_TEST_MPS, restitution_at
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import Outline, contact_point, overlap_polygon, separation
 from trace_dag.sim.towing import Towed, whole_kg
@@ -110,7 +110,7 @@ class Struck:
             self._puller_pose = Pose(front.x_m, front.y_m, math.remainder(front.heading_rad, math.tau), by.z)
         self._velocity = (vehicle.vx, vehicle.vy) if by is None else (by.vx, by.vy)
         self._closing_mps = vx * self._nx + vy * self._ny
-        usual = restitution_at(self._closing_mps) * rate / wall_rate
+        usual = restitution_at(self._closing_mps, FROM_WALL_MPS) * rate / wall_rate
         self._restitution = max(usual if restitution is None else restitution, 0.01)
         self._impulse = [0.0, 0.0]
 

@@ -25,8 +25,8 @@ from trace_dag.units import kmh_to_mps
 
 _CONTRADICTION: Final = 2.0
 _FASTEST_MPS: Final = kmh_to_mps(200.0)
-_TRIED: Final = 9
-_REFINED: Final = 12
+_TRIED: Final = 17
+_REFINED: Final = 8
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,10 @@ def compare_pair(
     for vehicle, recording in zip(pair, recordings, strict=True):
         if recording is not None:
             check_recording(vehicle, recording)
-    known = [recording.speed_mps if recording is not None else None for recording in recordings]
+    known = [
+        recording.speed_mps if recording is not None else vehicle.speeds_mps.get(event.number)
+        for vehicle, recording in zip(pair, recordings, strict=True)
+    ]
     speeds = peer_speeds = (known[0] or 0.0, known[1] or 0.0)
     if None in known:
         if known == [None, None]:

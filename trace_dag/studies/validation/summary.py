@@ -26,6 +26,7 @@ class GroupErrors:
     group: str
     vehicles: int
     median_error: float | None
+    leaning: float | None  # median with its sign: above 0 too much is simulated
     worst_error: float | None
     plastic_median_error: float | None
     plastic_worst_error: float | None
@@ -42,9 +43,10 @@ def errors_by_group(rows: Iterable[Compared]) -> list[GroupErrors]:
 
 
 def _group(name: str, rows: list[Compared]) -> GroupErrors:
-    simulated = _errors((row.simulated_delta_v_kmh, row.measured_delta_v_kmh) for row in rows)
-    plastic = _errors((row.plastic_delta_v_kmh, row.measured_delta_v_kmh) for row in rows)
-    crush = _errors((row.simulated_crush_m, row.measured_crush_m) for row in rows)
+    signed = _errors((row.simulated_delta_v_kmh, row.measured_delta_v_kmh) for row in rows)
+    simulated = [abs(error) for error in signed]
+    plastic = [abs(error) for error in _errors((row.plastic_delta_v_kmh, row.measured_delta_v_kmh) for row in rows)]
+    crush = [abs(error) for error in _errors((row.simulated_crush_m, row.measured_crush_m) for row in rows)]
     turned = [
         abs(math.remainder(row.simulated_direction_deg - row.measured_direction_deg, 360.0))
         for row in rows
@@ -56,6 +58,7 @@ def _group(name: str, rows: list[Compared]) -> GroupErrors:
         group=name,
         vehicles=len(rows),
         median_error=median(simulated) if simulated else None,
+        leaning=median(signed) if signed else None,
         worst_error=max(simulated, default=None),
         plastic_median_error=median(plastic) if plastic else None,
         plastic_worst_error=max(plastic, default=None),
@@ -67,4 +70,4 @@ def _group(name: str, rows: list[Compared]) -> GroupErrors:
 
 
 def _errors(pairs: Iterable[tuple[float | None, float | None]]) -> list[float]:
-    return [abs(found / measured - 1) for found, measured in pairs if found is not None and measured]
+    return [found / measured - 1 for found, measured in pairs if found is not None and measured]
