@@ -34,7 +34,9 @@ def test_null_in_the_environment_is_no_limit(monkeypatch):
         (b"[execution]\nworkers = 0", r"setting execution.workers = 0 .*greater than or equal to 1"),
         pytest.param(b"a = " + b"[" * 100_000, "settings.toml: not TOML", id="nested"),
         (b"[sim]\nfriction = -1", r"setting sim.friction = -1 .*greater than 0"),
-        (b"[sim]\nfrictoin = 1", r"setting sim.frictoin = 1 .*not permitted"),
+        (b"[sim]\nfrictoin = 1", r"from settings.toml\): there is no such setting; did you mean sim.friction"),
+        (b"[simm]\nfriction = 1", r"there is no such section; did you mean sim"),
+        (b"[crash]\nkinds = 'two_vehicles'", r"setting crash.kinds = 'two_vehicles' .*expected a list"),
         (b"[sim\n", "settings.toml: not TOML"),
         (b"\xff", "settings.toml: not TOML"),
     ],
@@ -66,7 +68,12 @@ def test_every_mistake_has_its_line():
         ),
         ("TRACE_DAG_XYZ__FRICTION", "0.5", "sections are crash, osm"),
         ("TRACE_DAG_SIM_FRICTION", "0.5", "expected TRACE_DAG_SIM__FRICTION"),
-        ("TRACE_DAG_SIM__FRICTOIN", "0.5", "sim.frictoin"),
+        (
+            "TRACE_DAG_SIM__FRICTOIN",
+            "0.5",
+            "setting sim.frictoin = '0.5' (from environment variable TRACE_DAG_SIM__FRICTOIN): "
+            "there is no such setting; did you mean sim.friction? trace-dag settings lists them",
+        ),
     ],
 )
 def test_mistakes_in_the_environment_are_named(monkeypatch, variable, value, said):

@@ -10,12 +10,15 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import ValidationError
 
 from trace_dag.errors import UserError, UserErrors
 from trace_dag.settings import Settings
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 _PREFIX = "TRACE_DAG_"
 _SHOWN = 80  # characters of a value that is wrong
@@ -29,15 +32,46 @@ def load_settings(
     ``overrides`` has the shape of the file: ``{"states": {"estimator": "llm"}}``. Raises :class:`UserError` that names
     the setting, the value found and what was expected.
     """
+    from_environment = _from_environment()
     try:
-        merged = _merge(_merge(_from_file(toml, name), _from_environment()), overrides or {})
+        merged = _merge(_merge(_from_file(toml, name), from_environment), overrides or {})
         return Settings.model_validate(merged)
     except ValidationError as error:
-        raise UserErrors(
-            f"setting {'.'.join(map(str, each['loc']))} = {_shortened(each['input'])} "
-            f"(from {name}, {_PREFIX}... or the command line): {each['msg']}"
-            for each in error.errors()
-        ) from error
+        wrong = []
+        for each in error.errors():
+            source = name
+            if _holds(overrides or {}, each["loc"]):
+                source = "the command line"
+            elif _holds(from_environment, each["loc"]):
+                source = "environment variable " + _PREFIX + "__".join(map(str, each["loc"][:2])).upper()
+            setting = ".".join(map(str, each["loc"]))
+            wrong.append(f"setting {setting} = {_shortened(each['input'])} (from {source}): {_expected(each)}")
+        raise UserErrors(wrong) from error
+
+
+def _holds(settings: Mapping[str, Any], path: tuple[int | str, ...]) -> bool:
+    """Whether a source has a section's setting."""
+    section = settings.get(str(path[0]), {}) if path else {}
+    return len(path) > 1 and isinstance(section, Mapping) and path[1] in section
+
+
+def _expected(error: ErrorDetails) -> str:
+    """What is wrong with a value, in words that do not need Python's types."""
+    if error["type"] == "tuple_type":
+        return 'expected a list, such as ["a", "b"] or [1, 2]'
+    if error["type"] != "extra_forbidden":
+        return error["msg"]
+    *before, last = map(str, error["loc"])
+    if len(before) > 1:  # of an item of a list
+        return "there is no such setting; trace-dag settings lists them"
+    known = _fields(Settings.model_fields[before[0]].annotation) if before else list(Settings.model_fields)
+    near = difflib.get_close_matches(last, known, n=1)
+    meant = f"did you mean {'.'.join((*before, near[0]))}? " if near else ""
+    return f"there is no such {'setting' if before else 'section'}; {meant}trace-dag settings lists them"
+
+
+def _fields(section: Any) -> list[str]:
+    return list(getattr(section, "model_fields", {}))
 
 
 class DescribedSetting(NamedTuple):

@@ -141,3 +141,11 @@ def test_rows_that_cannot_be_written_so_are_one_line(arguments, said, tmp_path, 
     assert done.returncode == 2
     assert said in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_the_ui_tells_hours_that_cron_does_not_know_in_one_line(tmp_path):
+    (tmp_path / "settings.toml").write_text('[[automation.schedules]]\nname = "nightly"\ncron = "0 25 * * *"\n')
+    done = trace_dag(tmp_path, "ui", "--port", "0")
+    assert done.returncode == 2
+    assert "schedule nightly: '0 25 * * *' is nothing that cron knows" in done.stderr
+    assert done.stderr.count("\n") == 1

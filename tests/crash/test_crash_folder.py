@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import pytest
@@ -107,3 +108,10 @@ def test_keys_are_two_numbers_whatever_the_file_says(case: str, tmp_path: Path) 
 def test_a_path_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="does not exist"):
         scan([tmp_path / "nowhere"])
+
+
+def test_a_compressed_report_is_named_as_that(tmp_path: Path) -> None:
+    (tmp_path / "crash.xml.gz").write_bytes(gzip.compress(report()))
+    found = scan([tmp_path])
+    assert not found.reports
+    assert [each.why for each in found.unrecognised] == ["it is compressed; unpack it"]

@@ -242,3 +242,22 @@ def test_who_struck_the_person_has_to_be_told() -> None:
     assert found is not None
     assert found.reason is Reason.INCOMPLETE_SEQUENCE
     assert found.detail == "event 1 does not say which vehicle struck the person"
+
+
+def test_two_that_never_touched_are_not_said_to_be_of_a_kind_that_is_modelled_and_not() -> None:
+    overturned = {"SOE": 1, "AOI1": 0, "VNUMBER2": 9999, "AOI2": 77}
+    record = read(report({"HARM_EV": 1, "MAN_COLL": 0}, events=[overturned, {"EVENTNUM": 2, "SOE": 54, "AOI1": 0}]))
+    rejected = rejection(record, CrashSettings())
+    assert rejected is not None
+    assert rejected.reason is Reason.NOT_MODELLED
+    assert "vehicles 1 and 2 never touch in the report" in rejected.detail
+    assert rejected.detail.endswith("such a crash of the kind overturn is not modelled")
+
+
+def test_a_report_without_its_vehicles_is_rejected_as_that() -> None:
+    rejected = rejection(read(report(vehicles=[])), CrashSettings())
+    assert rejected is not None
+    assert (rejected.reason, rejected.detail) == (
+        Reason.INCOMPLETE_SEQUENCE,
+        "the report lists 0 of 2 vehicles in transport",
+    )

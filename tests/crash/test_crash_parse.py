@@ -273,6 +273,7 @@ def test_functional_class_of_older_years(settings: CrashSettings) -> None:
 @pytest.mark.parametrize(
     ("elements", "expected"),
     [({"BODY_TYP": 66, "TOW_VEH": 1}, VehicleClass.TRACTOR_TRAILER), ({"BODY_TYP": 66}, VehicleClass.TRUCK),
+     ({"BODY_TYP": 99, "GVWR_TO": 18}, VehicleClass.TRUCK), ({"BODY_TYP": 99, "GVWR_TO": 99}, VehicleClass.CAR),
      ({"BODY_TYP": 80}, VehicleClass.MOTORCYCLE), ({"BODY_TYP": None, "MODEL": 471}, VehicleClass.PICKUP),
      ({"BODY_TYP": 99, "VPICBODYCLASS": 7}, VehicleClass.SUV), ({"BODY_TYP": None, "GVWR": 3}, VehicleClass.TRUCK),
      ({"BODY_TYP": 99}, VehicleClass.CAR)],
@@ -475,3 +476,11 @@ def test_summaries_hold_no_codes_or_blanks(real_reports: dict[str, bytes]) -> No
 def test_names_of_files_never_reach_the_key(settings: CrashSettings, tmp_path: Path) -> None:
     record = read_report(report(), name=str(tmp_path / ".." / "x"), settings=settings)
     assert record.key == "2023-519001"
+
+
+@pytest.mark.parametrize(("code", "trailers"), [(0, 0), (2, 2), (9, None), (None, None)])
+def test_trailers_are_not_counted_where_the_report_does_not_say(
+    code: int | None, trailers: int | None, settings: CrashSettings
+) -> None:
+    record = read(report(vehicles=[{"TOW_VEH": code}, {"VEH_NO": 2}]), settings)
+    assert record.vehicles[0].trailers == trailers

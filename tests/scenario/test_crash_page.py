@@ -106,6 +106,40 @@ def test_a_crash_in_one_sentence():
     )
 
 
+def test_who_struck_a_person_is_left_open_where_no_event_tells():
+    assert in_one_sentence(on_main_street(events=(), first_harmful_event_code=8)) == (
+        "On January 15, 2023 on MAIN ST, Virginia, two motor vehicles crashed (one of them struck a pedestrian)."
+    )
+    assert in_one_sentence(on_main_street(events=(), first_harmful_event_code=12)).endswith("collided.")
+
+
+def test_what_was_not_reported_of_a_vehicle_is_marked_and_an_unknown_make_is_no_name():
+    seen_once = replace(
+        vehicle(1, 12), make_model="Unknown Make Unknown (as to automobile, ...)", implied=("vehicle_class", "movement")
+    )
+    struck = EventRecord(1, 12, 1, None, 2, None)
+    page = shown(
+        CrashPage(crash(0), (), RIGHTS, record=on_main_street(vehicles=(seen_once, vehicle(2, 9)), events=(struck,)))
+    )
+    rows = [seen(row) for row in page.xpath("//div[@aria-label='Vehicles']//tbody/tr")]
+    assert rows[0].startswith("V1 car (implied) going straight (implied)")
+    assert rows[1].startswith("V2 car going straight")
+    (event,) = page.xpath("//div[@aria-label='Events']//tbody/tr")
+    assert seen(event).startswith("1 collided with a motor vehicle in transport 12")
+
+
+def test_the_time_is_said_to_the_minute_and_persons_are_not_called_vehicles():
+    facts = (
+        Fact("course of the person", ComparedWith.COURSE, Agreement.AGREES, "left", "0 deg off", False, 1001, 0.8),
+    )
+    verdict = replace(VERDICT, support=replace(SUPPORT, facts=facts))
+    row = crash(0) | {"hour": 19, "minute": 5}
+    page = seen(shown(CrashPage(row, (), RIGHTS, record=on_main_street(), verdict=verdict)))
+    assert ", 19:05 local time" in page
+    assert "Course of person 1 agrees with the course: left – 0 deg off" in page
+    assert ", 19 h local time" in seen(shown(CrashPage(row | {"minute": None}, (), RIGHTS)))
+
+
 def test_the_replay_comes_first_then_a_sentence_then_numbers_then_reasons_and_the_rest_is_folded():
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=VERDICT, replay="../replay.html?1"))
     main = page.get_element_by_id("main")
@@ -166,6 +200,6 @@ def test_a_page_names_the_parties_of_every_event():
     text = " ".join(page.itertext())
     seen = " ".join(text.split())
     assert "P1 pedestrian in a crosswalk V1 38" in seen
-    assert "1 person struck 8 V1 P1" in seen
-    assert "2 object struck 42 V1 what event 2 struck" in seen
+    assert "1 struck a pedestrian 8 V1 P1" in seen
+    assert "2 struck a tree 42 V1 what event 2 struck" in seen
     assert "What the report leaves open who came first" in seen

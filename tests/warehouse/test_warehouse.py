@@ -20,6 +20,7 @@ from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, rows
 from trace_dag.warehouse.tables import TABLES
 
+UNKNOWN = {"MAN_COLL": {98, 99}, "TYP_INT": {98, 99}, "HARM_EV": {98, 99}, "REL_ROAD": {98, 99}}
 CONTRACT = {
     "crashes": "key case_year state_case cohort latitude_deg longitude_deg final_state stage_reached reason "
     "collision_type road_topology vehicle_trajectory",
@@ -130,6 +131,42 @@ def test_vehicles_and_classes_equal_the_parquet_records(root):
         (row,) = pq.read_table(path).to_pylist()
         assert vehicles[row["key"]] == len(row["vehicles"])
         assert classes[row["key"]] == row["collision_type"]
+
+
+def test_what_is_not_known_is_null_and_never_an_empty_text(root):
+    with open_warehouse(root / "warehouse.duckdb") as connection:
+        texts = connection.execute(
+            "SELECT table_name, column_name FROM duckdb_columns() WHERE data_type = 'VARCHAR' AND NOT internal"
+        ).fetchall()
+        assert len(texts) > 100
+        for name, column in texts:
+            empty = connection.execute(f"SELECT count(*) FROM {name} WHERE {column} = ''").fetchall()
+            assert empty == [(0,)], (name, column)
+
+
+def test_codes_that_say_unknown_are_null_and_what_is_implied_is_named(root):
+    crashes = {row["key"]: row for row in table(root, "crashes")}
+    vehicles = {(row["key"], row["vehicle_number"]): row for row in table(root, "vehicles")}
+    coded = (
+        ("manner_of_collision", "MAN_COLL"),
+        ("intersection_type", "TYP_INT"),
+        ("first_harmful_event", "HARM_EV"),
+        ("road_relation", "REL_ROAD"),
+    )
+    for path in (root / "crash_record").glob("*.parquet"):
+        (record,) = pq.read_table(path).to_pylist()
+        row = crashes[record["key"]]
+        assert row["implied"] == record["implied"]
+        for column, element in coded:
+            code = record[f"{column}_code"]
+            unknown = code is None or code in UNKNOWN[element]
+            assert row[f"{column}_code"] == (None if unknown else code)
+            assert bool(row[column]) is not unknown
+        for vehicle in record["vehicles"]:
+            said = vehicles[record["key"], vehicle["number"]]
+            assert said["implied"] == vehicle["implied"]
+            assert said["movement_code"] == (None if vehicle["movement"] == 99 else vehicle["movement"])
+            assert said["initial_impact_code"] != 99
 
 
 def test_usable_information_equals_a_count_over_the_parquet_records(root):

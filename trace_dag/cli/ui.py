@@ -31,11 +31,13 @@ def ui(root: str, host: str, port: int, allowed: tuple[str, ...], read_only: boo
     It answers to its own names and pages alone, and knows no users: anyone who can reach the port may do anything.
     """
     from trace_dag.assets.partitions import add_partitions
+    from trace_dag.assets.schedules import schedules
     from trace_dag.definitions.launch import dagster_records
     from trace_dag.flow.workspace import Workspace
 
     _refuse_port_in_use(host, port)
     workspace = Workspace.open(root)
+    schedules(workspace.settings.automation)  # a mistake in them is one line here, and a traceback of Dagster's servers
     with dagster_records(workspace) as instance:
         add_partitions(instance, workspace.registry.keys())
     os.chdir(workspace.dagster_home)

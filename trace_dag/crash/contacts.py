@@ -121,9 +121,8 @@ def untold_contact(record: CrashRecord) -> str | None:
     """
     if not is_of_contacts(record):
         return None
-    listed = sum(vehicle.in_transport for vehicle in record.vehicles)
-    if listed < record.moving_vehicles:
-        return f"the report lists {listed} of {record.moving_vehicles} vehicles in transport"
+    if (unlisted := unlisted_vehicles(record)) is not None:
+        return unlisted
     unnamed = next((e for e in record.events if e.code in VEHICLE_CONTACTS and not e.is_vehicle_contact), None)
     if unnamed is not None:
         who = "which vehicles met" if unnamed.party_1 is None else f"whom vehicle {unnamed.party_1} met"
@@ -135,6 +134,18 @@ def untold_contact(record: CrashRecord) -> str | None:
         numbers = " and ".join(map(str, silent))
         return f"nothing tells what part vehicle{'s' if len(silent) > 1 else ''} {numbers} had: no event that is known"
     return None
+
+
+def unlisted_vehicles(record: CrashRecord) -> str | None:
+    """That the report lists fewer vehicles in transport than it counts (``VE_FORMS``), as a sentence; else None.
+
+    >>> unlisted_vehicles(replace(record, vehicles=record.vehicles[:1]))
+    'the report lists 1 of 2 vehicles in transport'
+    """
+    listed = sum(vehicle.in_transport for vehicle in record.vehicles)
+    if listed >= record.moving_vehicles:
+        return None
+    return f"the report lists {listed} of {record.moving_vehicles} vehicles in transport"
 
 
 def _takes_part(record: CrashRecord, vehicle: VehicleRecord) -> bool:

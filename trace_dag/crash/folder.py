@@ -26,6 +26,7 @@ _STATE_CASE: Final = re.compile(rb"<ST_CASE>\s*([0-9]{5,6})\s*</ST_CASE>")
 _CRASH: Final = re.compile(rb"<CrashResultSet[\s>]")
 _SEARCH: Final = re.compile(r"StateCase:\s*([0-9]{5,6})\D+CaseYear:\s*([0-9]{4})", re.IGNORECASE)
 _HEAD_BYTES: Final = 16 * 1024
+_COMPRESSED: Final = (b"\x1f\x8b", b"BZh", b"PK\x03\x04", b"7z\xbc\xaf")  # gzip, bzip2, zip, 7z
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,8 @@ def _look_at(path: Path) -> FoundReport | Unrecognised:
             )
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
+            if head.startswith(_COMPRESSED):
+                return Unrecognised(path, "it is compressed; unpack it")
             if b"<" not in head:
                 return Unrecognised(path, "it is not XML")
             data = head + file.read(MAX_REPORT_BYTES)

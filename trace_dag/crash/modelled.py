@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from trace_dag.crash.codes.events import HARM_EV, VEHICLE_CONTACTS
-from trace_dag.crash.contacts import is_of_contacts, untold_contact
+from trace_dag.crash.contacts import is_of_contacts, unlisted_vehicles, untold_contact
 from trace_dag.crash.departures import OF_DEPARTURES
 from trace_dag.crash.kind import COLLISIONS, JUDGED_KINDS, OF_STRIKES, CrashKind
 from trace_dag.crash.parties import EventKind
@@ -56,7 +56,11 @@ def another_kind(record: CrashRecord) -> str | None:
         said = f"{record.moving_vehicles} vehicles in transport"
     else:
         said = "no two vehicles in transport touch in the report"
-    return f"{said}: {_what_happened(record)}; the kind of crash is {kind}, and modelled so far are {_judged()}"
+    if kind in JUDGED_KINDS:
+        why = f"such a crash of the kind {kind} is not modelled"
+    else:
+        why = f"the kind of crash is {kind}, and modelled so far are {_judged()}"
+    return f"{said}: {_what_happened(record)}; {why}"
 
 
 def untold_meeting(record: CrashRecord) -> str | None:
@@ -70,6 +74,8 @@ def untold_meeting(record: CrashRecord) -> str | None:
         return untold_contact(record)
     if record.colliding_vehicles is not None or record.kind not in COLLISIONS:
         return None
+    if (unlisted := unlisted_vehicles(record)) is not None:
+        return unlisted
     unnamed = next(
         (event for event in record.events if event.code in VEHICLE_CONTACTS and not event.is_vehicle_contact), None
     )

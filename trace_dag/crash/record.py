@@ -96,7 +96,7 @@ class VehicleRecord:
     body_type_code: int | None = None  # BODY_TYP
     make_model: str = ""
     model_year: int | None = None
-    trailers: int = 0  # TOW_VEH
+    trailers: int | None = None  # TOW_VEH
     trailer: Trailer | None = None  # what it pulls, as one body; length and mass above are without it
     jackknife_code: int | None = None  # J_KNIFE
     in_transport: bool = True  # UNITTYPE

@@ -77,10 +77,13 @@ def in_one_sentence(record: CrashRecord) -> str:
     event = record.first_contact or next((each for each in record.events if HARM_EV.meaning(each.code)), None)
     involved = [vehicles[party] for party in (event.party_1, event.party_2) if party in vehicles] if event else []
     who = " and ".join(_driving(vehicle) for vehicle in involved or record.vehicles)
-    if len(involved or record.vehicles) > 1:
+    code = event.code if event else record.first_harmful_event_code
+    if len(involved) > 1 or (len(record.vehicles) > 1 and code in VEHICLE_CONTACTS):
         what = "collided"
     else:
-        what = HARM_EV.meaning(event.code if event else record.first_harmful_event_code) or "crashed"
+        what = HARM_EV.meaning(code) or "crashed"
+        if len(involved or record.vehicles) > 1:  # nothing tells which of them it was
+            who, what = f"{_count(len(record.vehicles), 'motor vehicle')} crashed", f"(one of them {what})"
     others = len(record.vehicles) - len(involved) if involved else 0
     more = f"; {_count(others, 'more vehicle')} {'was' if others == 1 else 'were'} involved" if others else ""
     sentence = f"{_when(record)}{place}, {who} {what}{more}.".strip(" ,")
@@ -129,6 +132,9 @@ def _scene(record: CrashRecord) -> str:
         sentences.append(f"{place}{',' if junction and relation else ''} {relation}".rstrip() + ".")
     if manner:
         sentences.append(f"Manner of collision of the first harmful event: {manner}.")
+    first = HARM_EV.meaning(record.first_harmful_event_code)
+    if first and not any(event.is_harmful for event in record.events):
+        sentences.append(f"First harmful event: a vehicle {first}.")
     return " ".join(sentences)
 
 

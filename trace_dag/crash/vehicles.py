@@ -40,7 +40,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
     """
     fields, number = _numbered(element, crash)
     tow_code = fields.known_code(codes.TOW_VEH)
-    trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)
+    trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
     derived = next(
         (Fields(entry, fields.where, crash.year) for entry in fields.members("VinDeriveds", "VinDecodes")), None
     )
@@ -52,7 +52,7 @@ def read_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord:
             vpic_body_class=fields.integer("VPICBODYCLASS"),
             gvwr_class=fields.integer("GVWR_TO", "GVWR_FROM"),
             gvwr_old=fields.integer("GVWR"),
-            trailers=trailers,
+            trailers=trailers or 0,
             curb_weight_lb=derived.decimal("CURBWEIGHTLB") if derived else None,
             wheelbase_in=derived.decimal("WHEELBASEIN_FROM", "WHEELBASEIN") if derived else None,
         )
@@ -118,7 +118,7 @@ def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord
     """
     fields, number = _numbered(element, crash)
     tow_code = fields.known_code(codes.TOW_VEH, "PTRAILER", "PTOW_VEH")
-    trailers = codes.TRAILERS_OF_TOW_VEH.get(tow_code or 0, 0)
+    trailers = None if tow_code is None else codes.TRAILERS_OF_TOW_VEH[tow_code]
     body_type = fields.code(BODY_TYP, "PBODYTYP")
     body, body_implied = body_of(
         BodyEvidence(
@@ -127,7 +127,7 @@ def read_parked_vehicle(element: etree._Element, crash: Fields) -> VehicleRecord
             vpic_body_class=fields.integer("PVPICBODYCLASS"),
             gvwr_class=fields.integer("PGVWR_TO", "PGVWR_FROM"),
             gvwr_old=fields.integer("PGVWR"),
-            trailers=trailers,
+            trailers=trailers or 0,
         )
     )
     initial = fields.code(event_codes.IMPACT1, "PIMPACT1")

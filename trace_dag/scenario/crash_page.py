@@ -91,13 +91,16 @@ def write_crash_page(page: CrashPage) -> bytes:
 def _facts(crash: Row) -> list[tuple[str, str]]:
     """What the report says of the crash as a whole, the parts it says."""
     date = "-".join(f"{crash[part]:02d}" for part in ("year", "month", "day") if crash.get(part) is not None)
-    hour = f", {crash['hour']:02d} h local time" if crash.get("hour") is not None else ""
+    time = ""
+    if crash.get("hour") is not None:
+        minute = f":{crash['minute']:02d}" if crash.get("minute") is not None else " h"
+        time = f", {crash['hour']:02d}{minute} local time"
     position = ""
     if crash.get("latitude_deg") is not None:
         position = f"{crash['latitude_deg']:.6f}, {crash['longitude_deg']:.6f}"
     facts = {
         "Place": crash.get("place") or crash.get("state_name"),
-        "Date": date + hour,
+        "Date": date + time,
         "Reported position (WGS84)": position,
         "Roads": " and ".join(name for column in ("trafficway_1", "trafficway_2") if (name := crash.get(column))),
         "Kind of crash": words(crash.get("kind")),
@@ -118,7 +121,8 @@ def _picture_alt(page: CrashPage) -> str:
     if page.estimate is None:
         return f"{drawn}."
     vehicles = ", ".join(
-        f"vehicle {each.vehicle_number} ({words(each.manoeuvre)})" for each in page.estimate.hypotheses[0].participants
+        f"{party_in_words(each.vehicle_number)} ({words(each.manoeuvre)})"
+        for each in page.estimate.hypotheses[0].participants
     )
     return f"{drawn}, and the paths and bodies at contact and at rest of {vehicles}."
 
@@ -355,7 +359,9 @@ def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
 
 
 def _fact_in_words(fact: Fact) -> str:
-    whose = f" of vehicle {fact.vehicle_number}" if fact.vehicle_number is not None else ""
+    name = fact.name
+    if fact.vehicle_number is not None:
+        name = f"{name.removesuffix(' of the person')} of {party_in_words(fact.vehicle_number)}"
     how = {Agreement.AGREES: "agrees", Agreement.NEAR: "nearly agrees", Agreement.DIFFERS: "differs"}[fact.agreement]
-    sentence = f"{fact.name}{whose} {how} with the {fact.against}: {fact.reported} – {fact.found}"
+    sentence = f"{name} {how} with the {fact.against}: {fact.reported} – {fact.found}"
     return sentence[0].upper() + sentence[1:]

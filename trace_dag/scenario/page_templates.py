@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import deflate
 
+from trace_dag.crash.codes.events import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
 from trace_dag.crash.summary import place_in_words
 from trace_dag.scenario.vehicle_names import vehicle_name
@@ -64,6 +65,7 @@ def templates() -> Environment:
     environment.filters["party"] = _party
     environment.filters["place"] = place_in_words
     environment.filters["vehicle_name"] = vehicle_name
+    environment.filters["event"] = SOE.meaning
     environment.filters["mph"] = lambda mps: "–" if mps is None else f"{mps_to_mph(mps):.0f} mph"
     environment.filters["fixed"] = _fixed
     environment.filters["percent"] = lambda value: "–" if value is None else f"{100 * value:.0f} %"

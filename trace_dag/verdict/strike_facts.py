@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from trace_dag.crash.codes.persons import PBCWALK
+from trace_dag.crash.codes.persons import MOTDIR, PBCWALK, PEDDIR
 from trace_dag.crash.crash_types import turn_of
 from trace_dag.crash.parties import party_in_words
 from trace_dag.crash.record import CrashRecord
@@ -126,14 +126,14 @@ def _of_person(record: CrashRecord, strike: Strike, seen: ObservedStrike) -> Ite
         where = f"{abs(seen.outside_m):.1f} m {'outside' if seen.outside_m > 0 else 'within'} the carriageway's edge"
         yield _fact("zone of the person", agreement, said, where, person.party)
     heading = seen.person_heading_rad if seen.person_speed_mps > _STANDS_MPS else None
-    for party, code, headed in (
-        (strike.vehicle.number, person.motorist_direction_code, seen.vehicle.approach_rad),
-        (person.party, person.pedestrian_direction_code, heading),
+    for party, table, code, headed in (
+        (strike.vehicle.number, MOTDIR, person.motorist_direction_code, seen.vehicle.approach_rad),
+        (person.party, PEDDIR, person.pedestrian_direction_code, heading),
     ):
         error = None if headed is None else compass_error_deg(headed, code)
         if error is not None:
             found = f"{error:.0f} deg outside that quarter"
-            yield _fact("compass direction", _agreement(error <= _COURSE_DEG), f"code {code}", found, party)
+            yield _fact("compass direction", _agreement(error <= _COURSE_DEG), table.meaning(code), found, party)
 
 
 def _fact(name: str, agreement: Agreement, reported: str, found: str, party: int) -> Fact:

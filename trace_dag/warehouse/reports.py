@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _CODES = (
-    *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT, crash.WEATHER),
+    *(crash.FUNC_SYS, crash.LGT_COND, crash.MAN_COLL, crash.REL_ROAD, crash.RELJCT2, crash.RUR_URB, crash.TYP_INT),
+    *(crash.WEATHER, events.HARM_EV, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
     *(vehicle.ACC_TYPE, vehicle.P_CRASH1, vehicle.P_CRASH2, vehicle.VALIGN, vehicle.VPROFILE, vehicle.VSURCOND),
-    *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY, events.IMPACT1, events.SOE, persons.PEDCGP, persons.BIKECGP),
+    *(vehicle.J_KNIFE, vehicle.VTRAFCON, vehicle.VTRAFWAY),
 )
 _POSITION = ("latitude_deg", "longitude_deg")
 

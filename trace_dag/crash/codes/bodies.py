@@ -219,9 +219,10 @@ def _implied_kind(evidence: BodyEvidence) -> ReportedBody:
         if evidence.model is not None and first <= evidence.model <= last:
             # Tractors and straight trucks share their model codes; only the heaviest tow a trailer.
             return TRACTOR if body is HEAVY_TRUCK and evidence.trailers else body
-    if evidence.gvwr_old == 3 or (evidence.gvwr_class or 0) >= 17:
+    gvwr_class = evidence.gvwr_class if evidence.gvwr_class in GVWR_LIMIT_LB else 0  # 98 and 99: not known
+    if evidence.gvwr_old == 3 or gvwr_class >= 17:
         return HEAVY_TRUCK
-    if evidence.gvwr_old == 2 or (evidence.gvwr_class or 0) >= 13:
+    if evidence.gvwr_old == 2 or gvwr_class >= 13:
         return MEDIUM_TRUCK
     return UNKNOWN_LIGHT
 

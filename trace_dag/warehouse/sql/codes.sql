@@ -13,3 +13,8 @@ COMMENT ON COLUMN codes.meaning IS 'The code in words';
 CREATE TEMP MACRO meaning_of(of_element, of_code) AS (
     SELECT meaning FROM codes WHERE codes.element = of_element AND codes.code = of_code
 );
+
+-- A code of an element, null where it is one of those that say "unknown".
+CREATE TEMP MACRO known_code(of_element, of_code) AS (
+    SELECT code FROM codes WHERE codes.element = of_element AND codes.code = of_code
+);

@@ -20,7 +20,9 @@ SELECT
     standing.outdated_because,
     CAST(split_part(standing.key, '-', 2) AS INTEGER) // 10000 AS state_code,
     state.name AS state_name,
-    concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')) AS place,
+    nullif(
+        concat_ws(', ', nullif(record.city_name, ''), nullif(record.county_name, ''), nullif(record.state_name, '')), ''
+    ) AS place,
     record.year,
     record.month,
     record.day,
@@ -34,17 +36,22 @@ SELECT
     meaning_of('RUR_URB', record.rural_urban_code) AS rural_urban,
     record.function_class_code,
     meaning_of('FUNC_SYS', record.function_class_code) AS function_class,
-    record.manner_of_collision_code,
+    record.first_harmful_event_code,
+    meaning_of('HARM_EV', record.first_harmful_event_code) AS first_harmful_event,
+    record.road_relation_code,
+    meaning_of('REL_ROAD', record.road_relation_code) AS road_relation,
+    known_code('MAN_COLL', record.manner_of_collision_code) AS manner_of_collision_code,
     meaning_of('MAN_COLL', record.manner_of_collision_code) AS manner_of_collision,
-    record.intersection_type_code,
+    known_code('TYP_INT', record.intersection_type_code) AS intersection_type_code,
     meaning_of('TYP_INT', record.intersection_type_code) AS intersection_type,
     record.junction_relation_code,
     meaning_of('RELJCT2', record.junction_relation_code) AS junction_relation,
-    record.trafficway_1,
-    record.trafficway_2,
+    nullif(record.trafficway_1, '') AS trafficway_1,
+    nullif(record.trafficway_2, '') AS trafficway_2,
     coalesce(len(record.vehicles), listing.vehicles) AS vehicles,
     record.fatalities,
     record.repaired,
+    record.implied,
     len(record.contradictions) AS contradictions,
     len(record.ambiguities) AS ambiguities,
     record.summary
@@ -87,6 +94,10 @@ COMMENT ON COLUMN crashes.rural_urban_code IS 'Land use (RUR_URB)';
 COMMENT ON COLUMN crashes.rural_urban IS 'Land use: rural or urban';
 COMMENT ON COLUMN crashes.function_class_code IS 'Functional class of the road (FUNC_SYS)';
 COMMENT ON COLUMN crashes.function_class IS 'Functional class of the road, in words';
+COMMENT ON COLUMN crashes.first_harmful_event_code IS 'First harmful event (HARM_EV)';
+COMMENT ON COLUMN crashes.first_harmful_event IS 'First harmful event, in words: what a vehicle did';
+COMMENT ON COLUMN crashes.road_relation_code IS 'Part of the trafficway that the first harmful event was on (REL_ROAD)';
+COMMENT ON COLUMN crashes.road_relation IS 'Part of the trafficway, in words';
 COMMENT ON COLUMN crashes.manner_of_collision_code IS 'Manner of collision of the first harmful event (MAN_COLL)';
 COMMENT ON COLUMN crashes.manner_of_collision IS 'Manner of collision, in words';
 COMMENT ON COLUMN crashes.intersection_type_code IS 'Kind of intersection (TYP_INT)';
@@ -98,6 +109,7 @@ COMMENT ON COLUMN crashes.trafficway_2 IS 'Crossing road (TWAY_ID2)';
 COMMENT ON COLUMN crashes.vehicles IS 'Motor vehicles in the report';
 COMMENT ON COLUMN crashes.fatalities IS 'Persons killed (FATALS)';
 COMMENT ON COLUMN crashes.repaired IS 'The report was not well-formed and was repaired to be read';
+COMMENT ON COLUMN crashes.implied IS 'What the report does not say itself and other fields imply, such as function_class_code';
 COMMENT ON COLUMN crashes.contradictions IS 'Number of contradictions found in the report';
 COMMENT ON COLUMN crashes.ambiguities IS 'Number of things that events and persons leave open';
 COMMENT ON COLUMN crashes.summary IS 'The crash in words';

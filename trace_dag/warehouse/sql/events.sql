@@ -4,6 +4,7 @@ SELECT
     record.key,
     event.number AS event_number,
     event.code AS event_code,
+    meaning_of('SOE', event.code) AS event,
     event.kind,
     event.party_1,
     event.area_1.clock_h AS clock_1_h,
@@ -17,6 +18,7 @@ COMMENT ON TABLE events IS 'The sequence of events of every crash whose report w
 COMMENT ON COLUMN events.key IS 'Key of the crash';
 COMMENT ON COLUMN events.event_number IS 'Number in the sequence (EVENTNUM)';
 COMMENT ON COLUMN events.event_code IS 'What happened (SOE)';
+COMMENT ON COLUMN events.event IS 'What happened, in words: what the first party did';
 COMMENT ON COLUMN events.kind IS 'Kind of event, from its code';
 COMMENT ON COLUMN events.party_1 IS 'First party (VNUMBER1)';
 COMMENT ON COLUMN events.clock_1_h IS 'Clock position struck on the first party, hours (AOI1)';

@@ -14,7 +14,10 @@ WITH violence AS (
 ),
 
 reported AS (
-    SELECT key, count(*) AS events FROM events GROUP BY key
+    SELECT events.key, count(*) AS harmful_events
+    FROM events
+    JOIN codes ON codes.element = 'HARM_EV' AND codes.code = events.event_code
+    GROUP BY events.key
 ),
 
 fragile AS (  -- who was killed in a car may have been old, or without a belt
@@ -35,12 +38,12 @@ SELECT
     least((delta_v_mps / (71 * 0.44704)) ** 4, 1) AS fatality_risk,
     delta_v_mps * 3.6 < 8 AS harmless,
     greatest(delta_v_high_mps, delta_v_mps) AS delta_v_high_mps,
-    coalesce(events, 0) AS events,
+    coalesce(harmful_events, 0) AS harmful_events,
     CASE
-        WHEN delta_v_mps * 3.6 >= 8 THEN ''
+        WHEN delta_v_mps * 3.6 >= 8 THEN NULL
         WHEN delta_v_high_mps * 3.6 >= 8 THEN 'another course that the report allows, see delta_v_high_mps'
         WHEN crashes.kind = 'overturn' THEN 'the overturn'
-        WHEN events > 1 THEN 'a later event, which is not simulated'
+        WHEN harmful_events > 1 THEN 'another harmful event of the report'
         WHEN old OR unbelted THEN 'an old or an unbelted driver'
         ELSE 'age, no belt, illness, or a harder impact than the report says'
     END AS explained_by
@@ -59,5 +62,5 @@ COMMENT ON COLUMN fatality_plausibility.delta_v_mps IS 'Largest change of veloci
 COMMENT ON COLUMN fatality_plausibility.fatality_risk IS 'Risk of death of an occupant of a car at that change, 0 to 1 (Joksch 1993)';
 COMMENT ON COLUMN fatality_plausibility.harmless IS 'Whether it is below the 8 km/h from which recorders record';
 COMMENT ON COLUMN fatality_plausibility.delta_v_high_mps IS 'What one in ten draws of the estimate exceeds, of the same vehicle or another, m/s';
-COMMENT ON COLUMN fatality_plausibility.events IS 'Events that the report lists';
-COMMENT ON COLUMN fatality_plausibility.explained_by IS 'What of the report would explain a harmless one; empty for others';
+COMMENT ON COLUMN fatality_plausibility.harmful_events IS 'Harmful events that the report lists';
+COMMENT ON COLUMN fatality_plausibility.explained_by IS 'What of the report would explain a harmless one; null for others';

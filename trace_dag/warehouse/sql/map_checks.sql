@@ -1,6 +1,13 @@
 -- The measured guarantees of every road map.
 CREATE TABLE map_checks AS
-SELECT key, measured.name AS gate, measured.value, measured.threshold, measured.unit, measured.passed, measured.detail
+SELECT
+    key,
+    measured.name AS gate,
+    measured.value,
+    measured.threshold,
+    measured.unit,
+    measured.passed,
+    nullif(measured.detail, '') AS detail
 FROM (SELECT key, unnest(gates) AS measured FROM map_report)
 ORDER BY key, gate;
 

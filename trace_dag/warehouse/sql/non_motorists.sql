@@ -21,7 +21,7 @@ SELECT
     person.motorist_direction_code,
     person.motorist_manoeuvre_code,
     person.intersection_leg_code,
-    person.scenario,
+    nullif(person.scenario, '') AS scenario,
     person.pedestrian_group_code,
     person.cyclist_group_code,
     person.pedestrian_type_code,

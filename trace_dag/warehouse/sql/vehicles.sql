@@ -4,7 +4,7 @@ SELECT
     record.key,
     vehicle.number AS vehicle_number,
     vehicle.vehicle_class,
-    vehicle.make_model,
+    nullif(vehicle.make_model, '') AS make_model,
     vehicle.model_year,
     vehicle.length_m,
     vehicle.width_m,
@@ -27,13 +27,13 @@ SELECT
     meaning_of('VPROFILE', vehicle.profile_code) AS profile,
     vehicle.traffic_control_code,
     meaning_of('VTRAFCON', vehicle.traffic_control_code) AS traffic_control,
-    vehicle.movement AS movement_code,
+    known_code('P_CRASH1', vehicle.movement) AS movement_code,
     meaning_of('P_CRASH1', vehicle.movement) AS movement,
     vehicle.critical_event_code,
     meaning_of('P_CRASH2', vehicle.critical_event_code) AS critical_event,
-    vehicle.crash_type_code,
+    known_code('ACC_TYPE', vehicle.crash_type_code) AS crash_type_code,
     meaning_of('ACC_TYPE', vehicle.crash_type_code) AS crash_type,
-    vehicle.initial_impact_code,
+    known_code('IMPACT1', vehicle.initial_impact_code) AS initial_impact_code,
     vehicle.impact.clock_h AS impact_clock_h,
     vehicle.surface_condition_code,
     meaning_of('VSURCOND', vehicle.surface_condition_code) AS surface_condition,
@@ -41,14 +41,15 @@ SELECT
     vehicle.trailer.length_m AS trailer_length_m,
     vehicle.trailer.mass_kg AS trailer_mass_kg,
     vehicle.jackknife_code,
-    meaning_of('J_KNIFE', vehicle.jackknife_code) AS jackknife
+    meaning_of('J_KNIFE', vehicle.jackknife_code) AS jackknife,
+    vehicle.implied
 FROM (SELECT key, unnest(vehicles) AS vehicle FROM crash_record) AS record
 ORDER BY key, vehicle_number;
 
 COMMENT ON TABLE vehicles IS 'The motor vehicles of every crash whose report was read';
 COMMENT ON COLUMN vehicles.key IS 'Key of the crash';
 COMMENT ON COLUMN vehicles.vehicle_number IS 'Number of the vehicle in the report (VEH_NO)';
-COMMENT ON COLUMN vehicles.vehicle_class IS 'Kind of body it is simulated as';
+COMMENT ON COLUMN vehicles.vehicle_class IS 'Kind of body it is simulated as; a guess where implied has vehicle_class';
 COMMENT ON COLUMN vehicles.make_model IS 'Make and model as labelled';
 COMMENT ON COLUMN vehicles.model_year IS 'Model year';
 COMMENT ON COLUMN vehicles.length_m IS 'Length of the body, without a trailer, m';
@@ -72,7 +73,7 @@ COMMENT ON COLUMN vehicles.profile_code IS 'Grade (VPROFILE)';
 COMMENT ON COLUMN vehicles.profile IS 'Grade, in words';
 COMMENT ON COLUMN vehicles.traffic_control_code IS 'Traffic control (VTRAFCON)';
 COMMENT ON COLUMN vehicles.traffic_control IS 'Traffic control, in words';
-COMMENT ON COLUMN vehicles.movement_code IS 'Movement before the critical event (P_CRASH1)';
+COMMENT ON COLUMN vehicles.movement_code IS 'Movement before the critical event (P_CRASH1); where implied has movement, as the crash type implies it';
 COMMENT ON COLUMN vehicles.movement IS 'Movement before the critical event, in words';
 COMMENT ON COLUMN vehicles.critical_event_code IS 'What made the crash imminent (P_CRASH2)';
 COMMENT ON COLUMN vehicles.critical_event IS 'What made the crash imminent, in words';
@@ -87,3 +88,4 @@ COMMENT ON COLUMN vehicles.trailer_length_m IS 'Length of what it pulls, without
 COMMENT ON COLUMN vehicles.trailer_mass_kg IS 'Mass of what it pulls, kg';
 COMMENT ON COLUMN vehicles.jackknife_code IS 'Jackknifed (J_KNIFE)';
 COMMENT ON COLUMN vehicles.jackknife IS 'Jackknifed, in words';
+COMMENT ON COLUMN vehicles.implied IS 'What the report does not say of it and other fields imply: movement, vehicle_class, impact, ...';

@@ -6,7 +6,7 @@ SELECT
     grade,
     support.total AS support,
     support.independent_facts AS independent_facts,
-    support.detail AS support_detail,
+    nullif(support.detail, '') AS support_detail,
     hypothesis,
     rule_set,
     measured.name AS criterion,
@@ -14,10 +14,10 @@ SELECT
     measured.event_number AS event_number,
     measured.value,
     measured.threshold,
-    measured.unit,
+    nullif(measured.unit, '') AS unit,
     measured.passed,
     measured.reason,
-    measured.detail
+    nullif(measured.detail, '') AS detail
 FROM (SELECT key, accepted, grade, support, hypothesis, rule_set, unnest(criteria) AS measured FROM verdict)
 ORDER BY ALL;
 

@@ -28,7 +28,7 @@ COMMENT ON COLUMN verdicts.accepted IS 'Whether the simulated crash is the repor
 COMMENT ON COLUMN verdicts.grade IS 'What it is worth: corroborated (enough facts and support, nothing essential against), consistent (accepted, no more) or rejected';
 COMMENT ON COLUMN verdicts.support IS 'Sum of the weights of all facts of the report, natural logarithm; its rows are in table support';
 COMMENT ON COLUMN verdicts.independent_facts IS 'Different facts of the report that agree with the map or the simulated course';
-COMMENT ON COLUMN verdicts.support_detail IS 'Why the crash is not corroborated; empty if it is';
+COMMENT ON COLUMN verdicts.support_detail IS 'Why the crash is not corroborated; null if it is';
 COMMENT ON COLUMN verdicts.contact_distance_m IS 'First contact from the reported point, m';
 COMMENT ON COLUMN verdicts.clock_error_max_h IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
