@@ -94,5 +94,5 @@ def test_only_points_that_bend_one_of_the_lines_are_kept():
     along = np.arange(11.0)
     straight = np.column_stack([along, np.zeros(11)])
     bent = np.column_stack([along, np.where(along > 5, along - 5, 0.0)])
-    assert worth_keeping([straight], 0.01) == [0, 10]
-    assert worth_keeping([straight, bent], 0.01) == [0, 5, 10]
+    assert worth_keeping([[straight], [bent]], 0.01) == [[0, 10], [0, 5, 10]]
+    assert worth_keeping([[straight, bent]], 0.01) == [[0, 5, 10]]

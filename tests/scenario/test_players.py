@@ -87,6 +87,14 @@ def test_what_is_left_out_for_filters_is_not_missed_by_others(name: str) -> None
         assert np.abs(np.angle(np.exp(1j * (heading - logged.heading_rad)))).max() < EXACT_RAD
 
 
+def test_an_even_way_has_no_vertices_but_those_that_players_need() -> None:
+    log, scenario = simulated("head-on"), Scenario(written("head-on", Flavour()))
+    times = scenario.vertices["V1"][:, 0]
+    before = times < log.first_contact.time_s - 1e-5
+    assert before.sum() <= 3  # the start, where players are, and what keeps the touch for those that merge vertices
+    assert (log.vehicles[0].time_s < log.first_contact.time_s).sum() > 20
+
+
 @pytest.mark.parametrize("name", MEETINGS)
 def test_a_player_goes_no_frame_beyond_the_end(name: str) -> None:
     """Beyond the last vertex a vehicle is nobody's: esmini drives it on along its lane."""

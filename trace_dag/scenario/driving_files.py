@@ -69,13 +69,14 @@ def lanes_to_json(key: str, network: RoadNetwork) -> bytes:
     """
     shapes = [shape for shape in lane_shapes(network, drivable_only=True) if shape.length_m > 0.0]
     known = {shape.ref for shape in shapes}
+    kept = worth_keeping([(shape.left_m, shape.right_m) for shape in shapes], _AS_GOOD_AS_M)
     document = {
         "key": key,
         "frame": _FRAME,
         "proj": network.frame.proj,
         "attribution": network.attribution,
         "columns": _LANES,
-        "lanes": [_lane(shape, known) for shape in shapes],
+        "lanes": [_lane(shape, points, known) for shape, points in zip(shapes, kept, strict=True)],
     }
     return _json(document)
 
@@ -97,8 +98,8 @@ def courses_to_json(key: str, drives: Sequence[Drive]) -> bytes:
     return _json(document)
 
 
-def _lane(shape: LaneShape, known: set[LaneRef]) -> dict[str, Any]:
-    kept = worth_keeping([shape.left_m, shape.right_m], _AS_GOOD_AS_M)
+def _lane(shape: LaneShape, kept: list[int], known: set[LaneRef]) -> dict[str, Any]:
+    """A lane with those points of its borders that are kept."""
 
     def beside(ref: LaneRef | None, same_way: bool) -> dict[str, Any] | None:
         return {"id": lane_id(ref), "same_way": same_way} if ref in known and ref is not None else None

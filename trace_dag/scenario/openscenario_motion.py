@@ -1,19 +1,22 @@
 """The driven motion as OpenSCENARIO wants it: timed poses of an entity's reference point on the road.
 
 The log has the body's centre at every logged step and where two bodies overlap deepest. A player that interpolates
-between steps needs the beginning of the crash too: so the first touch of every contact is a vertex of its own. Which of
-the vertices players keep is handled in :mod:`trace_dag.scenario.openscenario_vertices`.
+between steps needs the beginning of the crash too: so the first touch of every contact is a vertex of its own. Steps
+that lie on the way between others, to a millimetre, are no vertices: at an even speed straight ahead two are enough.
+Which of the vertices players keep is handled in :mod:`trace_dag.scenario.openscenario_vertices`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from trace_dag.geometry import FloatArray
 from trace_dag.scenario.openscenario_vertices import kept_by_filters
+from trace_dag.scenario.polylines import needed_in_time
 from trace_dag.sim.outlines import Outline, separation
 from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import DEEPEST_EVERY_S, Contact, SimulationLog, VehicleLog
@@ -23,6 +26,12 @@ INTO_EACH_OTHER_S = 0.001
 
 PLAYER_STEP_S = 0.02
 """The longest step with which players are to see every contact: bodies overlap a little longer."""
+
+_NEEDLESS_M, _NEEDLESS_RAD = 0.001, 0.001
+"""Steps that are no farther from the straight way between others, over time, are no vertices."""
+
+_TURN_RAD = 0.01
+"""Between two vertices a body turns by so much at most: players are known that turn it only near vertices."""
 
 _CLEAR_M = 0.02
 """Bodies that overlap by as much are seen to, whatever a player rounds; those that crush each other soon do."""
@@ -76,7 +85,21 @@ def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: 
     )
     if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not log.bodies[vehicle.number].is_figure:
         vertices = _rolled(vertices, vehicle, log.bodies[vehicle.number].height_m)
-    return TimedPoses(*kept_by_filters(vertices, seen_s).T)
+    return TimedPoses(*kept_by_filters(_thinned(vertices, log, vehicle.number, seen_s), seen_s).T)
+
+
+def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:
+    """The vertices that are needed, among them those at the touches of a vehicle and at the moments players see."""
+    time_s = vertices[:, 0]
+    touches_s = [contact.time_s for contact in log.contacts if number in contact.poses]
+    moments_s = np.array([*touches_s, *(moment_s for group in seen_s for moment_s in group)])
+    asked = np.flatnonzero((np.abs(time_s[:, None] - moments_s) < 2 * SAME_TIME_S).any(axis=1))
+    turned_rad = np.abs(np.diff(vertices[:, 4:], axis=0, prepend=vertices[:1, 4:])).sum(axis=1).cumsum()
+    turns = np.flatnonzero(np.diff(turned_rad // _TURN_RAD, prepend=0.0))
+    values = np.column_stack([vertices[:, 1:4], vertices[:, 4:] * (_NEEDLESS_M / _NEEDLESS_RAD)])
+    kept = needed_in_time(time_s, values, _NEEDLESS_M, also=np.concatenate([asked, turns]))
+    needed: FloatArray = vertices[kept]
+    return needed
 
 
 def _rolled(vertices: FloatArray, vehicle: VehicleLog, height_m: float) -> FloatArray:

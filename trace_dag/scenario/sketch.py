@@ -135,9 +135,11 @@ def path_data(lines: Iterable[FloatArray], by_m: float, decimals: int = 0) -> st
     >>> path_data([np.array([[0.0, 0.0], [3.0, 4.0]])], 0.0)  # y downward
     'M0,0,3-4'
     """
-    path = ""
-    for line in lines:
-        points = line[worth_keeping([line], by_m)] if by_m else line
+    path, lines = "", list(lines)
+    if by_m:
+        kept = worth_keeping([[line] for line in lines], by_m)
+        lines = [line[points] for line, points in zip(lines, kept, strict=True)]
+    for points in lines:
         numbers: list[str] = []
         for x, y in points:
             pair = (_number(x, decimals), _number(-y, decimals))

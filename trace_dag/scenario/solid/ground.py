@@ -7,7 +7,7 @@ those of the lanes nearest to a point; the ground reaches from road to road.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -43,6 +43,7 @@ _ABOVE_M: Final = 0.02  # paint above pavement
 _STEP_M: Final = 1.0 / 256.0  # points are rounded to this: what repeats compresses
 _WAY_M: Final = 2.5  # to each side of where a body went
 _JOIN_M: Final = 0.02
+_FITS_M: Final = 1e-3  # all points together are this far off at most: rounding
 _BORDER_M: Final = 4.0  # spacing of border points on slopes
 _TURN_STROKE_M: Final = 0.18
 
@@ -91,8 +92,9 @@ class Heights:
 class Terrain:
     """The roads in a window (m) as surfaces, by material, and ``heights`` of the ground. ``areas`` are what else the
     ground is made of, each with its material, the later above the earlier; ``ways``, each of shape (n, 3), m, are where
-    bodies went: beside roads the ground is as high there as they had it. ``sides`` is the ground beyond the edges of
-    roads, which slopes if bodies were as high as that; the ``dug`` bring their own ground."""
+    bodies went: beside roads the ground is as high there as they had it. ``sides`` gives the ground beyond the edges of
+    roads, which slopes if bodies were as high as that; it is asked only where they were not as high as the roads. The
+    ``dug`` bring their own ground."""
 
     def __init__(
         self,
@@ -100,7 +102,7 @@ class Terrain:
         window: Window,
         areas: Sequence[tuple[Material, shapely.Geometry]] = (),
         ways: Sequence[FloatArray] = (),
-        sides: BeyondEdge | None = None,
+        sides: Callable[[], BeyondEdge] | None = None,
         dug: Sequence[FixedObject] = (),
     ) -> None:
         self._dug = shapely.union_all([shapely.Polygon(outline(item)) for item in dug])
@@ -115,8 +117,11 @@ class Terrain:
         off_road, beside = _beside(ways, everything)
         points = np.concatenate([np.zeros((0, 3)), *map(_points, on_ground)])
         self.heights = Heights(points, off_road)
-        if sides is not None and _fits_better(sloping := Heights(points, sides=sides), Heights(points), off_road):
-            self.heights, beside = sloping, shapely.buffer(everything, FORE_SLOPE_M)
+        off_m = _off_m(Heights(points), off_road)
+        if sides is not None and off_m > _FITS_M:
+            sloping = Heights(points, sides=sides())
+            if _off_m(sloping, off_road) < off_m - _FITS_M:
+                self.heights, beside = sloping, shapely.buffer(everything, FORE_SLOPE_M)
         if not self.heights.level:
             areas = [*areas, (_GRASS, beside)]
         self._lay_ground(shapely.union_all(paved), above, areas)
@@ -219,10 +224,9 @@ def _beside(ways: Sequence[FloatArray], paved: shapely.Geometry) -> tuple[FloatA
     return off_road, shapely.union_all(shapely.buffer(shapely.points(off_road[:, :2]), _WAY_M, quad_segs=2))
 
 
-def _fits_better(one: Heights, two: Heights, points_m: FloatArray) -> bool:
-    """Whether bodies were as high as the one ground rather than the other."""
-    off_one, off_two = (np.abs(each.at(points_m[:, :2]) - points_m[:, 2]).sum() for each in (one, two))
-    return bool(off_one < off_two - 1e-3)
+def _off_m(heights: Heights, points_m: FloatArray) -> float:
+    """How far points, shape (n, 3), are from the ground, all of them together."""
+    return float(np.abs(heights.at(points_m[:, :2]) - points_m[:, 2]).sum())
 
 
 def by_material(made: Mapping[Material, Sequence[Mesh]]) -> list[tuple[Material, Mesh]]:

@@ -69,8 +69,8 @@ def crash_glb(
     dug = [item for item in log.objects if item.resistance is Resistance.SLOPE]
     first = log.vehicles[0]
     rest = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
-    sides = BeyondEdge(network, log.objects, rest)
-    terrain = Terrain(scene, window, areas_of(surroundings, network.frame, window), ways, sides, dug)
+    areas = areas_of(surroundings, network.frame, window)
+    terrain = Terrain(scene, window, areas, ways, lambda: BeyondEdge(network, log.objects, rest), dug)
     beside = beside_roads(surroundings, network.frame, terrain.heights, window)
     place = Node("place", extras={"trace_dag": {"kind": "place"}})
     place.children = [Node("roads and ground", terrain.parts)]

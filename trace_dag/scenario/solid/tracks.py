@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from trace_dag.geometry import FloatArray
-from trace_dag.scenario.polylines import needed
+from trace_dag.scenario.polylines import needed_in_time
 from trace_dag.scenario.solid.gltf import Keys
 from trace_dag.sim.types import VehicleLog
 
@@ -30,7 +30,7 @@ def place_keys(time_s: FloatArray, places_m: FloatArray) -> Keys:
     >>> place_keys(time_s, np.column_stack([time_s, 0 * time_s, 0 * time_s])).time_s.tolist()  # straight at one speed
     [0.0, 2.0]
     """
-    kept = _needed(time_s, places_m, PLACE_M)
+    kept = needed_in_time(time_s, places_m, PLACE_M)
     return Keys(time_s[kept], places_m[kept])
 
 
@@ -43,7 +43,7 @@ def turn_keys(time_s: FloatArray, turns: Rotation) -> Keys:
     values = turns.as_quat()
     flipped = np.cumprod(np.where((values[1:] * values[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     values[1:] *= flipped[:, None]  # the same turn has two quaternions: the one nearer to the last
-    kept = _needed(time_s, values, TURN)
+    kept = needed_in_time(time_s, values, TURN)
     return Keys(time_s[kept], values[kept])
 
 
@@ -89,15 +89,3 @@ def body_turns(log: VehicleLog) -> Rotation:
     """
     angles = np.column_stack([log.heading_rad, log.pitch_rad, log.roll_rad])
     return Rotation.from_euler("ZYX", angles)
-
-
-def _needed(time_s: FloatArray, values: FloatArray, tolerance: float) -> list[int]:
-    """The rows that keep every other one within a tolerance of the straight line between them, over time."""
-
-    def off(first: int, last: int) -> FloatArray:
-        share = ((time_s[first + 1 : last] - time_s[first]) / (time_s[last] - time_s[first]))[:, None]
-        off_line = values[first + 1 : last] - values[first] - share * (values[last] - values[first])
-        away: FloatArray = np.abs(off_line).max(axis=1)
-        return away
-
-    return needed(len(time_s), off, tolerance)
