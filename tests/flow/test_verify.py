@@ -12,6 +12,7 @@ import pytest
 
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.looks import look_at
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import DisagreementKind, StorageReport, repair_storage, verify_storage
 from trace_dag.flow.workspace import Workspace
@@ -142,4 +143,19 @@ def test_a_failed_stage_leaves_no_file_behind(make_workspace):
     stages = tuple(failing if each.stage is failing.stage else each for each in fake_flow.FLOW.stages)
     run(replace(workspace, flow=replace(fake_flow.FLOW, stages=stages)))
     assert not workspace.storage.exists(f"simulation_log/{GOOD}.txt")
+    assert look(workspace).disagreements == ()
+
+
+def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_deleted(workspace):
+    copy = workspace.storage.local_root / "road_map" / f"Copy of {GOOD}.txt"
+    unnamed = workspace.storage.local_root / "verdict" / "tmpabc"
+    copy.write_text("by hand")
+    unnamed.write_text("left over")
+    assert list(look_at(workspace, [GOOD])) == [GOOD]
+    report = look(workspace)
+    assert {(each.kind, Path(each.file).name) for each in report.disagreements} == {
+        (DisagreementKind.LEFTOVER, copy.name),
+        (DisagreementKind.UNLISTED_FILE, unnamed.name),
+    }
+    repair_storage(workspace.storage, report)
     assert look(workspace).disagreements == ()

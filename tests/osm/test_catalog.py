@@ -17,7 +17,7 @@ import pytest
 import shapely
 
 from tests.osm.osm_text import ORIGIN, document, node, place, restriction, save, way
-from trace_dag.errors import Failure, Reason, Rejection, UserError
+from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.geometry import LocalFrame
 from trace_dag.osm.catalog import MapCatalog, box_around
 from trace_dag.osm.plausibility import check_text
@@ -236,7 +236,7 @@ def test_what_is_no_osm_is_named(tmp_path: Path, suffix: str, content: bytes) ->
         extract(file)
 
 
-@pytest.mark.parametrize("suffix", [".osm", ".osm.pbf"])
+@pytest.mark.parametrize("suffix", [".osm", ".osm.pbf", ".pbf"])
 def test_a_file_that_ends_too_early_is_named(tmp_path: Path, suffix: str) -> None:
     plain = save(tmp_path / "plain.osm", *CROSSROADS)
     whole = convert(plain, tmp_path / f"whole{suffix}")
@@ -372,3 +372,11 @@ def test_every_published_site_has_its_own_map(shared_data: Path) -> None:
     assert {key for key, cut in maps.items() if isinstance(cut, OsmExtract)} == with_map
     assert all(found(maps[key]).source == f"map_{key}.osm" for key in with_map)
     assert all(rejected(maps[key]).measured for key in maps.keys() - with_map)
+
+
+def test_all_files_that_cannot_be_read_are_named_at_once(tmp_path: Path) -> None:
+    for name in ("a.osm.pbf", "b.osm.gz"):
+        (tmp_path / name).write_bytes(b"hello")
+    with pytest.raises(UserErrors) as raised:
+        MapCatalog.open([tmp_path])
+    assert [Path(said.partition(":")[0]).name for said in raised.value.messages] == ["a.osm.pbf", "b.osm.gz"]

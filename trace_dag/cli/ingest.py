@@ -44,7 +44,7 @@ _NAMED = 10
     "--maps",
     multiple=True,
     metavar="PATH",
-    help="Folders or files of OpenStreetMap data (.osm, .osm.gz, .osm.bz2, .osm.pbf); "
+    help="Folders or files of OpenStreetMap data (.osm, .osm.gz, .osm.bz2, .pbf); "
     "overpass, osm-api or another that a package offers is asked where no file covers a crash.",
 )
 @click.option("--cohort", default="default", show_default=True, help="Name of the cohort the crashes belong to.")

@@ -53,7 +53,7 @@ def listed(
         start = len(stage.value) + 1
         entries = storage.list(stage.value, endings[stage] if endings else _EVERYTHING)
         for name in sorted(entries):
-            if (digest := digests.get(name[start : name.index(".", start)])) is not None:
+            if (digest := digests.get(name[start:].partition(".")[0])) is not None:
                 size, version, _ = entries[name]
                 digest.update(f"{name} {size} {version}\n".encode())
     return {key: digest.hexdigest() for key, digest in digests.items()}

@@ -33,7 +33,7 @@ from trace_dag.processes import abandoned
 from trace_dag.progress import Progress
 from trace_dag.provenance import Outcome, record_name
 from trace_dag.stage import Stage
-from trace_dag.storage import Entry, Storage, StoredFile
+from trace_dag.storage import Entry, Storage, StoredFile, check_name
 
 _RECORD_ENDING = ".outcome.json"
 _RUN = "trace-dag run makes it again"
@@ -97,7 +97,12 @@ def verify_storage(
     """
     cohorts = Registry(storage).cohorts().values()
     registered = {key for cohort in cohorts for key in cohort.reports}
-    listings = {stage: storage.list(stage.value) for stage in Stage}
+    everywhere = {stage: storage.list(stage.value) for stage in Stage}
+    foreign = [name for listing in everywhere.values() for name in listing if not _can_be_ours(name)]
+    listings = {
+        stage: {name: entry for name, entry in listing.items() if name not in foreign}
+        for stage, listing in everywhere.items()
+    }
     found = {_key_of(name) for listing in listings.values() for name in listing}
     everything = read_records(storage, sorted(registered | found), complain=lambda _: None)
     disagreements: list[Disagreement] = []
@@ -118,6 +123,8 @@ def verify_storage(
                     Disagreement(DisagreementKind.MISSING_REPORT, detail, key, Stage.RAW_REPORT, report.location)
                 )
     left = [*storage.leftovers(), *_unfinished_builds(local_folder)]
+    if storage.local_root is not None:
+        left += [storage.local_root / name for name in foreign]
     disagreements += [Disagreement(DisagreementKind.LEFTOVER, str(path), file=str(path)) for path in left]
     return StorageReport(
         {key: everything[key] for key in sorted(registered)},
@@ -281,6 +288,15 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         path.unlink(missing_ok=True)
+
+
+def _can_be_ours(name: str) -> bool:
+    """Whether the program could have given a file this name; a file manager's ``Copy of ...`` has spaces."""
+    try:
+        check_name(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _key_of(name: str) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
-from trace_dag.errors import Failure, Reason, Rejection, UserError
+from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.collecting import FilePass
 from trace_dag.osm.cutting import cut_roads
@@ -20,10 +20,14 @@ from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_te
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
 from trace_dag.settings import OsmSettings
 
-OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".osm.pbf")
+OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".pbf")
 
 _EARTH_RADIUS_M: Final = 6_371_008.8  # mean radius, IUGG; good to 0.3 %, for boxes and sentences only
 _MIN_COS_LATITUDE: Final = 1e-3  # nearer the poles a box around a point spans all longitudes anyway
+
+
+_File = TypeVar("_File")
+_Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True)
@@ -44,10 +48,10 @@ class MapCatalog:
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
         """Files, or folders that are searched for files with an OSM suffix (``.osm``, ``.osm.gz``, ``.osm.bz2``,
-        ``.osm.pbf``), folders within folders included.
+        ``.pbf``), folders within folders included.
 
-        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or a file that is
-        not OSM data.
+        Raises :class:`UserError` for a path that does not exist, a folder without OSM files, or files that are
+        not OSM data, all of them at once.
         """
         files: dict[Path, None] = {}
         for path in map(Path, paths):
@@ -64,7 +68,7 @@ class MapCatalog:
                 )
             else:
                 files[path] = None
-        return cls(tuple(MapFile(path, read_header(path)) for path in files))
+        return cls(tuple(_each(files, lambda path: MapFile(path, read_header(path)))))
 
     @classmethod
     def of_registered(cls, paths: Iterable[Path | Failure]) -> MapCatalog:
@@ -82,14 +86,17 @@ class MapCatalog:
         return cls(tuple(files), tuple(unreadable))
 
     def check(self) -> None:
-        """Read each file to its end. Raises :class:`UserError` for one that cannot be read."""
+        """Read each file to its end. Raises :class:`UserError` that names all that cannot be read."""
         with FirstReader() as reader:
-            for file in self.files:
+
+            def read(file: MapFile) -> None:
                 if xml_opener(file.path) is None:
                     reader.read(file.path)
                 else:
                     check_text(file.path)
                     extract_raw(file.path, file.header, [], service_roads=True)
+
+            _each(self.files, read)
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         """The roads in a box of ``settings.radius_m`` around each site, by site key, in one pass over each file.
@@ -160,6 +167,22 @@ class MapCatalog:
             return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=distance_m, threshold=0.0)
         detail = f"{name} covers {place} but has no drivable way within {settings.radius_m:.0f} m of it."
         return Rejection(Reason.NO_MAP_COVERAGE, detail, measured=0.0, threshold=settings.radius_m)
+
+
+def _each(files: Iterable[_File], read: Callable[[_File], _Read]) -> list[_Read]:
+    """What reading each file gives. Raises :class:`UserError` that names all that cannot be read."""
+    found: list[_Read] = []
+    unreadable: list[UserError] = []
+    for file in files:
+        try:
+            found.append(read(file))
+        except UserError as error:
+            unreadable.append(error)
+    if len(unreadable) == 1:
+        raise unreadable[0]
+    if unreadable:
+        raise UserErrors(map(str, unreadable))
+    return found
 
 
 def _with_remedy(error: UnreadableMapError, path: Path) -> str:
