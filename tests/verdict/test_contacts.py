@@ -108,7 +108,11 @@ def test_what_is_no_contact_is_shown_as_not_simulated() -> None:
     verdict = judged(queue_report(contact(1, 1, 12, 2, 6), contact(2, 2, 12, 3, 6), fire))
     (other,) = (c for c in verdict.criteria if c.name == "other_event")
     assert verdict.accepted
-    assert (other.event_number, other.passed, other.detail) == (3, None, "event 3, SOE 2: not simulated")
+    assert (other.event_number, other.passed, other.detail) == (
+        3,
+        None,
+        "event 3, caught fire or exploded (SOE 2): not simulated",
+    )
 
 
 # --- parked ----------------------------------------------------------------------------------------------------------

@@ -306,4 +306,6 @@ def test_a_place_off_the_named_road_is_said_with_the_rejection() -> None:
     placed = replace(PLACE, placement=replace(PLACE.placement, x_m=x + 20.0, y_m=y, moved_m=20.0))
     verdict = judge_hypothesis(crash, STREET, hypothesis, far, VerdictSettings(), report=placed)
     assert verdict.reason is Reason.WRONG_LOCATION
-    assert "the reported point is 20.0 m from the road that the report describes" in verdict.detail
+    assert (
+        "the reported point is 20.0 m from its place on the road that was taken for the crash's (by " in verdict.detail
+    )

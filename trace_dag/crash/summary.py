@@ -274,6 +274,16 @@ def event_in_words(event: EventRecord) -> str:
     return f"{subject} {SOE.meaning(event.code) or 'had an event that is not reported'}{whom}{at_1}"
 
 
+def event_named(number: int, code: int) -> str:
+    """An event with its ``EVENTNUM`` and ``SOE`` and what the code means, for sentences on what became of it.
+
+    >>> event_named(3, 24), event_named(4, 99)
+    ('event 3, struck a guardrail (SOE 24)', 'event 4 (SOE 99)')
+    """
+    meaning = SOE.meaning(code)
+    return f"event {number}{', ' if meaning else ''}{meaning} (SOE {code})"
+
+
 def _non_motorists(record: CrashRecord) -> str:
     return " ".join(
         f"Person {person.number}: {', '.join(part for part in _person(person) if part)}."

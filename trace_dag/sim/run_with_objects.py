@@ -97,7 +97,8 @@ class RoadsideRun(VehicleRun):
     def _no_contact_reason(self) -> str:
         if len(self._vehicles) == 1 and not self._people:
             number = self._vehicles[0].number
-            return f"no contact: vehicle {number} strikes none of {len(self._items)} objects, and does not overturn"
+            things = f"none of {len(self._items)} objects" if len(self._items) > 1 else "nothing"
+            return f"no contact: vehicle {number} strikes {things}, and does not overturn"
         return super()._no_contact_reason()
 
     # --- the ground ------------------------------------------------------------------------------------------

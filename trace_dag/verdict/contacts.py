@@ -15,6 +15,7 @@ from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.contacts import VehicleContact, order_is_told
 from trace_dag.crash.parties import EventKind, party_in_words
 from trace_dag.crash.record import CrashRecord, VehicleRecord
+from trace_dag.crash.summary import event_named
 from trace_dag.crash.zones import Zone, zones_of_first_event
 from trace_dag.errors import Reason
 from trace_dag.roads.map.network import RoadNetwork
@@ -93,7 +94,7 @@ def contact_criteria(
     """
     event = contacts[0].event_number
     if observed.first is None:
-        detail = f"{log.termination}: {log.reason}"
+        detail = log.reason
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, None, event),)
     limits = RULE_SETS[settings.rule_set].limits or settings
     told = order_is_told(record)
@@ -263,6 +264,6 @@ def _other_events(record: CrashRecord, contacts: Sequence[VehicleContact]) -> li
         if event.number in own or not event.is_harmful or event.kind is EventKind.NO_HARM:
             continue
         what = "part of the contact before it" if event.number in going_on else "not simulated"
-        detail = f"event {event.number}, SOE {event.code}: {what}"
+        detail = f"{event_named(event.number, event.code)}: {what}"
         found.append(Criterion("other_event", None, 1.0, "", None, None, detail, None, event.number))
     return found

@@ -18,6 +18,7 @@ import numpy as np
 from trace_dag.crash.codes.events import OVERTURN
 from trace_dag.crash.departures import Departure, DepartureSide, ObjectStruck, departure_of
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import event_named
 from trace_dag.errors import Failure, Reason
 from trace_dag.geometry import contact_clock_h
 from trace_dag.roads.map.network import RoadNetwork
@@ -161,7 +162,7 @@ def departure_criteria(
     first = departure.objects[0]
     number, event = departure.vehicle.number, departure.event_number
     if observed is None:
-        detail = f"{log.termination}: {log.reason}"
+        detail = log.reason
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, number, event),)
     limits = RULE_SETS[settings.rule_set].limits or settings
     rules = RULE_SETS[settings.rule_set]
@@ -229,8 +230,12 @@ def departing(
     found = [Criterion("departure", float(left), 1.0, "", left or on_road, Reason.NO_DEPARTURE, detail, number, event)]
     told = departure.side
     right = told in sides or (told is DepartureSide.AHEAD and not left)
-    where = _IN_WORDS[sides[0]] if sides else "not at all"
-    detail = "" if right else f"the vehicle left the road {where}, reported is {told}"
+    detail = ""
+    if told is None:
+        detail = "the report does not say to which side"
+    elif not right:
+        went = f"left the road {_IN_WORDS[sides[0]]}" if sides else "did not leave the road"
+        detail = f"the vehicle {went}, reported is {told}"
     held = None if told is None else right
     found.append(
         Criterion("departure_side", float(right), 1.0, "", held, Reason.WRONG_SIDE, detail, number, event),
@@ -288,11 +293,11 @@ def _later(observed: ObservedDeparture, departure: Departure, record: CrashRecor
             found.append(Criterion("later_overturn", float(over), 1.0, "", over, reason, detail, None, event.number))
             continue
         if struck is None:
-            detail = f"event {event.number}, SOE {event.code}: not simulated"
+            detail = f"{event_named(event.number, event.code)}: not simulated"
             found.append(Criterion("later_event", None, 1.0, "", None, None, detail, None, event.number))
             continue
         occurred = seen is not None
-        detail = "" if occurred else f"the object of event {event.number}, SOE {event.code}, is not struck"
+        detail = "" if occurred else f"{event_named(event.number, event.code)}: the object is not struck"
         reason = Reason.WRONG_SEQUENCE if strict else None
         found.append(Criterion("later_object", float(occurred), 1.0, "", occurred, reason, detail, None, event.number))
         if seen is not None:

@@ -196,8 +196,8 @@ def judge_observed(
         found += (Criterion("placed_distance", distance_m, None, "m", None),)
         if result.reason is Reason.WRONG_LOCATION and distance_m < placed.moved_m:
             detail += (
-                f"; the reported point is {placed.moved_m:.1f} m from the road that the report describes, and the "
-                f"contact {distance_m:.1f} m from the place on that road"
+                f"; the reported point is {placed.moved_m:.1f} m from its place on the road that was taken for the "
+                f"crash's (by {placed.matched_by}), and the contact {distance_m:.1f} m from that place"
             )
     return Verdict(
         key=record.key,

@@ -13,6 +13,7 @@ import numpy as np
 
 from trace_dag.crash.departures import DepartureSide, departure_of
 from trace_dag.crash.record import CrashRecord
+from trace_dag.crash.summary import event_named
 from trace_dag.errors import Failure, Reason
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadsidePlace, roadside_at
@@ -89,7 +90,7 @@ def overturn_criteria(
         raise Failure(f"{record.key}: judged as an overturn, but its report tells of none; judge it again")
     vehicle, event = departure.vehicle, departure.event_number
     if observed is None:
-        detail = f"vehicle {vehicle.number} does not overturn ({log.termination}: {log.reason})"
+        detail = f"vehicle {vehicle.number} does not overturn ({log.reason})"
         return (Criterion("overturn", 0.0, 1.0, "", False, Reason.NO_OVERTURN, detail, vehicle.number, event),)
     rules = RULE_SETS[settings.rule_set]
     limits = rules.limits or settings
@@ -111,7 +112,7 @@ def overturn_criteria(
                 "",
                 None,
                 None,
-                f"event {each.number}, SOE {each.code}: not simulated",
+                f"{event_named(each.number, each.code)}: not simulated",
                 None,
                 each.number,
             )

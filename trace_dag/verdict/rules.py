@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from trace_dag.crash.parties import party_in_words
+from trace_dag.crash.summary import event_named
 from trace_dag.errors import Reason
 from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.types import SimulationLog
@@ -87,7 +88,7 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
     ('no_collision', False)
     """
     if measures is None:
-        detail = f"{log.termination}: {log.reason}"
+        detail = log.reason
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail),)
     rules = RULE_SETS[settings.rule_set]
     limits = rules.limits or settings
@@ -169,7 +170,7 @@ def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterio
         found += reported_of(vehicle, limits)
     for event in measures.later_events:
         value = None if event.occurred is None else float(event.occurred)
-        detail = f"event {event.number}, SOE {event.code}" + ("" if value is not None else ": not simulated")
+        detail = event_named(event.number, event.code) + ("" if value is not None else ": not simulated")
         found.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail))
     return found
 

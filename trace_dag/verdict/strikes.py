@@ -19,6 +19,7 @@ from trace_dag.crash.crash_types import Turn, turn_of
 from trace_dag.crash.parties import PartyKind, party_in_words
 from trace_dag.crash.record import CrashRecord, NonMotorist
 from trace_dag.crash.strikes import Strike, order_is_told, strikes_of
+from trace_dag.crash.summary import event_named
 from trace_dag.crash.zones import Zone, reported_zones
 from trace_dag.errors import Reason
 from trace_dag.roads.map.network import RoadNetwork
@@ -144,7 +145,7 @@ def strike_criteria(
     """
     strikes = strikes_of(record)
     if not observed.contacts:
-        detail = f"{log.termination}: {log.reason}"
+        detail = log.reason
         event = strikes[0].event_number
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, None, event),)
     limits = RULE_SETS[settings.rule_set].limits or settings
@@ -435,7 +436,7 @@ def _other_events(record: CrashRecord, strikes: Sequence[Strike]) -> list[Criter
     for event in record.events:
         if event.number in elsewhere or event.number < min(planned):
             continue
-        detail = f"event {event.number}, SOE {event.code}"
+        detail = event_named(event.number, event.code)
         what = "part of the strike before it" if event.number in going_on else "not simulated"
         found.append(Criterion("later_event", None, 1.0, "", None, None, f"{detail}: {what}", None, event.number))
     return found
