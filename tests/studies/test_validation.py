@@ -219,6 +219,31 @@ def test_a_speed_that_was_recorded_without_the_change_of_velocity_is_not_fitted(
     assert (one["kind"], two["measured_delta_v_kmh"]) == ("one", None)
 
 
+def rear_end(speeds_of_2: list[list[float]]) -> dict[str, Any]:
+    """Vehicle 1 at 65 km/h into the rear of vehicle 2, on one heading."""
+    rear = [{"ev": 1, "cdc": "06BDEW02", "pdof": 180.0, "cmax": 30.0}]
+    case = changed(angthis=300.0, cdc=rear, sp={"1": speeds_of_2})
+    case["ev"] = [[1, 1, "F", None, 2, "Vehicle 2", "B"]]
+    case["V"]["1"]["cdc"] = [{"ev": 1, "cdc": "12FDEW02", "pdof": 0.0, "dvt": 60.0, "cmax": 30.0}]
+    return case
+
+
+def test_a_fitted_speed_is_one_at_which_the_struck_sides_meet(tmp_path: Path) -> None:
+    case = rear_end([])
+    case["V"]["2"]["edr"] = []
+    one, _ = rows_of(tmp_path, case)
+    # By hand: no more than into one that stands, 1608 of 2863 kg; the 60 km/h would take one that is faster.
+    assert one["plastic_delta_v_kmh"] == pytest.approx(65.0 * 1608 / 2863, abs=0.01)
+    assert 1.0 <= one["simulated_delta_v_kmh"] / one["plastic_delta_v_kmh"] < 1.3
+    assert abs(one["simulated_direction_deg"]) < 20
+
+
+def test_recorded_speeds_at_which_the_struck_sides_part_are_listed_with_that_reason(tmp_path: Path) -> None:
+    for row in rows_of(tmp_path, rear_end([[0.0, 90.0]])):
+        assert row["reason"] == "placed by their damage and at these speeds the two never meet"
+    assert {row["reason"] for row in rows_of(tmp_path, rear_end([[0.0, 30.0]]))} == {None}
+
+
 def test_cargo_that_is_known_is_carried(tmp_path: Path) -> None:
     one, _ = rows_of(tmp_path, changed(cargo=550.0))
     assert rows_of(tmp_path, changed(cargo=9999.0)) == rows_of(tmp_path, CASE)

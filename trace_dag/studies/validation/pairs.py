@@ -9,7 +9,7 @@ from typing import Final
 
 from trace_dag.settings import SimSettings
 from trace_dag.sim.types import Body, SimulationLog
-from trace_dag.studies.validation.placing import damaged_m, meeting
+from trace_dag.studies.validation.placing import damaged_m, meeting, struck_side
 from trace_dag.studies.validation.plastic import in_body, plastic_delta_v
 from trace_dag.studies.validation.recorded import RecordedEvent, RecordedVehicle, Recording
 from trace_dag.studies.validation.rows import (
@@ -24,6 +24,7 @@ from trace_dag.studies.validation.rows import (
 from trace_dag.units import kmh_to_mps
 
 _CONTRADICTION: Final = 2.0
+_OUTWARD: Final = {"F": (1.0, 0.0), "B": (-1.0, 0.0), "L": (0.0, 1.0), "R": (0.0, -1.0)}  # ahead and to the left
 _FASTEST_MPS: Final = kmh_to_mps(200.0)
 _TRIED: Final = 17
 _REFINED: Final = 8
@@ -36,6 +37,7 @@ class _Pair:
     bodies: tuple[Body, Body]
     headings_rad: tuple[float, float]
     damaged: tuple[Vector, Vector]
+    outward: tuple[Vector, Vector]  # from the side of each that was struck, ahead and to the left
 
     def velocities(self, speeds_mps: tuple[float, float]) -> tuple[Vector, Vector]:
         one, two = (
@@ -44,6 +46,22 @@ class _Pair:
         )
         return one, two
 
+    def closes(self, speeds_mps: tuple[float, float]) -> bool:
+        """Whether the struck side of one of them at least comes nearer to the other.
+
+        Who runs into the rear of another is the faster: with the other faster still its front would strike the first.
+        """
+        (vx1, vy1), (vx2, vy2) = self.velocities(speeds_mps)
+        past = (vx1 - vx2, vy1 - vy2), (vx2 - vx1, vy2 - vy1)
+        return any(
+            ahead * out[0] + left * out[1] > 0.0
+            for (ahead, left), out in zip(
+                (in_body(one, heading) for one, heading in zip(past, self.headings_rad, strict=True)),
+                self.outward,
+                strict=True,
+            )
+        )
+
     def plastic(self, speeds_mps: tuple[float, float]) -> tuple[Vector, Vector]:
         """Delta-v of both, each ahead and to the left."""
         changes = plastic_delta_v((self.bodies[0].mass_kg, self.bodies[1].mass_kg), *self.velocities(speeds_mps))
@@ -51,7 +69,9 @@ class _Pair:
         return one, two
 
     def simulated(self, speeds_mps: tuple[float, float], settings: SimSettings) -> SimulationLog | None:
-        """The crash; None if they never meet."""
+        """The crash; None if they never meet with the sides that were struck."""
+        if not self.closes(speeds_mps):
+            return None
         placed = meeting(self.bodies, self.headings_rad, speeds_mps, self.damaged)
         if placed is None:
             return None
@@ -82,7 +102,7 @@ def compare_pair(
         free = known.index(None)
         target = _target(pair, event.number, free)
         speeds = _fitted(lambda s: _simulated_delta_v(ready, s, settings, target[0]), known, free, target[1])
-        peer_speeds = _fitted(lambda s: math.hypot(*ready.plastic(s)[target[0]]), known, free, target[1])
+        peer_speeds = _fitted(lambda s: _plastic_delta_v(ready, s, target[0]), known, free, target[1])
     log = ready.simulated(speeds, settings)
     if log is None:
         raise Unusable("placed by their damage and at these speeds the two never meet")
@@ -101,7 +121,7 @@ def compare_pair(
 
 
 def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) -> _Pair:
-    bodies, headings, damaged = [], [], []
+    bodies, headings, damaged, outward = [], [], [], []
     for vehicle, other, area in zip(pair, reversed(pair), (event.area, event.other_area), strict=True):
         if vehicle.body is None:
             raise Unusable(f"vehicle {vehicle.number}: its mass is not known")
@@ -110,13 +130,14 @@ def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) 
         heading_rad = next((heading for heading in noted if heading is not None), None)
         if heading_rad is None:
             raise Unusable(f"vehicle {vehicle.number}: its heading at the impact is not known")
-        place = damaged_m(vehicle, vehicle.body, damage, area)
-        if place is None:
+        side = struck_side(damage, area)
+        if side is None:
             raise Unusable(f"vehicle {vehicle.number}: struck at {area!r}, which is not a side of a vehicle")
         bodies.append(vehicle.body)
         headings.append(heading_rad)
-        damaged.append(place)
-    return _Pair((bodies[0], bodies[1]), (headings[0], headings[1]), (damaged[0], damaged[1]))
+        damaged.append(damaged_m(vehicle, vehicle.body, damage, side))
+        outward.append(_OUTWARD[side])
+    return _Pair((bodies[0], bodies[1]), (headings[0], headings[1]), (damaged[0], damaged[1]), (outward[0], outward[1]))
 
 
 def _check_momentum(ready: _Pair, recordings: tuple[Recording | None, ...]) -> None:
@@ -147,6 +168,10 @@ def _target(pair: tuple[RecordedVehicle, RecordedVehicle], event: int, free: int
 def _simulated_delta_v(ready: _Pair, speeds_mps: tuple[float, float], settings: SimSettings, index: int) -> float:
     log = ready.simulated(speeds_mps, settings)
     return math.hypot(*recorded_by(log, index)) if log is not None else 0.0
+
+
+def _plastic_delta_v(ready: _Pair, speeds_mps: tuple[float, float], index: int) -> float:
+    return math.hypot(*ready.plastic(speeds_mps)[index]) if ready.closes(speeds_mps) else 0.0
 
 
 def _fitted(

@@ -28,14 +28,14 @@ _ZONES: Final = {  # middle of a CDC's horizontal location, of half a front's wi
 }
 
 
-def damaged_m(vehicle: RecordedVehicle, body: Body, damage: Damage | None, side: str) -> tuple[float, float] | None:
-    """Middle of the direct damage, half as deep as the crush, ahead and to the left of the body's middle.
+def struck_side(damage: Damage | None, area: str) -> str | None:
+    """The side that was struck (F, B, L, R): of the damage, else of the event; None if that is not a side."""
+    side = damage.side if damage is not None and damage.side in "FBLR" else area
+    return side if side in ("F", "B", "L", "R") else None
 
-    ``side`` is where a vehicle without a damage of its own was struck (F, B, L, R); None if that is not a side.
-    """
-    side = damage.side if damage is not None and damage.side in "FBLR" else side
-    if side not in ("F", "B", "L", "R"):
-        return None
+
+def damaged_m(vehicle: RecordedVehicle, body: Body, damage: Damage | None, side: str) -> tuple[float, float]:
+    """Middle of the direct damage to a side, half as deep as the crush, ahead and to the left of the body's middle."""
     crush_m = damage.crush_m if damage is not None and damage.crush_m is not None else _USUAL_CRUSH_M
     on_end = side in "FB"
     half_m = (body.width_m if on_end else body.length_m) / 2

@@ -8,7 +8,7 @@ from typing import Final
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
 from trace_dag.states.objects import FixedObject
-from trace_dag.studies.validation.placing import before_object, damaged_m
+from trace_dag.studies.validation.placing import before_object, damaged_m, struck_side
 from trace_dag.studies.validation.recorded import RecordedEvent, RecordedVehicle
 from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, recorded_by, simulate
 from trace_dag.units import mps_to_kmh
@@ -43,9 +43,10 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
             f"vehicle {vehicle.number}: its recorder contradicts itself: {mps_to_kmh(recording.speed_mps):.0f} km/h "
             f"before it struck what stands, and a delta-v of {mps_to_kmh(recording.delta_v_mps):.0f} km/h from it"
         )
-    place = damaged_m(vehicle, body, damage, event.area)
-    if place is None:
+    side = struck_side(damage, event.area)
+    if side is None:
         raise Unusable(f"vehicle {vehicle.number}: struck at {event.area!r}, which is not a side of a vehicle")
+    place = damaged_m(vehicle, body, damage, side)
     diameter_m, kind = POSTS[event.object_code]
     on_side = damage is not None and damage.side in "LR"
     force_rad = damage.force_from_rad if damage is not None and damage.force_from_rad is not None else 0.0
