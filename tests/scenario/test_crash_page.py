@@ -113,6 +113,15 @@ def test_who_struck_a_person_is_left_open_where_no_event_tells():
     assert in_one_sentence(on_main_street(events=(), first_harmful_event_code=12)).endswith("collided.")
 
 
+def test_what_did_not_happen_is_not_said_as_if_it_had():
+    stays = Criterion("overturn", 0.0, 1.0, "", False, Reason.NO_OVERTURN, "vehicle 1 does not overturn", 1, 2)
+    verdict = replace(VERDICT, accepted=False, criteria=(stays,), reason=Reason.NO_OVERTURN)
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=verdict))
+    against = seen(page.get_element_by_id("against").getparent())
+    assert "Vehicle 1 does not overturn" in against
+    assert "Vehicle 1 overturned" not in against
+
+
 def test_what_was_not_reported_of_a_vehicle_is_marked_and_an_unknown_make_is_no_name():
     seen_once = replace(
         vehicle(1, 12), make_model="Unknown Make Unknown (as to automobile, ...)", implied=("vehicle_class", "movement")

@@ -350,10 +350,13 @@ def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
     of_one = f"{criterion.name} of one vehicle"
     known = of_one if criterion.vehicle_number is not None and of_one in _CRITERIA else criterion.name
     what = _CRITERIA.get(known, words(criterion.name))
-    sentence = f"{whose}{what}" + ("" if event is None else f" (event {event})")
+    where = "" if event is None else f" (event {event})"
+    sentence = f"{whose}{what}{where}"
     if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
         sentence += f": {abs(criterion.value):.1f}{_UNITS[criterion.unit]}, {criterion.threshold:g} allowed"
-    elif criterion.detail and criterion.passed is not True:
+    elif criterion.detail and criterion.passed is False:
+        sentence = f"{criterion.detail}{where}"  # what happened: the words above say what should have
+    elif criterion.detail and criterion.passed is None:
         sentence += f": {criterion.detail}"
     return sentence[0].upper() + sentence[1:]
 
