@@ -7,15 +7,13 @@ come from. How far a crash got is how far its copies got. Pages and packages are
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from trace_dag.cohorts.registry import CrashSource, Registry, ReportSource
 from trace_dag.crash.keys import parse_key
@@ -98,20 +96,10 @@ def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Record
 def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: str, new: str) -> StoredFile:
     if name.endswith((".json", ".json.gz")):
         renamed = content_of(file.name, source.read(file.name)).replace(old.encode(), new.encode())
+        if name.startswith(f"{Stage.CRASH_RECORD}/"):
+            year, case = parse_key(new)
+            renamed = json.dumps({**json.loads(renamed), "case_year": year, "state_case": case}).encode()
         return target.write(name, kept(name, renamed))
-    if name.startswith(f"{Stage.CRASH_RECORD}/"):
-        table = pq.read_table(source.path(file.name))
-        year, case = parse_key(new)
-        for column, value in {"key": new, "case_year": year, "state_case": case}.items():
-            field = table.schema.field(column)
-            index = table.schema.get_field_index(column)
-            table = table.set_column(index, field, pa.array([value], field.type))
-        sink = pa.BufferOutputStream()
-        # as it is stored
-        pq.write_table(
-            table, sink, compression="none", write_statistics=False, use_dictionary=False, store_schema=False
-        )
-        return target.write(name, sink.getvalue().to_pybytes())
     _link(Path(source.path(file.name)), target, name)
     return StoredFile(name, file.size, file.sha256)
 

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.tables import record_from_parquet
+from trace_dag.crash.tables import record_from_json
 from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.placement import class_steps
 from trace_dag.roads.crash_site.reported_road import lanes_as_reported, pair_of, trafficway_of, trafficway_on_map
@@ -77,7 +77,7 @@ def main() -> None:
     crashes = others = 0
     for path in sorted(path for root in parser.parse_args().roots for path in (root / "road_map").glob("*.xodr.gz")):
         key = path.name.partition(".")[0]
-        record = record_from_parquet((path.parents[1] / "crash_record" / f"{key}.parquet").read_bytes())
+        record = record_from_json(gzip.decompress((path.parents[1] / "crash_record" / f"{key}.json.gz").read_bytes()))
         network = read_opendrive(gzip.decompress(path.read_bytes()), name=path.name)
         named: list[tuple[float, Road]] = []
         for road_id, distance_m in roads_near(network, record).items():

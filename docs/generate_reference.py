@@ -86,8 +86,8 @@ def tables_page() -> str:
     for name, meaning, columns in warehouse_tables():
         lines += ["", f"## {name}", "", f"{meaning}.", "", "| column | meaning |", "|---|---|"]
         lines += [f"| `{column}` | {_cell(text)} |" for column, text in columns]
-    for schema in (CRASH_RECORD, SIMULATION_STEPS):
-        lines += ["", f"## Parquet: {schema.name}", "", schema.meaning, ""]
+    for kind, schema in (("JSON", CRASH_RECORD), ("Parquet", SIMULATION_STEPS)):
+        lines += ["", f"## {kind}: {schema.name}", "", schema.meaning, ""]
         lines += ["| column | type | unit | meaning | FARS element |", "|---|---|---|---|---|"]
         lines += _dictionary(schema)
     return "\n".join(lines) + "\n"

@@ -130,7 +130,7 @@ def test_artefacts_lie_where_they_are_said_to(finished_root):
     key = KEYS[0]
     for name in (
         f"raw_report/{key}.xml.gz",
-        f"crash_record/{key}.parquet",
+        f"crash_record/{key}.json.gz",
         f"osm_extract/{key}.osm.gz",
         f"road_map/{key}.xodr.gz",
         f"road_map/{key}.json.gz",

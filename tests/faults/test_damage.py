@@ -206,7 +206,7 @@ def test_both_remedies_for_a_corrupt_warehouse_work(root: Path, remedy: tuple[st
 # --- verify --------------------------------------------------------------------------------------------------------
 EVERYTHING = (
     (f"raw_report/{KEY}.xml.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"crash_record/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"crash_record/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"osm_extract/{KEY}.osm.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"road_map/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
     (f"state_estimate/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),

@@ -23,7 +23,7 @@ from trace_dag.warehouse.tables import TABLES, Rows
 
 KEYS = [f"2023-51{number:04d}" for number in range(1, 61)]
 WAREHOUSE = "warehouse.duckdb"
-OF_CRASHES = {*JSON_DOCUMENTS, "crash_record", "standing", "outcome", "known_outcome", "failed_attempt", "artefact"}
+OF_CRASHES = {*JSON_DOCUMENTS, "standing", "outcome", "known_outcome", "failed_attempt", "artefact"}
 OF_CRASHES |= {"listing"}  # what is read of the crashes that are read, and of no other
 
 

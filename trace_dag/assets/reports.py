@@ -14,7 +14,7 @@ REPORTS = (
     stage_spec(
         Stage.CRASH_RECORD,
         group="reports",
-        kinds={"parquet", "python"},
+        kinds={"json", "python"},
         deps=[Stage.RAW_REPORT],
         columns=CRASH_RECORD,
         description="The report as typed data: the crash, its vehicles and its events in SI units, unknown as null, "

@@ -58,7 +58,7 @@ class CrashArtefacts(Protocol):
 
 REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml.gz",))
 RECORD: Final[Artefact[CrashRecord]] = Artefact(
-    Stage.CRASH_RECORD, ("parquet",), "trace_dag.crash.tables:record_from_parquet"
+    Stage.CRASH_RECORD, ("json.gz",), "trace_dag.crash.tables:record_from_json"
 )
 OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm.gz",))
 EXTRACT: Final[Artefact[OsmExtract]] = Artefact(

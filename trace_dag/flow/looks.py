@@ -41,6 +41,7 @@ class Look:
     listed: str
 
 
+@no_garbage_collection()
 def listed(
     storage: Storage, about: Mapping[str, str], endings: Mapping[Stage, tuple[str, ...]] | None = None
 ) -> dict[str, str]:
@@ -48,15 +49,13 @@ def listed(
 
     ``endings``: of each stage only files whose name ends so; all of them by default.
     """
-    digests = {key: hashlib.sha256(text.encode()) for key, text in about.items()}
+    lines = {key: [text] for key, text in about.items()}
     for stage in Stage:
         start = len(stage.value) + 1
-        entries = storage.list(stage.value, endings[stage] if endings else _EVERYTHING)
-        for name in sorted(entries):
-            if (digest := digests.get(name[start:].partition(".")[0])) is not None:
-                size, version, _ = entries[name]
-                digest.update(f"{name} {size} {version}\n".encode())
-    return {key: digest.hexdigest() for key, digest in digests.items()}
+        for name, entry in storage.list(stage.value, endings[stage] if endings else _EVERYTHING).items():
+            if (of_crash := lines.get(name[start:].partition(".")[0])) is not None:
+                of_crash.append(f"{name} {entry.size} {entry.version}\n")
+    return {key: hashlib.sha256("".join(sorted(of_crash)).encode()).hexdigest() for key, of_crash in lines.items()}
 
 
 @no_garbage_collection()

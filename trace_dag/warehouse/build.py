@@ -144,7 +144,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         connection.execute("SET enable_progress_bar = false")
         connection.execute(f"SET memory_limit = '{_MEMORY_LIMIT}'")
         connection.execute("SET threads = 1")  # thousands of small files: more threads get in each other's way
-        tables = _read(storage, cohort_of, connection, folder, complain)
+        tables = _read(storage, cohort_of, connection, complain)
         tables |= {"listing": unread_reports(storage, cohorts, tables["standing"])}
         tables |= {"state": state_names(), "code_meaning": code_meanings(), "kind_of_crash": crash_kinds()}
         for name, table in tables.items():
@@ -156,7 +156,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
                 for name in comparisons
                 if name.startswith(f"{FOLDER}/{kind}-") and comparison_is_whole(storage, name, complain)
             ]
-            files = local_files(storage, names, folder, "json")
+            files = local_files(storage, names, folder)
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
         for name, rows_of_agents in evaluation_tables(storage, complain).items():
             connection.register(name, rows_of_agents)
@@ -186,12 +186,11 @@ def _read(
     storage: Storage,
     cohort_of: Mapping[str, str],
     connection: duckdb.DuckDBPyConnection,
-    folder: Path,
     complain: Complaint,
 ) -> dict[str, pa.Table]:
     """Everything stored, chunk by chunk: while one is read, the one before it becomes rows and DuckDB takes it over."""
     outcomes = OutcomeTables()
-    documents = DocumentTables(connection, storage, folder, complain)
+    documents = DocumentTables(connection)
     chunks = read_snapshots(storage, list(cohort_of), DOCUMENTS, complain)
     with ThreadPoolExecutor(max_workers=1) as reader, ThreadPoolExecutor(max_workers=1) as duckdb_thread:
         reading = reader.submit(next, chunks, None)

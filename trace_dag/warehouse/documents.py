@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.crash.tables import CRASH_RECORD
 from trace_dag.disks import disk_failure
-from trace_dag.errors import DamagedFile, Failure
-from trace_dag.flow.ledgers import Complaint
+from trace_dag.errors import Failure
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.snapshot import CrashSnapshot
@@ -19,34 +18,28 @@ if TYPE_CHECKING:
     import duckdb
 
 JSON_DOCUMENTS = {
+    "crash_record": (Stage.CRASH_RECORD, "json.gz"),
     "map_report": (Stage.ROAD_MAP, "json.gz"),
     "estimate": (Stage.STATE_ESTIMATE, "json.gz"),
     "simulation": (Stage.SIMULATION_LOG, "json.gz"),
     "sampled": (Stage.SIMULATION_LOG, "samples.json.gz"),
     "verdict": (Stage.VERDICT, "json.gz"),
 }
-_RECORD = "crash_record"
-DOCUMENTS = (*JSON_DOCUMENTS.values(), (Stage.CRASH_RECORD, "parquet"))
+DOCUMENTS = tuple(JSON_DOCUMENTS.values())
 
 
 class DocumentTables:
-    """Takes over the artefacts of some crashes at a time. ``folder`` is for copies of what is not a local file.
+    """Takes over the artefacts of some crashes at a time."""
 
-    ``complain`` is called for crash records of other columns, which are left out.
-    """
-
-    def __init__(
-        self, connection: duckdb.DuckDBPyConnection, storage: Storage, folder: Path, complain: Complaint
-    ) -> None:
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self._connection = connection
-        self._storage = storage
-        self._folder = folder
-        self._complain = complain
         self._made = False
+        structure = {"structure": CRASH_RECORD.json_structure()}
+        connection.execute("SET VARIABLE crash_record_structure = $structure", structure)
         self.add([])
 
     def add(self, crashes: Sequence[CrashSnapshot]) -> None:
-        """Take over some crashes. Raises ``FileNotFoundError`` if a record was deleted meanwhile."""
+        """Take over some crashes."""
         import pyarrow as pa
 
         for name, document in JSON_DOCUMENTS.items():
@@ -57,49 +50,20 @@ class DocumentTables:
             self._connection.register("document", table)
             self._take(name)
             self._connection.unregister("document")
-        files = [
-            file.name
-            for crash in crashes
-            if Stage.CRASH_RECORD in crash.valid
-            and (file := crash.valid[Stage.CRASH_RECORD].artefact("parquet")) is not None
-        ]
-        paths = local_files(self._storage, files, self._folder, "parquet")
-        try:
-            self._take_records(paths)
-        except Failure:
-            self._take_records(self._of_todays_columns(paths))
         self._made = True
-
-    def _take_records(self, paths: Sequence[str]) -> None:
-        self._connection.execute("SET VARIABLE record_files = $paths", {"paths": paths})
-        self._take(_RECORD)
-
-    def _of_todays_columns(self, paths: Sequence[str]) -> list[str]:
-        """Records with the columns they have now. Looked at only if reading fails: it takes time for each file."""
-        import pyarrow.parquet as pq
-
-        kept, schema = [], CRASH_RECORD.arrow()
-        for path in paths:
-            if pq.read_schema(path).equals(schema):
-                kept.append(path)
-            else:
-                name = f"{Stage.CRASH_RECORD}/{Path(path).name}"
-                self._complain(DamagedFile(name, "written by another version of the program", "trace-dag run"))
-        return kept
 
     def _take(self, name: str) -> None:
         into = f"INSERT INTO {name}" if self._made else f"CREATE TEMP TABLE {name} AS"
         execute_sql(self._connection, f"documents/{name}", prefix=into)
 
 
-def local_files(storage: Storage, names: Sequence[str], folder: Path, extension: str) -> list[str]:
-    """Paths of stored files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
+def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[str]:
+    """Paths of stored JSON files as DuckDB reads them: copies in ``folder`` where the storage is elsewhere.
 
     DuckDB needs at least one file to know the columns by: an empty one is always the first.
     """
-    empty = folder / f"empty.{extension}"
-    if not empty.exists():
-        _write_empty(empty)
+    empty = folder / "empty.json"
+    empty.write_text("[]")
     paths = [str(empty)]
     if storage.local_root is not None:
         return paths + [storage.path(name) for name in names]
@@ -124,12 +88,3 @@ def execute_sql(connection: duckdb.DuckDBPyConnection, name: str, *, prefix: str
         if isinstance(error, duckdb.IOException):
             raise FileNotFoundError(str(error)) from error
         raise Failure(f"{name}.sql: {error}") from error
-
-
-def _write_empty(path: Path) -> None:
-    if path.suffix == ".json":
-        path.write_text("[]")
-        return
-    import pyarrow.parquet as pq
-
-    pq.write_table(CRASH_RECORD.arrow().empty_table(), path)

@@ -1,4 +1,4 @@
--- Every crash record, the columns the tables need. Thousands of small files: they are read once.
+-- Every crash record, the columns the tables need. What columns there are is declared where it is written.
 SELECT
     key,
     latitude_deg,
@@ -35,4 +35,4 @@ SELECT
     vehicles,
     events,
     non_motorists
-FROM read_parquet(getvariable('record_files'))
+FROM (SELECT unnest(from_json(content, getvariable('crash_record_structure'))) FROM document)
