@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 from dataclasses import replace
 from functools import cache
@@ -16,6 +15,7 @@ from PIL import Image
 
 from tests.browser import CHROMIUM, Page
 from tests.roads.towns import Town
+from tests.scenario.replay_data import data_of
 from tests.scenario.test_people import simulated
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.roads.map.network import RoadNetwork
@@ -117,11 +117,6 @@ def test_a_sketch_has_a_disc_for_a_person_and_fits() -> None:
 
 
 # --- replays -------------------------------------------------------------------------------------------------------
-def data_of(page: bytes) -> dict:
-    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page.decode(), re.DOTALL)
-    return json.loads(found.group(1))
-
-
 def test_a_replay_holds_the_figure_of_every_state() -> None:
     log = simulated("cyclist crossing")
     shown = data_of(write_html_player(RECORD, STREET, log))["vehicles"][1]

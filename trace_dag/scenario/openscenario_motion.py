@@ -56,36 +56,47 @@ class TimedPoses:
     roll_rad: FloatArray
 
 
-def motion(log: SimulationLog, vehicle: VehicleLog, *, ahead_m: float, surface: Surface) -> TimedPoses:
-    """The motion of the point ``ahead_m`` ahead of the body's centre; ``surface`` gives the grade it stands on.
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A vehicle's motion, from which the poses of any point of its body follow: rows of time, x, y and z of the centre,
+    heading, grade and bank, shape (n, 7), and of each contact the moments (s) that players are to keep."""
 
-    >>> from trace_dag.sim.surface import Surface
-    >>> moves = motion(log, log.vehicles[0], ahead_m=1.3, surface=Surface())  # level ground
-    >>> float(moves.time_s[0]), bool(moves.pitch_rad.any())  # from the beginning; nothing pitches there
-    (0.0, False)
-    """
-    centres, seen_s = _with_contacts(log, vehicle)
-    time, x, y, z, heading = centres.T
-    heading = np.unwrap(heading)
-    grade, bank = _slopes(x, y, z, heading, surface)
-    if log.bodies[vehicle.number].is_figure:
-        # Upright on the road: a tumbling pelvis has no heading, and a player would turn the whole body by it.
-        heading = _until_struck(log, vehicle.number, time, heading)
-        grade, bank = np.zeros_like(x), np.zeros_like(x)
-    vertices = np.column_stack(
-        [
-            time,
-            x + ahead_m * np.cos(heading),
-            y + ahead_m * np.sin(heading),
-            z + ahead_m * grade,
-            heading,
-            -np.arctan(grade),
-            np.arctan(bank),
-        ]
-    )
-    if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not log.bodies[vehicle.number].is_figure:
-        vertices = _rolled(vertices, vehicle, log.bodies[vehicle.number].height_m)
-    return TimedPoses(*kept_by_filters(_thinned(vertices, log, vehicle.number, seen_s), seen_s).T)
+    log: SimulationLog
+    vehicle: VehicleLog
+    rows: FloatArray
+    seen_s: Sequence[tuple[float, ...]]
+
+    @classmethod
+    def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> Motion:
+        """That of a log; ``surface`` gives the grade it stands on."""
+        centres, seen_s = _with_contacts(log, vehicle)
+        time, x, y, z, heading = centres.T
+        heading = np.unwrap(heading)
+        grade, bank = _slopes(x, y, z, heading, surface)
+        if log.bodies[vehicle.number].is_figure:
+            # Upright on the road: a tumbling pelvis has no heading, and a player would turn the whole body by it.
+            heading = _until_struck(log, vehicle.number, time, heading)
+            grade, bank = np.zeros_like(x), np.zeros_like(x)
+        return cls(log, vehicle, np.column_stack([time, x, y, z, heading, grade, bank]), seen_s)
+
+    def of_point(self, ahead_m: float) -> TimedPoses:
+        """The motion of the point ``ahead_m`` ahead of the body's centre."""
+        time, x, y, z, heading, grade, bank = self.rows.T
+        vertices = np.column_stack(
+            [
+                time,
+                x + ahead_m * np.cos(heading),
+                y + ahead_m * np.sin(heading),
+                z + ahead_m * grade,
+                heading,
+                -np.arctan(grade),
+                np.arctan(bank),
+            ]
+        )
+        vehicle, body = self.vehicle, self.log.bodies[self.vehicle.number]
+        if np.abs(vehicle.roll_rad).max(initial=0.0) > 0 and not body.is_figure:
+            vertices = _rolled(vertices, vehicle, body.height_m)
+        return TimedPoses(*kept_by_filters(_thinned(vertices, self.log, vehicle.number, self.seen_s), self.seen_s).T)
 
 
 def _thinned(vertices: FloatArray, log: SimulationLog, number: int, seen_s: Sequence[tuple[float, ...]]) -> FloatArray:

@@ -7,10 +7,12 @@ drawn after any stage from ``road_map`` on.
 
 from __future__ import annotations
 
-import io
+import struct
+import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
+import deflate
 import numpy as np
 
 from trace_dag.crash.conditions import is_dark
@@ -80,16 +82,28 @@ def as_png(picture: Image) -> bytes:
     """A picture as a file with a palette: since a map has few colours, it has a third of the size and takes half the
     time.
 
+    Written by the program itself (PNG, W3C Recommendation, third edition, section 11.2), in four chunks: Pillow
+    compresses with zlib alone, and libdeflate takes a tenth less space in the same time.
+
     >>> from PIL import Image as Images
     >>> as_png(Images.new("RGB", (4, 4)))[1:4]
     b'PNG'
     """
     from PIL.Image import Dither, Quantize
 
-    stream = io.BytesIO()
     few = picture.quantize(_COLOURS, method=Quantize.FASTOCTREE, dither=Dither.NONE)
-    few.save(stream, "PNG", compress_level=4)
-    return stream.getvalue()
+    lines = np.pad(np.asarray(few), ((0, 0), (1, 0)))  # each begins with its filter: none
+    parts: dict[bytes, bytes] = {
+        b"IHDR": struct.pack(">2I5B", *few.size, 8, 3, 0, 0, 0),  # 8 bits, numbers of the palette
+        b"PLTE": bytes(few.getpalette() or ()),
+        b"IDAT": bytes(deflate.zlib_compress(lines.tobytes(), 8)),
+        b"IEND": b"",
+    }
+    chunks = (
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts.items()
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
 # --- what is shown ---------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drive import Drive
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.page_templates import packed, templates
+from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -56,7 +57,7 @@ def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
             title=content.said["title"],
             paired=paired,
             in_3d=in_3d,
-            data=_script_safe(content.said),
+            data=_script_safe(with_columns(content.said)),
             map_svg=packed(content.map_svg.encode()),
             solid=packed(packed_glb(content.solid)) if content.solid is not None else "",
             library=packed_library() if in_3d else "",
@@ -72,7 +73,8 @@ def replay_script(content: ReplayContent) -> bytes:
     >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
     b'replay({'
     """
-    parts = {"data": json.dumps(content.said, separators=(",", ":"), allow_nan=False), "map": content.map_svg}
+    said = json.dumps(with_columns(content.said), separators=(",", ":"), allow_nan=False)
+    parts = {"data": said, "map": content.map_svg}
     kept = {name: packed(text.encode()) for name, text in parts.items()}
     if content.solid is not None:
         kept["solid"] = packed(packed_glb(content.solid))

@@ -170,14 +170,27 @@ def flat(area: shapely.Geometry, z_m: float = 0.0) -> Mesh:
     parts = shapely.get_parts(area)
     found = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[shapely.get_type_id(parts) == 3]))
     corners = shapely.get_coordinates(shapely.get_parts(found)).reshape(-1, 4, 2)[:, :3]
-    # As complex numbers points are sorted in a fifth of the time that rows take.
-    places, numbers = np.unique(corners[..., 0] + 1j * corners[..., 1], return_inverse=True)
-    points = np.column_stack([places.real, places.imag])
-    triangles = numbers.reshape(-1, 3).astype(np.int64)
+    # Points stay in the order of their rings: neighbours in a file are near each other, which compresses. As complex
+    # numbers they are sorted in a fifth of the time that rows take.
+    border = shapely.get_coordinates(parts)
+    places, first = np.unique(border[:, 0] + 1j * border[:, 1], return_index=True)
+    order = np.argsort(first)
+    points = border[first[order]]
+    numbers = np.empty(len(order), np.int64)
+    numbers[order] = np.arange(len(order))
+    triangles = numbers[np.searchsorted(places, corners[..., 0] + 1j * corners[..., 1])]
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     clockwise = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
     triangles[clockwise] = triangles[clockwise][:, ::-1]
-    return Mesh(np.column_stack([points, np.full(len(points), z_m)]), triangles)
+    return Mesh(np.column_stack([points, np.full(len(points), z_m)]), _in_order(triangles))
+
+
+def _in_order(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same triangles, each from its lowest number on, by that number."""
+    turns = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(triangles, turns, axis=1)
+    ordered: NDArray[np.int64] = turned[np.lexsort(turned.T[::-1])]
+    return ordered
 
 
 def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | float) -> Mesh:
