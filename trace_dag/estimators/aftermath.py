@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice, product
 from typing import Final
 
@@ -75,11 +75,15 @@ def with_aftermath(
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """A crash as it goes on with some objects: who takes part, what stands there, and what comes of it."""
+    """A crash as it goes on with some objects: who takes part, what stands there, and what comes of it.
+
+    ``turned`` has the courses in which a vehicle has its wheels turned, for every event that asks for them.
+    """
 
     states: tuple[ParticipantState, ...]
     objects: tuple[FixedObject, ...]
     log: SimulationLog
+    turned: dict[tuple[int, TurnedWheels], _Course] = field(default_factory=dict)
 
 
 def _off_the_road(hypothesis: Hypothesis, later: Sequence[Afterwards]) -> Hypothesis:
@@ -154,10 +158,13 @@ class _Run:
             if event.side not in (side, None) or (event.side is None and event.struck is None):
                 continue
             angle_rad = round(SIGN[side] * math.radians(turned_deg), 6)
-            turned = replace(state, turned_wheels=TurnedWheels(from_s, angle_rad))
-            states = tuple(turned if each is state else each for each in course.states)
-            words = f", taken to be out of control, its front wheels turned by {turned_deg:g}° to the {side}"
-            yield self.simulated(states, course.objects), words
+            wheels = TurnedWheels(from_s, angle_rad)
+            known = course.turned.get((state.vehicle_number, wheels))
+            if known is None:
+                turned = replace(state, turned_wheels=wheels)
+                states = tuple(turned if each is state else each for each in course.states)
+                known = course.turned[state.vehicle_number, wheels] = self.simulated(states, course.objects)
+            yield known, f", taken to be out of control, its front wheels turned by {turned_deg:g}° to the {side}"
 
 
 def _since_s(log: SimulationLog, number: int) -> float | None:

@@ -53,6 +53,7 @@ _LATERAL_G: Final = ((0.35, 0.0), (0.2, -0.3))  # of the departure, and its log-
 _MOVES: Final = 4  # of the motion along the road
 _NEAR_M: Final = 0.5
 _WAYS: Final = 4  # that are simulated
+_AFTER_OVERTURN_S: Final = 0.1  # what comes later is not looked at here
 _STAYS: Final = "stays on its wheels"
 _STAYS_UP: Final = -5.0  # log-likelihood of a motion that does not overturn
 _FASTER: Final = ((1.4, -0.5), (2.0, -1.0))  # times the usual speed, and its log-likelihood
@@ -153,7 +154,7 @@ def _placed(scene: Scene, way: _Way, simulation: Simulation, lead_s: float) -> H
     best: tuple[float, Hypothesis] | None = None
     for _ in range(_MOVES):
         made, along = _hypothesis(scene, way, station_m, lead_s)
-        log = simulation.run(participants(made), time_limit_s=USUAL.time_limit_s)
+        log = simulation.run(participants(made), time_limit_s=USUAL.time_limit_s, after_contact_s=_AFTER_OVERTURN_S)
         vehicle = log.vehicles[0]
         over = overturned_at(vehicle)
         if over is None:

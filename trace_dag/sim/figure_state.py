@@ -31,7 +31,9 @@ class BodyTree:
         self.size_m = person.model.body.height_m
         self.geoms = [k for k in range(model.ngeom) if model.body_rootid[model.geom_bodyid[k]] == self.body_id]
         degrees = [k for k in range(model.nv) if model.body_rootid[model.dof_bodyid[k]] == self.body_id]
-        self.rates = data.qvel[degrees[0] : degrees[-1] + 1]
+        rates = data.qvel[degrees[0] : degrees[-1] + 1]
+        # Parts of MuJoCo's own memory: velocity of the root (m/s), its turning and that of the joints (rad/s).
+        self.moving, self.turning, self.of_joints = rates[:3], rates[3:6], rates[6:]
 
 
 class FigureState:

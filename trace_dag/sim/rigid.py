@@ -7,6 +7,7 @@ between them are computed in :mod:`trace_dag.sim.crush`.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from copy import copy
 from functools import cache
@@ -31,8 +32,7 @@ class RigidBodies:
 
         self._mujoco = mujoco
         self._count = len(models)
-        self._model = model = self._compiled(models)
-        self._data = data = mujoco.MjData(model)
+        self._model, self._data = model, data = self._in_mujoco(models)
         mujoco.mj_setConst(model, data)  # what MuJoCo derives from the masses
         # Parts of MuJoCo's own memory: the vehicles come first in it, three numbers each.
         numbers = 3 * len(models)
@@ -41,11 +41,18 @@ class RigidBodies:
         self._inverse = [(1.0 / m.body.mass_kg, 1.0 / m.yaw_inertia_kgm2) for m in models]
         self.version = mujoco.mj_versionString()
 
-    def _compiled(self, models: list[VehicleModel]) -> Any:
-        model = copy(_bodies_of_a_kilogram(len(models)))
+    def _in_mujoco(self, models: list[VehicleModel]) -> tuple[Any, Any]:
+        """MuJoCo's model of the bodies and its state, at rest: those of a run that is over, if there was one."""
+        free = _NOT_IN_USE[len(models)]
+        model, data = free.pop() if free else _made(len(models))
         model.body_mass[1:] = [m.body.mass_kg for m in models]
         model.body_inertia[1:] = np.array([m.yaw_inertia_kgm2 for m in models])[:, None]
-        return model
+        self._mujoco.mj_resetData(model, data)
+        return model, data
+
+    def release(self) -> None:
+        """Nobody uses these bodies any more: another run may."""
+        _NOT_IN_USE[self._count].append((self._model, self._data))
 
     def place(self, positions: list[float], velocities: list[float]) -> None:
         """Set every body's x, y, yaw and their rates, flat lists."""
@@ -70,6 +77,18 @@ class RigidBodies:
         self._forces[:] = forces
         self._mujoco.mj_step(self._model, self._data)
         return {}
+
+
+_NOT_IN_USE: Final[defaultdict[int, list[tuple[Any, Any]]]] = defaultdict(list)
+"""Models and states of runs that are over, by the number of vehicles: a crash is run some ten times, one after the
+other, and making them takes longer than a simulated second of two vehicles."""
+
+
+def _made(count: int) -> tuple[Any, Any]:
+    import mujoco
+
+    model = copy(_bodies_of_a_kilogram(count))
+    return model, mujoco.MjData(model)
 
 
 @cache

@@ -153,6 +153,7 @@ class VehicleRun:
         duration_s = step * self._step_s
         self._record(duration_s)
         by_number = {logged.number: logged for logged in self._recorder.logs()}
+        self._bodies.release()
         return SimulationLog(
             backend=BACKEND_NAME,
             backend_version=f"{VERSION} (mujoco {self._bodies.version})",

@@ -168,7 +168,7 @@ class PeopleRun(VehicleRun):
         if now_s - episode.last_s < _TOUCHED_S:
             slides = closing_mps < _PUSHED_MPS or self._runs_ahead(pair)
             return self._flight_in_parts if now_s > episode.pulse_end_s and slides else self._strikes_in_parts
-        return self._near_in_parts if pair in self._bodies.seen or pair in self._bodies.touches else 0
+        return self._near_in_parts if self._bodies.is_near(pair) else 0
 
     def _runs_ahead(self, pair: tuple[int, int]) -> bool:
         """Whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes: nothing

@@ -15,7 +15,7 @@ down turning about the vertical and the limbs.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -76,9 +76,6 @@ class Scene(RigidBodies):
         self._bad = int(mujoco.mjtWarning.mjWARN_BADQACC)
         self.touches: dict[tuple[int, int], list[PersonTouch]] = {}
         """Where people touched vehicles in the state the last step began with, by the numbers of the two bodies."""
-
-        self.seen: set[tuple[int, int]] = set()
-        """And pairs that came near without touching."""
 
         def geom(name: str) -> int:
             return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name))
@@ -158,7 +155,7 @@ class Scene(RigidBodies):
     # --- contact -----------------------------------------------------------------------------------------------
     def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
         """Advance a step as with vehicles alone, with people and the forces on them."""
-        self.touches, self.seen = {}, set()
+        self.touches = {}
         if step_s != self._last_step_s:
             self._last_step_s = step_s
             self._model.opt.integrator = self._fast if step_s < _IMPLICIT_FROM_S else self._implicit
@@ -166,9 +163,10 @@ class Scene(RigidBodies):
         self._pushed.clear()
         self._pressed.clear()
         super().step(forces, step_s)
-        if self._data.ncon:
+        if self._data.nefc:
             self._note_touches()
-        self._let_up(step_s)
+        if self._pressed:
+            self._let_up(step_s)
         if self._rolled_ns:
             self._roll_over()
         self._settle_velocities(step_s)
@@ -177,37 +175,51 @@ class Scene(RigidBodies):
             for pair, touches in self.touches.items()
         }
 
+    def is_near(self, pair: tuple[int, int]) -> bool:
+        """Whether a vehicle and a person touched, or came near each other, in the state the last step began with."""
+        if pair in self.touches:
+            return True
+        meets = (self._owner.get(one) == pair[0] and self._owner.get(two) == pair[1] for one, two in self._contacts())
+        return any(meets)
+
+    def _contacts(self) -> Iterator[tuple[int, int]]:
+        """The shapes of vehicles and people that were near each other then, the vehicle's first."""
+        for one, two in self._data.contact.geom.tolist():
+            yield (one, two) if self._owner.get(one, self._count) < self._count else (two, one)
+
     def _note_touches(self) -> None:
         """Record the forces of vehicles and the road on people in this step."""
         contacts: Any = self._data.contact
-        over_s = self._last_step_s
-        forces, frames, points = self._data.efc_force, contacts.frame, contacts.pos
-        owner, vehicles = self._owner, self._count
+        owner, vehicles, over_s = self._owner, self._count, self._last_step_s
         # Most contacts are shapes that are near each other and do not touch: only of the others more is read.
-        near = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.dist.tolist(), strict=True)
-        for k, (geoms, row, distance) in enumerate(near):
-            one, two = owner.get(geoms[0]), owner.get(geoms[1])
+        pressing = [(k, row) for k, row in enumerate(contacts.efc_address.tolist()) if row >= 0]
+        if not pressing:
+            return
+        forces = self._data.efc_force.tolist()
+        shapes, distances, frames, points = contacts.geom, contacts.dist, contacts.frame, contacts.pos
+        for k, row in pressing:
+            first, second = shapes[k].tolist()
+            one, two = owner.get(first), owner.get(second)
+            nx, ny, nz, ax, ay, az, bx, by, bz = frames[k].tolist()
             if one is None or two is None:  # the road
-                tree = self._tree_of.get(geoms[1])  # MuJoCo names a plane first
-                if tree is not None and row >= 0:
-                    carried_n = float(forces[row])
+                tree = self._tree_of.get(second)  # MuJoCo names a plane first
+                if tree is not None:
+                    carried_n = forces[row]
                     self._carried[tree] = self._carried.get(tree, 0.0) + carried_n
-                    up_x, up_y, up_z = frames[k, :3].tolist()
-                    self._push(tree, (carried_n * up_x, carried_n * up_y, carried_n * up_z))
+                    self._push(tree, (carried_n * nx, carried_n * ny, carried_n * nz))
+                continue
+            distance = float(distances[k])
+            if distance >= 0:
                 continue
             sense = 1.0 if one < vehicles else -1.0  # the frame's normal points to the second
             pair = (one, two) if one < vehicles else (two, one)
-            if row < 0 or distance >= 0:
-                self.seen.add(pair)
-                continue
-            along, across_1, across_2 = forces[row : row + 3].tolist()
-            nx, ny, nz, ax, ay, az, bx, by, bz = frames[k].tolist()
+            along, across_1, across_2 = forces[row : row + 3]
             force = (
                 sense * (along * nx + across_1 * ax + across_2 * bx),
                 sense * (along * ny + across_1 * ay + across_2 * by),
                 sense * (along * nz + across_1 * az + across_2 * bz),
             )
-            tree = self._tree_of[geoms[1] if one < vehicles else geoms[0]]
+            tree = self._tree_of[second if one < vehicles else first]
             self._push(tree, force)
             normal = (sense * nx, sense * ny, sense * nz)
             touch = PersonTouch(-distance, points[k].tolist(), normal, force)
@@ -275,25 +287,27 @@ class Scene(RigidBodies):
         for tree in free:
             push_x, push_y, push_z = self._pushed.get(tree, (0.0, 0.0, 0.0))
             per_mass = step_s / tree.mass_kg
-            x, y = tree.velocity[0] + push_x * per_mass, tree.velocity[1] + push_y * per_mass
-            z = tree.velocity[2] + push_z * per_mass - GRAVITY_MPS2 * step_s
+            x, y, z = tree.velocity
+            x, y, z = x + push_x * per_mass, y + push_y * per_mass, z + push_z * per_mass - GRAVITY_MPS2 * step_s
             lost = self._person_friction * self._carried.get(tree, 0.0) * per_mass
             if lost:
                 sliding = math.hypot(x, y)
                 share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
                 x, y = x * share, y * share
                 upward = data.xmat[tree.body_id][6:]  # in the axes of the root, as its rates are
-                turning = float(upward @ tree.rates[3:6])
+                turning = float(upward @ tree.turning)
                 most = _TURNING * lost / tree.size_m
-                tree.rates[3:6] -= min(most, max(-most, turning)) * upward
-                tree.rates[6:] *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
+                tree.turning -= min(most, max(-most, turning)) * upward
+                tree.of_joints *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
             wanted.append((x, y, z))
         if self._carried:
             mujoco.mj_comVel(model, data)
             mujoco.mj_subtreeVel(model, data)
-        for tree, velocity in zip(free, wanted, strict=True):
-            tree.rates[:3] += velocity - data.subtree_linvel[tree.body_id]
-            tree.velocity = velocity
+        for tree, (x, y, z) in zip(free, wanted, strict=True):
+            was_x, was_y, was_z = data.subtree_linvel[tree.body_id].tolist()
+            at_x, at_y, at_z = tree.moving.tolist()
+            tree.moving[:] = at_x + (x - was_x), at_y + (y - was_y), at_z + (z - was_z)
+            tree.velocity = (x, y, z)
 
     def _measure(self) -> None:
         """Bring places, centres of mass and their velocities up to the state as it is."""
@@ -304,10 +318,12 @@ class Scene(RigidBodies):
         mujoco.mj_subtreeVel(model, data)
 
     # --- the model ---------------------------------------------------------------------------------------------
-    def _compiled(self, models: list[VehicleModel]) -> Any:
-        import mujoco
+    def _in_mujoco(self, models: list[VehicleModel]) -> tuple[Any, Any]:
+        model = self._mujoco.MjModel.from_xml_string(self._mjcf(models))
+        return model, self._mujoco.MjData(model)
 
-        return mujoco.MjModel.from_xml_string(self._mjcf(models))
+    def release(self) -> None:
+        """No other run has the same people."""
 
     def _mjcf(self, models: list[VehicleModel]) -> str:
         vehicles = vehicle_bodies(models, _shell_mjcf)
