@@ -70,7 +70,6 @@ class Vehicle:
         "_rows",
         "_toppled",
         "_traction_n",
-        "_turned_from_step",
         "_turned_rad",
         "_yaw_damping",
         "crashed",
@@ -85,6 +84,7 @@ class Vehicle:
         "side_grip",
         "skids_from_s",
         "steer",
+        "turned_from_step",
         "vx",
         "vy",
         "x",
@@ -129,7 +129,7 @@ class Vehicle:
         self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
         self._locked_wheels = locked_wheels
-        self._turned_from_step, self._turned_rad = sys.maxsize, 0.0
+        self.turned_from_step, self._turned_rad = sys.maxsize, 0.0
         self._toppled = participant.body.vehicle_class is VehicleClass.MOTORCYCLE
         self._mass = model.body.mass_kg
         self._traction_n = (self._mass + model.pulled_kg) * model.max_acceleration_mps2
@@ -156,7 +156,7 @@ class Vehicle:
 
     def turn_wheels(self, from_step: int, turned_rad: float) -> None:
         """From a step on nobody drives it any more, and its front wheels are turned so far to the left."""
-        self._turned_from_step, self._turned_rad = from_step, turned_rad
+        self.turned_from_step, self._turned_rad = from_step, turned_rad
 
     def carry(self, time_s: float, step_s: float) -> None:
         """Be where the plan has the vehicle at a time, and move as there."""
@@ -253,11 +253,11 @@ class Vehicle:
         return self._after_strike is not None and self._after_strike.stops
 
     def _tyre_force(self, step: int) -> tuple[float, float, float]:
-        if step >= self._turned_from_step:
+        if step >= self.turned_from_step:
             self.crashed = True
         if self.crashed:
             rolls = self.roll is not None and self.roll.over and not self._toppled
-            turned_rad = self._turned_rad if step >= self._turned_from_step else 0.0
+            turned_rad = self._turned_rad if step >= self.turned_from_step else 0.0
             return self._rolling() if rolls else self._free(self._locked_wheels, turned_rad)
         if self._after_strike is not None:
             ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)

@@ -6,6 +6,7 @@ Where people take part, :mod:`trace_dag.sim.run_with_people` goes on from here.
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Mapping, Sequence
 
@@ -188,13 +189,19 @@ class VehicleRun:
                 return Termination.STARTED_IN_CONTACT, reason, 0
         vehicles = self._vehicles
         last_plan_step = round(max((mover.plan_end_s for mover in self._movers), default=0.0) / self._step_s)
-        for step in range(self._steps):
+        step = -1
+        while (step := step + 1) < self._steps:
             if step % self._log_every == 0:
                 self._stand_on_surface()
                 self._record(step * self._step_s)
                 ended = self._ended(step, last_plan_step)
                 if ended is not None:
                     return *ended, step
+            alone = min(self._alone_until(step), self._steps, step - step % self._log_every + self._log_every)
+            if alone > step + 1:
+                self._go_alone(step, alone)
+                step = alone - 1
+                continue
             for driven, driver, every in self._driven:
                 if step % every == 0 and not driven.crashed:
                     states = {mover.number: mover.body_state() for mover in self._movers}
@@ -204,6 +211,20 @@ class VehicleRun:
         if self._first_contact_s is None:
             return Termination.NO_CONTACT, self._no_contact_reason(), self._steps
         return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s", self._steps
+
+    def _alone_until(self, step: int) -> int:
+        """The step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's steps
+        depend on another's until then."""
+        if self._open or self._crushed or self._hitches or self._driven:
+            return step
+        return self._apart_until_step if self._pairs else sys.maxsize
+
+    def _go_alone(self, step: int, until: int) -> None:
+        """Take the steps up to another one with each vehicle by itself."""
+        self._state = self._before = None
+        for vehicle in self._vehicles:
+            for each in range(step, until):
+                vehicle.advance(vehicle.road_force(each), self._step_s)
 
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         """Take one step under the road's forces on each vehicle."""

@@ -169,6 +169,14 @@ class RoadsideRun(VehicleRun):
         )
 
     # --- steps -----------------------------------------------------------------------------------------------
+    def _alone_until(self, step: int) -> int:
+        if any(vehicle.crashed for vehicle in self._vehicles):
+            return step  # it may roll
+        until = min([super()._alone_until(step), *(vehicle.turned_from_step for vehicle in self._vehicles)])
+        if self._skids:  # they are put on their trajectories at the end of each step
+            until = min(until, math.floor(min(each.skids_from_s for each in self._skids) / self._step_s) - 1)
+        return min(until, self._clear_until_step) if self._obstacles else until
+
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         super()._advance(step, forces)
         self._carry((step + 1) * self._step_s)

@@ -87,6 +87,18 @@ class PeopleRun(VehicleRun):
         super()._record(time_s)
 
     # --- steps -----------------------------------------------------------------------------------------------
+    def _alone_until(self, step: int) -> int:
+        if any(person.crashed and not person.at_rest for person in self._people):
+            return step
+        until = super()._alone_until(step)
+        return min(until, self._people_apart_until_step) if self._chances else until
+
+    def _go_alone(self, step: int, until: int) -> None:
+        super()._go_alone(step, until)
+        for person in self._people:
+            if not person.crashed:
+                person.walk(until * self._step_s)
+
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         flat = [value for force in forces for value in force]
         end_s = (step + 1) * self._step_s
