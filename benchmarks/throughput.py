@@ -28,8 +28,9 @@ NATIONAL_YEAR = 15_000
 
 
 def measure(runs: int) -> Iterator[Figure]:
-    """One process against two, and the whole command."""
+    """One process against two, with Dagster's records against without them, and the whole command."""
     yield _scaling(runs)
+    yield _records(runs)
     yield from _command()
 
 
@@ -58,6 +59,48 @@ def _scaling(runs: int) -> Figure:
         goal_of_ratio=True,
         note=load,
     )
+
+
+def _records(runs: int) -> Figure:
+    """What Dagster's records add to the stages, all of it in this process."""
+    environment, settings = dict(os.environ), {"execution": {"executor": "in_process"}}
+    with tempfile.TemporaryDirectory() as folder:
+        roots = (Path(folder) / f"root-{number}" for number in range(10**6))
+
+        def with_records(crashes: int = CRASHES) -> None:
+            from trace_dag.definitions.launch import open_instance, planned, run_batches
+            from trace_dag.flow.selection import select_stale
+
+            workspace = _registered(next(roots), crashes).with_settings(settings)
+            with open_instance(workspace) as instance:
+                batches = planned(workspace, instance, select_stale(workspace))
+                report = run_batches(workspace, instance, batches, settings=settings)
+            if report.errors:
+                raise RuntimeError(report.errors[0])
+
+        def bare(crashes: int = CRASHES) -> None:
+            workspace = replace(_registered(next(roots), crashes), executor=InProcessExecutor())
+            for _ in run_stages(workspace, workspace.registry.keys(), run_id="bare"):
+                pass
+
+        with_records(8)  # what is loaded once is not what is measured
+        taken, without = medians(max(1, runs // 2), with_records, bare)
+    os.environ.clear()
+    os.environ.update(environment)
+    return Figure(
+        "the seven stages with Dagster's records, in one process",
+        taken / CRASHES,
+        "CPU s per crash",
+        "the bare stage functions",
+        without / CRASHES,
+        1.25,
+        goal_of_ratio=True,
+    )
+
+
+def _registered(root: Path, crashes: int) -> Workspace:
+    _register(root, root.with_name(f"reports-{crashes}"), crashes)
+    return Workspace.open(str(root))
 
 
 def _command() -> Iterator[Figure]:
@@ -120,8 +163,7 @@ def _register(root: Path, reports: Path, crashes: int) -> None:
 
 
 def _run(root: Path, executor: ProcessExecutor, crashes: int) -> None:
-    _register(root, root.with_name(f"reports-{crashes}"), crashes)
-    workspace = Workspace.open(str(root))
+    workspace = _registered(root, crashes)
     for event in run_stages(replace(workspace, executor=executor), workspace.registry.keys(), run_id="benchmark"):
         if event.failed:
             raise RuntimeError(f"{event.key} failed in {event.stage}")

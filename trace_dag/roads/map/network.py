@@ -75,7 +75,9 @@ class RoadNetwork:
 
     @cached_property
     def _index(self) -> LaneIndex:
-        return LaneIndex(self.roads, lambda road: [(ref, self._lanes[ref]) for ref in self.drivable_lanes_of(road)])
+        # Of the lanes, not of this map: with a circle of references it would wait for the garbage collector, all of it.
+        lanes, drivable_of = self._lanes, self._drivable_of
+        return LaneIndex(self.roads, lambda road: [(ref, lanes[ref]) for ref in drivable_of[road.id]])
 
     def drivable_lanes(self) -> tuple[LaneRef, ...]:
         """Every drivable lane of all roads, junctions included."""
