@@ -198,8 +198,8 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
     [
         ({}, "no accident.csv found"),
         ({"vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"}, "no accident.csv found"),
-        ({"vsoe.csv": "ST_CASE,VEH_NO,SOE\n510001,1,12\n"}, "expected the files of one year"),
-        ({"accident.csv": "A,B\n1,2\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no ST_CASE"),
+        ({"vsoe.csv": "ST_CASE,VEH_NO,SOE\n510001,1,12\n"}, "no accident.csv, and its path names no year"),
+        ({"accident.csv": "A,B\n1,2\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "no ST_CASE .* with commas between"),
         ({"accident.csv": "ST_CASE,YEAR\n1,2,3\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "is not a readable CSV"),
         (
             {"accident.csv": "ST_CASE,YEAR\n510001,2022\n510002,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},

@@ -261,3 +261,20 @@ def test_a_report_without_its_vehicles_is_rejected_as_that() -> None:
         Reason.INCOMPLETE_SEQUENCE,
         "the report lists 0 of 2 vehicles in transport",
     )
+
+
+@pytest.mark.parametrize("first", [33, 8, 1])
+def test_a_report_that_lists_no_vehicle_is_rejected_as_that_whatever_came_first(first: int) -> None:
+    rejected = rejection(read(report(ONE | {"HARM_EV": first}, [], [])), CrashSettings())
+    assert rejected is not None
+    assert rejected.detail == "the report lists 0 of 1 vehicles in transport"
+
+
+@pytest.mark.parametrize("kind", [6, 19])
+def test_the_only_person_is_who_was_struck_even_where_nothing_tells_the_kind(kind: int) -> None:
+    """Of an older release without events: HARM_EV 9 is a cyclist, PER_TYP 19 a non-motorist of unknown kind."""
+    person = {"NPersons": [("Person", PERSON | {"PER_TYP": kind})]}
+    record = read(report(ONE | {"HARM_EV": 9}, [{}], [], person))
+    (strike,) = strikes_of(record)
+    assert strike.person.kind is PartyKind.CYCLIST
+    assert strike.pair == (1, 1001)

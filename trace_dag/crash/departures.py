@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Final
 
 from trace_dag.crash.codes import events as codes
+from trace_dag.crash.contacts import unlisted_vehicles
 from trace_dag.crash.crash_types import Side, crash_type_of
 from trace_dag.crash.kind import CrashKind
 from trace_dag.crash.parties import thing_party
@@ -138,6 +139,8 @@ def untold_departure(record: CrashRecord) -> str | None:
     if not is_of_departure(record):
         return None
     if _vehicle(record) is None:
+        if (unlisted := unlisted_vehicles(record)) is not None:
+            return unlisted
         moving = record.moving_vehicles
         which = f"which of {moving} vehicles" if moving > 1 else "which vehicle"
         return f"nothing tells {which} in transport the first harmful event was of"

@@ -142,7 +142,15 @@ class _ReleaseTables:
         """The case year: of ``accident.csv``, or of the path where that has no such column."""
         table = self._release.table("accident")
         column = next((name for name in ("YEAR", "CASEYEAR") if table is not None and name in table.column_names), None)
-        years = set(table[column].to_pylist()) if table is not None and column else {str(self._release.year_in_path)}
+        if table is None or column is None:
+            if self._release.year_in_path is None:
+                what = "there is no accident.csv" if table is None else "accident.csv has no column YEAR"
+                raise UserError(
+                    f"{self._release.label}: {what}, and its path names no year; expected the year in the name of the "
+                    "file or of a folder, such as fars-2016"
+                )
+            return self._release.year_in_path
+        years = set(table[column].to_pylist())
         if len(years) != 1 or not _INTEGER.fullmatch(year := next(iter(years)).strip()):
             raise UserError(
                 f"{self._release.label}: case years {', '.join(sorted(years))}; expected the files of one year"

@@ -53,6 +53,7 @@ MAX_TABLE_BYTES: Final = 2 * 1024**3
 """The largest national file, person.csv with labels, has about 0.1 GB."""
 
 _FOR_ONE_THREAD: Final = 2**20  # bytes: smaller tables are read before others have begun to help
+_SHOWN: Final = 60  # characters of the names of columns
 _YEAR_IN_NAME: Final = re.compile(r"(?<![0-9])(20[1-9][0-9])(?![0-9])")
 _NAME: Final = re.compile(r"[A-Z_][A-Z0-9_]*")
 
@@ -161,7 +162,9 @@ def _read_table(file: CsvFile) -> pa.Table:
     except csv.Error as error:  # a carriage return within the line, for example
         raise UserError(f"{file.label} is not a readable CSV table: its first line: {error}") from error
     if "ST_CASE" not in names:
-        raise UserError(f"{file.label}: no ST_CASE among its columns ({', '.join(names[:5])}, ...); expected FARS CSV")
+        found = ", ".join(names[:5])
+        shown = found if len(found) <= _SHOWN else f"{found[:_SHOWN]}..."
+        raise UserError(f"{file.label}: no ST_CASE among its columns ({shown}); expected FARS CSV, with commas between")
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1 and _NAME.fullmatch(name)]
     if twice:
         raise UserError(f"{file.label}: column {twice[0]} is there more than once; expected FARS CSV")

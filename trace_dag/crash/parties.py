@@ -72,6 +72,10 @@ _PERSON_TYPES: Final[Mapping[int, PartyKind]] = {
 }
 
 
+UNKNOWN_NON_MOTORIST: Final = 19
+"""``PER_TYP`` of a person outside motor vehicles of whom nothing says more."""
+
+
 def event_kind(code: int) -> EventKind:
     """What a code of ``SOE`` means.
 

@@ -14,10 +14,9 @@ from trace_dag.crash.codes import crash as crash_codes
 from trace_dag.crash.codes import persons as codes
 from trace_dag.crash.codes.table import CodeTable, UnknownCodeError
 from trace_dag.crash.fields import Fields
-from trace_dag.crash.parties import HIGHEST_NUMBER
+from trace_dag.crash.parties import HIGHEST_NUMBER, UNKNOWN_NON_MOTORIST
 from trace_dag.crash.record import NonMotorist, VehicleRecord
 
-_UNKNOWN_KIND: Final = 19
 _CYCLISTS: Final = frozenset({6, 7})
 _LISTS: Final = ("NPersons", "PbTypes", "NmPriors", "NmCrashes", "SafetyEQs")
 _NO_VEHICLE: Final = (None, 0)
@@ -136,7 +135,7 @@ def _person(number: int, rows: dict[str, list[Fields]]) -> NonMotorist:
     )
     return NonMotorist(
         number=number,
-        person_type_code=_UNKNOWN_KIND if kind is None else kind,
+        person_type_code=UNKNOWN_NON_MOTORIST if kind is None else kind,
         striking_vehicle=next((row.integer("STR_VEH") for row in person), None) or None,
         age_years=_age([*person, *typing]),
         sex_code=_either(_first(person, codes.SEX), _first(typing, codes.SEX, "PBSEX")),

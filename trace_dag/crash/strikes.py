@@ -14,8 +14,9 @@ from typing import Final
 
 from trace_dag.crash.animals import StruckAnimal
 from trace_dag.crash.codes import events as codes
+from trace_dag.crash.contacts import unlisted_vehicles
 from trace_dag.crash.kind import OF_STRIKES, CrashKind
-from trace_dag.crash.parties import EventKind, thing_party
+from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, thing_party
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
 from trace_dag.crash.struck import ORDER_OF_STRIKES
 
@@ -114,7 +115,9 @@ def untold_strike(record: CrashRecord) -> str | None:
         return None
     events = _strike_events(record)
     if not events:
-        moving = sum(vehicle.in_transport for vehicle in record.vehicles)
+        if (unlisted := unlisted_vehicles(record)) is not None:
+            return unlisted
+        moving = record.moving_vehicles
         which = "that the vehicle" if moving == 1 else f"which of {moving} vehicles"
         return f"nothing tells {which} in transport struck {_whom(record)}: the report lists no such event"
     listed = {vehicle.number for vehicle in record.vehicles}
@@ -148,16 +151,21 @@ def _struck(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
         first = _strike_events(record)[0]
         return StruckAnimal(first.number if first.party_2 is None else first.party_2 - thing_party(0))
     named = next((person for person in record.non_motorists if person.party == event.party_2), None)
+    if named is None and record.non_motorists:
+        named = _only(record, event)
+    if named is not None and named.person_type_code == UNKNOWN_NON_MOTORIST:
+        return replace(named, person_type_code=_PERSON_TYPE[event.code])
     if named is not None or record.non_motorists:
-        return named if named is not None else _only(record, event)
+        return named
     codes_struck = list(dict.fromkeys(each.code for each in _strike_events(record)))
     return NonMotorist(1 + codes_struck.index(event.code), _PERSON_TYPE[event.code])
 
 
 def _only(record: CrashRecord, event: EventRecord) -> NonMotorist | None:
-    """The only person of the kind that was struck, of a report without events."""
-    of_kind = [person for person in record.non_motorists if person.person_type_code == _PERSON_TYPE[event.code]]
-    return of_kind[0] if len(of_kind) == 1 and not record.events else None
+    """The only person of the kind that was struck, or of a kind that is not told, of a report without events."""
+    struck = {_PERSON_TYPE[event.code], UNKNOWN_NON_MOTORIST}
+    possible = [person for person in record.non_motorists if person.person_type_code in struck]
+    return possible[0] if len(possible) == 1 and not record.events else None
 
 
 def _whom(record: CrashRecord) -> str:

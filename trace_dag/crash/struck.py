@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trace_dag.crash.codes import events as codes
-from trace_dag.crash.parties import EventKind, PartyKind, thing_party, thing_struck
+from trace_dag.crash.parties import UNKNOWN_NON_MOTORIST, EventKind, PartyKind, thing_party, thing_struck
 from trace_dag.crash.record import EventRecord, NonMotorist
 
 ORDER_OF_STRIKES: Final = "order_of_strikes"
@@ -29,7 +29,6 @@ _NAMES: Final = {
     PartyKind.CYCLIST: "cyclist",
     PartyKind.CONVEYANCE: "person on a conveyance",
 }
-_UNKNOWN_TYPE: Final = 19
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ def with_struck(
 
 def _of_kind(event: EventRecord, persons: Sequence[NonMotorist]) -> list[NonMotorist]:
     wanted = _KINDS_STRUCK[event.code]
-    return [person for person in persons if person.kind is wanted or person.person_type_code == _UNKNOWN_TYPE]
+    return [person for person in persons if person.kind is wanted or person.person_type_code == UNKNOWN_NON_MOTORIST]
 
 
 def _possible(event: EventRecord, of_kind: list[NonMotorist], strikes: Sequence[EventRecord]) -> list[NonMotorist]:
