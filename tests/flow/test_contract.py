@@ -6,7 +6,7 @@ import pytest
 
 from trace_dag.cohorts.registry import CrashSource, ReportSource
 from trace_dag.flow.artefacts import Artefact
-from trace_dag.flow.contract import CrashFiles
+from trace_dag.flow.contract import CrashFiles, DamagedArtefactError
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
@@ -47,3 +47,9 @@ def test_a_stage_made_again_is_read_anew(crash, storage):
     crash.accept(made(storage, b"map"), {NAME: b"map"}, {NAME: "as read back"})
     crash.accept(made(storage, b"another map"))
     assert crash.load(MAP) == "another map"
+
+
+def test_a_file_that_an_earlier_version_did_not_make_is_named_with_its_remedy(crash, storage):
+    crash.accept(made(storage, b"map"))
+    with pytest.raises(DamagedArtefactError, match=r"another version.*trace-dag run --only 2023-1 --from road_map"):
+        crash.read(Stage.ROAD_MAP, "other")

@@ -165,7 +165,8 @@ class CrashFiles:
         if name not in self._contents:
             file = self._records[stage].artefact(extension)
             if file is None:
-                raise KeyError(name)
+                found = "it is not there: another version of the program ran its stage"
+                raise DamagedArtefactError(self.key, stage, name, found)
             self._contents[name] = read_artefact(self.storage, self._records[stage], file)
         return self._contents[name]
 
