@@ -24,7 +24,8 @@ from trace_dag.osm.types import BoundingBox
 _WIDEST_GAP = 64  # between ids
 _NANODEGREES = 10**9
 _EAST_DEG, _NORTH_DEG = 2.0, 2.0  # from each copy to the next; the extracts are smaller than that
-_ROWS = 12
+_ROWS = 12  # of so many degrees, and more where there is no room for the copies else
+_COLUMNS = 170
 _PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET = 2, 19, 20  # PrimitiveBlock
 _DENSE, _WAYS, _RELATIONS = 2, 3, 4  # PrimitiveGroup
 _REFS = {_WAYS: 8, _RELATIONS: 9}  # packed ids, each the difference to the one before
@@ -34,29 +35,34 @@ _HEADER_BOX = 1  # of the HeaderBlock
 _Field = tuple[int, int, bytes]  # number, wire type, value as it stands (with its length where it has one)
 
 
-def multiply_map(files: Sequence[Path], target: Path, least_bytes: int) -> list[BoundingBox]:
-    """Write ``target`` with as many copies of all the files as make it that large; where each copy lies."""
+def multiply_map(files: Sequence[Path], target: Path, least_bytes: int, last_id: int = 0) -> list[BoundingBox]:
+    """Write ``target`` with as many copies of all the files as make it that large; where each copy lies.
+
+    With ``last_id`` the copies are spread over the ids up to there, as a country's are over all ids there are.
+    """
     sources = [(file, header.box) for file in files if (header := read_header(file)).sorted_by_type and header.box]
     copies = -(-least_bytes // sum(file.stat().st_size for file, _ in sources))
     blocks = {file: _Blocks(file) for file, _ in sources}
+    rows = max(_ROWS, -(-copies * len(sources) // _COLUMNS))
+    apart = last_id // (copies * len(sources))
     places = []
     for at, (_, box) in enumerate(sources * copies):
-        places.append(_box_moved(box, *_moved(at, box)))
+        places.append(_box_moved(box, *_moved(at, box, rows)))
     with target.open("wb") as out:
         _write_blob(out, b"OSMHeader", _header(places))
         for kind in (_DENSE, _WAYS, _RELATIONS):
             ids = 0
             for at, (file, box) in enumerate(sources * copies):
                 for block in blocks[file].of_kind(kind):
-                    _write_blob(out, b"OSMData", block(ids, *_moved(at, box)))
-                ids += blocks[file].ids
+                    _write_blob(out, b"OSMData", block(ids, *_moved(at, box, rows)))
+                ids += max(blocks[file].ids, apart)
     return places
 
 
-def _moved(at: int, box: BoundingBox) -> tuple[float, float]:
+def _moved(at: int, box: BoundingBox, rows: int) -> tuple[float, float]:
     """How far to the north and east a copy has to go for its place on a chessboard."""
-    column, row = divmod(at, _ROWS)
-    south_deg, west_deg = -12.0 + row * _NORTH_DEG, -179.0 + column * _EAST_DEG
+    column, row = divmod(at, rows)
+    south_deg, west_deg = -rows + row * _NORTH_DEG, -179.0 + column * _EAST_DEG
     return round(south_deg - box.south_deg, 6), round(west_deg - box.west_deg, 6)
 
 

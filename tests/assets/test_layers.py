@@ -17,7 +17,7 @@ PACKAGE = Path(trace_dag.__file__).parent
 LAYERS = (
     # the contracts
     {"units", "stage", "markdown", "version", "wording"},
-    {"errors", "geometry", "garbage", "processes", "progress", "schemas"},
+    {"errors", "file_locks", "geometry", "garbage", "processes", "progress", "schemas"},
     {"disks", "plugins"},
     {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
     {"http", "provenance", "settings_sources"},

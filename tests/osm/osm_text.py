@@ -32,11 +32,13 @@ def thing(number: int, nodes: list[int], **tags: str) -> str:
     return f'<way id="{number}" version="1">{refs}{_tags(tags)}</way>'
 
 
-def restriction(number: int, from_way: int, via: int, to_way: int, kind: str = "no_left_turn") -> str:
-    """A turn restriction via a node."""
+def restriction(
+    number: int, from_way: int, via: int, to_way: int, kind: str = "no_left_turn", *, via_type: str = "node"
+) -> str:
+    """A turn restriction via a node, or a way."""
     return (
         f'<relation id="{number}" version="1"><member type="way" ref="{from_way}" role="from"/>'
-        f'<member type="node" ref="{via}" role="via"/><member type="way" ref="{to_way}" role="to"/>'
+        f'<member type="{via_type}" ref="{via}" role="via"/><member type="way" ref="{to_way}" role="to"/>'
         f"{_tags({'type': 'restriction', 'restriction': kind})}</relation>"
     )
 

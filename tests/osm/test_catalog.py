@@ -278,7 +278,7 @@ LEVELS += [way(1_000 + k, [k, k + 400], layer=str(k)) for k in range(1, 401)]
 )
 def test_what_no_map_is_like_fails_with_its_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
     file = save(tmp_path / "town.osm", *elements)
-    failure = MapCatalog.of_registered([file]).extract([SITE], OsmSettings())[SITE.key]
+    failure = MapCatalog.of_registered([(file, "")]).extract([SITE], OsmSettings())[SITE.key]
     assert isinstance(failure, Failure)
     assert said in str(failure)
     assert f"trace-dag cohort maps --drop {file}" in str(failure)

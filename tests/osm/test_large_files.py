@@ -9,11 +9,10 @@ import numpy as np
 import osmium
 import pytest
 
-from tests.osm.osm_text import ORIGIN, node, place, save, thing, way
+from tests.osm.osm_text import ORIGIN, node, place, restriction, save, thing, way
 from trace_dag.osm import extraction
 from trace_dag.osm.catalog import MapCatalog
-from trace_dag.osm.long_ways import noted
-from trace_dag.osm.near_nodes import fit_into_memory
+from trace_dag.osm.near_nodes import set_of
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.settings import OsmSettings
 
@@ -25,7 +24,7 @@ AROUND = ((5, -FAR_M, -FAR_M), (6, FAR_M, -FAR_M), (7, FAR_M, FAR_M), (8, -FAR_M
 
 @pytest.fixture
 def all_large(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Every file is a large one, and nothing is noted of any."""
+    """Every file is a large one."""
     monkeypatch.setattr(extraction, "_LARGE", 0)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
@@ -63,18 +62,11 @@ def test_a_wood_lies_around_the_place(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("all_large")
-def test_long_ways_are_found_once_and_anew_when_the_file_has_changed(tmp_path: Path) -> None:
-    nodes = [node(*corner) for corner in CORNERS]
-    file = sorted_pbf(tmp_path, *nodes, way(10, [1, 2]))
-    assert noted(file) is None
-    first = cut(file)
-    found = noted(file)
-    assert found is not None
-    assert found["node"].tolist() == [1]
-    assert cut(file) == first
-    file.unlink()
-    file = sorted_pbf(tmp_path, *nodes, way(10, [1, 2]), way(11, [2, 3], name="Longer Street"))
-    assert noted(file) is None
+def test_a_restriction_by_way_of_another_street_is_kept(tmp_path: Path) -> None:
+    nodes = [node(1, -50, 5), node(2, 0, 5), node(3, 0, 25), node(4, -50, 25)]
+    turn = restriction(30, 10, 11, 12, "no_u_turn", via_type="way")
+    file = sorted_pbf(tmp_path, *nodes, way(10, [1, 2]), way(11, [2, 3]), way(12, [3, 4]), turn)
+    assert [each.id for each in cut(file).relations] == [30]
 
 
 @pytest.mark.usefixtures("all_large")
@@ -112,4 +104,4 @@ def _ordered(answer: object) -> object:
 
 
 def test_scattered_ids_are_not_put_into_a_set_in_memory() -> None:
-    assert not fit_into_memory([np.arange(0, 2**40, 2**29, dtype=np.uint64)])
+    assert set_of([np.arange(0, 2**40, 2**29, dtype=np.uint64)]) is None

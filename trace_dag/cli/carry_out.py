@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.progress import progress_of, progress_told
+from trace_dag.cli.progress import progress_of_run, progress_told
 from trace_dag.errors import UserError
 from trace_dag.logs import complain
 
@@ -81,7 +81,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
         if batches:
             summary, counts = RunSummary(), Counter[str]()
             stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
-            with progress_of("stages", stages) as tell:
+            with progress_of_run("stages", stages) as (tell, tell_map):
 
                 def hear(event: StageEvent) -> None:
                     summary.note(event)
@@ -89,7 +89,8 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
                         counts[event.record.outcome.value] += 1
                     tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
 
-                errors = run_batches(replace(workspace, listener=hear), instance, batches, settings=settings).errors
+                watched = replace(workspace, listener=hear, map_listener=tell_map)
+                errors = run_batches(watched, instance, batches, settings=settings).errors
             click.echo(summary.in_words())
         elif selection.exact:
             click.echo("Nothing to run again: none of the crashes is one of those asked for.")

@@ -122,13 +122,16 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
 
     The files themselves stay where they are. What was cut from one that is left out is made anew by the next run.
     """
+    from trace_dag.cohorts.kept_maps import remove_unused_of_maps
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage import Storage
 
-    registry = Registry(Storage.open(root))
+    storage = Storage.open(root)
+    registry = Registry(storage)
     if drop:
         for cohort_name, files in registry.drop_maps(drop, name).items():
             click.echo(f"Cohort {cohort_name}: left out {', '.join(files)}; trace-dag run does the rest.")
+        remove_unused_of_maps(storage)
         return
     cohorts = [registry.cohort(name)] if name is not None else list(registry.cohorts().values())
     print_table(
@@ -156,6 +159,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     """
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.benchmark.removal import delete_artefacts
+    from trace_dag.cohorts.kept_maps import remove_unused_of_maps
     from trace_dag.cohorts.registry import Registry
     from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.workspace import Workspace
@@ -170,6 +174,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         remove_partitions(instance, gone)
         deleted = delete_artefacts(storage, gone) if artefacts else 0
         registry.remove(name, only)
+        remove_unused_of_maps(storage)
     if workspace.warehouse.is_file():
         try:
             with dagster_records(workspace) as instance:

@@ -7,9 +7,7 @@ they are first asked for.
 
 from __future__ import annotations
 
-import os
 import shlex
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +26,11 @@ if TYPE_CHECKING:
     from trace_dag.states.estimate import Estimator
 
 CACHE_FOLDER = "cache"
+
+
+def map_copies(storage: Storage) -> Path:
+    """The folder of this machine with copies of map files that are kept on an object store."""
+    return storage.local_folder / CACHE_FOLDER / "map-copies"
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Services:
                     f"trace-dag cohort maps --drop {shlex.quote(str(path))}"
                 )
             return path
-        cache = Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}"
+        cache = map_copies(self.storage)
         copy = cache / file.location
         if not copy.is_file() or copy.stat().st_size != file.size:
             Storage(cache).write(

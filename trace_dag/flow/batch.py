@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 from trace_dag.code_versions import referred
@@ -57,11 +58,11 @@ def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) ->
     return Work(workspace.storage, settings, flow, run_id, code, frozenset(force))
 
 
-def first_stale(workspace: Workspace, keys: Sequence[str]) -> dict[str, Stage]:
-    """For each crash that is not up to date, the first stage that would have to run."""
-    records = read_records(workspace.storage, keys)
+def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
+    """For each crash that is not up to date, the first of some stages, from the first on, that would have to run."""
+    records = read_records(workspace.storage, keys, stages)
     crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
-    first = {key: crashes.first_to_run(crash, tuple(Stage)) for key, crash in crashes.by_key.items()}
+    first = {key: crashes.first_to_run(crash, stages) for key, crash in crashes.by_key.items()}
     return {key: stage for key, stage in first.items() if stage is not None}
 
 
@@ -123,7 +124,7 @@ def run_stages(
     """
     with workspace.executing() as executor:
         work = _shared_out(work_of(workspace, run_id, force), executor.machines)
-        batch = _Batch(work, executor, stages, keys, workspace.registry.sources(keys))
+        batch = _Batch(workspace, work, executor, stages, keys, workspace.registry.sources(keys))
         check_requirements(workspace, batch.to_run(), run_id)
         yield from batch.run()
 
@@ -156,12 +157,14 @@ class _Crashes:
 class _Batch:
     def __init__(
         self,
+        workspace: Workspace,
         work: Work,
         executor: Executor,
         stages: Collection[Stage],
         keys: Sequence[str],
         sources: Mapping[str, CrashSource],
     ) -> None:
+        self.workspace = workspace
         self.work = work
         self.executor = executor
         self.stages = tuple(each.stage for each in work.flow.stages if each.stage in stages)
@@ -192,24 +195,39 @@ class _Batch:
                     waiting.append(crash)
                 else:
                     yield from known
-            chunks = self._chunks(waiting, segment, last=segment is segments[-1])
-            for answer in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
-                if isinstance(answer.result, WorkerLost):
-                    events = [
-                        event for crash in answer.task.crashes for event in self._lost(crash, segment, answer.result)
-                    ]
-                else:
-                    events = answer.result
-                for event in events:
-                    crash = crashes[event.key]
-                    if event.record is not None:
-                        crash.records[event.stage] = event.record
-                        if event.action is Action.COMPUTED:
-                            log_outcome(event.record)
-                    yield from self._with_later(crash, event)
+            with self._prepared(waiting, segment[0]):
+                chunks = self._chunks(waiting, segment, last=segment is segments[-1])
+                yield from self._worked_on(chunks, segment)
         recorded = [record for crash in crashes.values() for record in crash.records.values()]
         run_id = self.work.run_id
         write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
+
+    def _worked_on(self, chunks: Sequence[Chunk], segment: Sequence[StageDefinition]) -> Iterator[StageEvent]:
+        for answer in run_redoing_lost(self.executor, work_on_chunk, chunks, Chunk.split):
+            if isinstance(answer.result, WorkerLost):
+                events = [event for each in answer.task.crashes for event in self._lost(each, segment, answer.result)]
+            else:
+                events = answer.result
+            for event in events:
+                crash = self.crashes[event.key]
+                if event.record is not None:
+                    crash.records[event.stage] = event.record
+                    if event.action is Action.COMPUTED:
+                        log_outcome(event.record)
+                yield from self._with_later(crash, event)
+
+    def _prepared(self, crashes: Sequence[_Crash], definition: StageDefinition) -> AbstractContextManager[None]:
+        """Within it, what a stage needs for all of some crashes together is there."""
+        if definition.preparation is None:
+            return nullcontext()
+        preparation: AbstractContextManager[None] = referred(definition.preparation)(
+            self.workspace,
+            self.executor,
+            [self._files(each) for each in crashes],
+            [self._files(each) for each in self.crashes.values()],
+            all_again=definition.stage in self.work.force,
+        )
+        return preparation
 
     def _without_work(self, crash: _Crash, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
         """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""

@@ -9,16 +9,11 @@ noticed when it is read, and made again.
 from __future__ import annotations
 
 import hashlib
-import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
+from trace_dag.file_locks import locked
 from trace_dag.storage import Storage
-
-if sys.platform != "win32":
-    import fcntl
 
 FOLDER = "locks"
 _LOCKS = 256  # files, shared by the crashes: few enough to keep, many enough that two crashes seldom meet
@@ -27,7 +22,7 @@ _LOCKS = 256  # files, shared by the crashes: few enough to keep, many enough th
 @contextmanager
 def held(storage: Storage, keys: Iterable[str]) -> Iterator[bool]:
     """Lock some crashes. Yields whether it had to wait for another worker: then records read before may be outdated."""
-    if storage.local_root is None or sys.platform == "win32":
+    if storage.local_root is None:
         yield False
         return
     folder = storage.local_root / FOLDER
@@ -36,23 +31,8 @@ def held(storage: Storage, keys: Iterable[str]) -> Iterator[bool]:
     with ExitStack() as stack:
         # In one order for all, so that no two wait for each other.
         for number in sorted({_number(key) for key in keys}):
-            waited |= stack.enter_context(_locked(folder / f"{number:02x}"))
+            waited |= stack.enter_context(locked(folder / f"{number:02x}"))
         yield waited
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[bool]:
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            waited = False
-        except BlockingIOError:
-            fcntl.flock(handle, fcntl.LOCK_EX)
-            waited = True
-        yield waited
-    finally:
-        os.close(handle)
 
 
 def _number(key: str) -> int:

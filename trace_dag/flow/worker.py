@@ -37,7 +37,7 @@ from trace_dag.flow.tasks import (
     made_record,
     provenance_of,
 )
-from trace_dag.flow.time_limit import within
+from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import at_work
 from trace_dag.provenance import (
@@ -51,8 +51,6 @@ from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
-
-_SLOWEST_MAP_BYTES_PER_S = 1_000_000.0  # a twentieth of the usual
 
 
 def _may_pass(error: BaseException) -> bool:
@@ -343,7 +341,7 @@ def _call_for_several(
         limit_s = work.settings.execution.stage_time_limit_s
         if "maps" in definition.sources:
             maps = {file for worker, _ in crashes for file in worker.task.source.maps}
-            limit_s += sum(file.size for file in maps) / _SLOWEST_MAP_BYTES_PER_S
+            limit_s += sum(file.size for file in maps) / SLOWEST_BYTES_PER_S
         products = within(limit_s, what, lambda: work.flow.make_for_several(definition, files))
     except Exception as error:
         if len(crashes) > 1:  # find the one it broke on; a call may read a large map file, so with few of them

@@ -15,13 +15,18 @@ import select
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final, Self
 
 from trace_dag.errors import UserError
-from trace_dag.osm.extraction import extract_raw, read_header
+from trace_dag.osm.extraction import extract_raw, is_divisible, read_header
+from trace_dag.osm.first_look import first_look
+from trace_dag.osm.large_map import LargeMap
 from trace_dag.osm.plausibility import UnreadableMapError
 from trace_dag.processes import how_it_ended
+from trace_dag.progress import MapListener, MapProgress, unheard
+from trace_dag.storage import Storage
 
 _LIMIT_S: Final = 120.0  # by the clock, for Python to be there and a small file to be read
 _SLOWEST_BYTES_PER_S: Final = 200_000.0  # a hundredth of the usual; what is slower than that never ends
@@ -41,8 +46,11 @@ class FirstReader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def read(self, path: Path) -> None:
-        """Read a file to its end. Raises :class:`UserError` for one that cannot be read, or not within its time."""
+    def read(self, path: Path, digest: str = "", storage: Storage | None = None, tell: MapListener = unheard) -> None:
+        """Read a file to its end; with ``storage``, keep there what a first look finds in a large one.
+
+        Raises :class:`UserError` for one that cannot be read, or not within its time.
+        """
         if self._process is None:
             self._process = _started()
         process = self._process
@@ -50,21 +58,27 @@ class FirstReader:
         assert process.stdout is not None
         limit_s = self._limit_s + path.stat().st_size / _SLOWEST_BYTES_PER_S
         with suppress(BrokenPipeError):  # it has died meanwhile: listening to it says so
-            process.stdin.write(json.dumps(str(path)) + "\n")
+            process.stdin.write(json.dumps([str(path), digest, storage.root if storage else None]) + "\n")
             process.stdin.flush()
-        if not select.select([process.stdout], [], [], limit_s)[0]:
-            self.close()
-            raise UnreadableMapError(f"{path}: not read after {limit_s:.0f} s; fetch it again, or leave it out")
-        answer = process.stdout.readline()
-        if not answer:
-            ended = how_it_ended(process.wait())
-            self.close()
-            raise UnreadableMapError(
-                f"{path}: damaged, reading it ended the process that did so ({ended}); fetch it again, or leave it out"
-            )
-        said = json.loads(answer)
-        if said:
-            raise UserError(said)
+        while True:
+            if not select.select([process.stdout], [], [], limit_s)[0]:
+                self.close()
+                raise UnreadableMapError(f"{path}: not read after {limit_s:.0f} s; fetch it again, or leave it out")
+            answer = process.stdout.readline()
+            if not answer:
+                ended = how_it_ended(process.wait())
+                self.close()
+                raise UnreadableMapError(
+                    f"{path}: damaged, reading it ended the process that did so ({ended}); fetch it again, or leave it "
+                    "out"
+                )
+            said = json.loads(answer)
+            if isinstance(said, dict):
+                tell(MapProgress(**said))
+            elif said:
+                raise UserError(said)
+            else:
+                return
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
@@ -88,16 +102,32 @@ def _started() -> subprocess.Popen[str]:
 
 
 def serve() -> None:
-    """Read the files named on standard input, a JSON string in a line each, and answer each with what is wrong."""
+    """Read the files named on standard input, a JSON list in a line each: path, SHA-256, storage root.
+
+    Answers each with how far it is (objects), then with what is wrong (a string, empty if nothing is).
+    """
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # its death is nothing to be looked into
     for line in sys.stdin:
-        path = Path(json.loads(line))
+        path, digest, root = json.loads(line)
         said = ""
         try:
-            extract_raw(path, read_header(path), [], service_roads=True)
+            _read(Path(path), digest, root)
         except UserError as error:
             said = str(error)
         except MemoryError:
             said = f"{path}: needs more memory than there is; cut the region of the crashes out of it (osmium extract)"
-        sys.stdout.write(json.dumps(said) + "\n")
-        sys.stdout.flush()
+        _answer(said)
+
+
+def _read(path: Path, digest: str, root: str | None) -> None:
+    header = read_header(path)
+    look = None
+    if root is not None and is_divisible(path, header):
+        look = first_look(LargeMap(path, header, digest, Storage(root)), lambda each: _answer(asdict(each)))
+    if look is None or not look.sorted:
+        extract_raw(path, header, [], service_roads=True)
+
+
+def _answer(what: object) -> None:
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()

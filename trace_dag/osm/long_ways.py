@@ -2,18 +2,12 @@
 
 A way without a node near a site can still pass it, on a stretch without nodes (there are motorways with ten kilometres
 of them), or lie around it. Such a way is long. Asking every road of a country for its length takes Python longer than
-libosmium takes to read the file, so it is done once, when the file is first read, and kept in a folder of the user's
-for as long as the file is the same by its size and time of change.
+libosmium takes to read the file, so it is done once, when the file is first read (:mod:`trace_dag.osm.first_look`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import io
-import os
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -22,10 +16,9 @@ import shapely
 
 from trace_dag.osm.near_nodes import LONG_M
 from trace_dag.osm.types import BoundingBox
-from trace_dag.storage import Storage
 
 # A node that a way has, and what the way covers, WGS84 degrees.
-_COLUMNS: Final = np.dtype(
+COLUMNS: Final = np.dtype(
     [("node", "<i8"), ("west_deg", "<f8"), ("south_deg", "<f8"), ("east_deg", "<f8"), ("north_deg", "<f8")]
 )
 _ANYWHERE_DEG: Final = (-180.0, -90.0, 180.0, 90.0)
@@ -42,14 +35,18 @@ class LongWayFinder:
         from osmium.geom import WKBFactory, haversine_distance
 
         self._length_m, self._not_located, self._wkb = haversine_distance, InvalidLocationError, WKBFactory()
+        self.seen = False  # a way
+        self.negative = False  # a node that is not located has an id below 0
+        self._forget()
+
+    def _forget(self) -> None:
         self._nodes: list[int] = []
         self._shapes: list[str] = []
         self._not_located_nodes: list[int] = []
-        self.negative = False  # a node that is not located has an id below 0
 
     def way(self, way: Any) -> bool:
         """True, by which it is dropped."""
-        nodes = way.nodes
+        self.seen, nodes = True, way.nodes
         try:
             if self._length_m(nodes) >= LONG_M:
                 self._shapes.append(self._wkb.create_linestring(way))
@@ -60,61 +57,25 @@ class LongWayFinder:
             self._not_located_nodes.append(refs[0])
         return True
 
-    def found(self) -> LongWays:
-        """Those seen so far."""
-        rows = np.empty(len(self._nodes) + len(self._not_located_nodes), _COLUMNS)
+    def take(self) -> LongWays:
+        """Those seen since the last time."""
+        rows = np.empty(len(self._nodes) + len(self._not_located_nodes), COLUMNS)
         rows["node"] = [*self._nodes, *self._not_located_nodes]
         bounds = np.full((len(rows), 4), _ANYWHERE_DEG)
         if self._shapes:
             bounds[: len(self._shapes)] = shapely.bounds(shapely.from_wkb(self._shapes))
         rows["west_deg"], rows["south_deg"], rows["east_deg"], rows["north_deg"] = bounds.T
+        self._forget()
         return rows
 
 
 def nodes_of_overlapping(ways: LongWays, boxes: Sequence[BoundingBox]) -> npt.NDArray[np.uint64]:
     """A node of each of the ways whose bounds overlap a box, (n,).
 
-    >>> ways = np.array([(7, -111.6, 40.0, -111.4, 40.0), (8, -111.3, 40.0, -111.1, 40.0)], _COLUMNS)
+    >>> ways = np.array([(7, -111.6, 40.0, -111.4, 40.0), (8, -111.3, 40.0, -111.1, 40.0)], COLUMNS)
     >>> nodes_of_overlapping(ways, [BoundingBox(39.99, -111.51, 40.01, -111.49)]).tolist()
     [7]
     """
     areas = shapely.STRtree([shapely.box(box.west_deg, box.south_deg, box.east_deg, box.north_deg) for box in boxes])
     of_ways = shapely.box(ways["west_deg"], ways["south_deg"], ways["east_deg"], ways["north_deg"])
     return np.unique(ways["node"][areas.query(of_ways)[0]]).astype(np.uint64)
-
-
-def noted(path: Path) -> LongWays | None:
-    """The long ways of a file, if they were found before and the file is still the same.
-
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     (file := Path(folder) / "town.osm.pbf").touch()
-    ...     noted(file)  # it was never read
-    """
-    folder, name = _note_of(path)
-    try:
-        ways: LongWays = np.load(folder / name, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
-        return None
-    return ways if ways.dtype == _COLUMNS else None
-
-
-def note(path: Path, ways: LongWays) -> None:
-    """Keep them for :func:`noted`.
-
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     (file := Path(folder) / "town.osm.pbf").touch()
-    ...     note(file, np.zeros(2, dtype=_COLUMNS))
-    ...     len(noted(file))
-    2
-    """
-    folder, name = _note_of(path)
-    stream = io.BytesIO()
-    np.save(stream, ways)
-    Storage(folder).write(name, stream.getvalue())
-
-
-def _note_of(path: Path) -> tuple[Path, str]:
-    state = path.stat()
-    known_by = f"{path.resolve()} {state.st_size} {state.st_mtime_ns} {LONG_M}"
-    digest = hashlib.sha256(known_by.encode()).hexdigest()[:24]
-    return Path(tempfile.gettempdir()) / f"trace-dag-maps-{os.getuid()}", f"long-ways/{digest}.npy"

@@ -8,9 +8,9 @@ all that the boxes may need: those with a near node, and the long ones (:mod:`tr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -28,43 +28,51 @@ _BITS_OF_PART: Final = 25
 _MOST_PARTS: Final = 512  # those of OpenStreetMap are 400
 _BITS_OF_PARTS: Final = 20
 _MIN_COS_LATITUDE: Final = 1e-3
-# What libosmium writes into a ``sparse_file_array``: one row for each node, in units of 1e-7 degrees.
-_ROWS: Final = np.dtype([("id", "<u8"), ("x", "<i4"), ("y", "<i4")])
-_Ids = npt.NDArray[np.uint64]
+ROWS: Final = np.dtype([("id", "<u8"), ("x", "<i4"), ("y", "<i4")])
+"""What libosmium writes into a ``sparse_file_array``: one row for each node, in units of 1e-7 degrees."""
+Ids = npt.NDArray[np.uint64]
 _NOWHERE: Final = 2**31 - 1  # the coordinate of rows that hold no node
 
 
-def near_node_ids(locations: Path, boxes: Sequence[BoundingBox]) -> list[_Ids]:
-    """The ids of the nodes within half of :data:`LONG_M` of a box, and of others not much farther, (n,) each.
+def near_node_ids(locations: Path, boxes: Sequence[BoundingBox]) -> Iterator[Ids]:
+    """The ids of the nodes within half of :data:`LONG_M` of a box, and of others not much farther, some at a time.
 
     ``locations`` is libosmium's ``sparse_file_array``.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     (file := Path(folder) / "locations").write_bytes(
-    ...         np.array([(7, -1_115_000_000, 400_000_000), (8, -1_116_000_000, 400_000_000)], _ROWS).tobytes()
+    ...         np.array([(7, -1_115_000_000, 400_000_000), (8, -1_116_000_000, 400_000_000)], ROWS).tobytes()
     ...     ) and [ids.tolist() for ids in near_node_ids(file, [BoundingBox(39.99, -111.51, 40.01, -111.49)])]
     [[7]]
     """
-    if not boxes or not locations.exists() or not (count := locations.stat().st_size // _ROWS.itemsize):
-        return []
+    if not boxes or not locations.exists() or not (count := locations.stat().st_size // ROWS.itemsize):
+        return
     cells = _Cells(boxes)
-    rows = np.memmap(locations, _ROWS, mode="r", shape=(count,))
-    found = []
+    rows = np.memmap(locations, ROWS, mode="r", shape=(count,))
     for start in range(0, count, _AT_ONCE):
         part = rows[start : start + _AT_ONCE]
-        found.append(part["id"][cells.hold(part["x"], part["y"])])
-    return found
+        yield part["id"][cells.hold(part["x"], part["y"])]
 
 
-def fit_into_memory(ids: Sequence[_Ids]) -> bool:
-    """Whether libosmium's set of some ids, (n,) each, stays small; that of OpenStreetMap's always does.
+def set_of(nodes: Iterable[Ids]) -> Any:
+    """libosmium's set of some nodes, given some at a time; None where it would not stay small.
 
-    >>> fit_into_memory([np.array([1, 13_000_000_000], np.uint64)]), fit_into_memory([np.array([2**60], np.uint64)])
-    (True, False)
+    That of OpenStreetMap's nodes always does.
+
+    >>> set_of([np.array([1, 13_000_000_000], np.uint64)]) is None, set_of([np.array([2**60], np.uint64)])
+    (False, None)
     """
-    parts = np.unique(np.concatenate([np.unique(some >> np.uint64(_BITS_OF_PART)) for some in ids]))
-    return len(parts) <= _MOST_PARTS and (not len(parts) or int(parts[-1]) < 2**_BITS_OF_PARTS)
+    from osmium import IdTracker
+
+    tracker, parts = IdTracker(), set[int]()
+    for some in nodes:
+        parts.update(np.unique(some >> np.uint64(_BITS_OF_PART)).tolist())
+        if len(parts) > _MOST_PARTS or max(parts, default=0) >= 2**_BITS_OF_PARTS:
+            return None
+        for node_id in some.tolist():
+            tracker.add_node(node_id)
+    return tracker
 
 
 class _Cells:

@@ -12,6 +12,7 @@ from trace_dag.flow.contract import Flow, StageDefinition
 from trace_dag.stage import Stage
 
 _GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
+_PREPARATIONS = {Stage.OSM_EXTRACT: "trace_dag.flow.large_maps:large_maps_divided"}
 _REQUIREMENTS = {
     Stage.ROAD_MAP: "trace_dag.flow.requirements:road_map",
     Stage.STATE_ESTIMATE: "trace_dag.flow.requirements:state_estimate",
@@ -20,7 +21,13 @@ _REQUIREMENTS = {
 
 FLOW = Flow(
     tuple(
-        StageDefinition(stage, f"{__name__}.{stage}:{stage}", _GROUPINGS.get(stage), _REQUIREMENTS.get(stage))
+        StageDefinition(
+            stage,
+            f"{__name__}.{stage}:{stage}",
+            _GROUPINGS.get(stage),
+            _REQUIREMENTS.get(stage),
+            _PREPARATIONS.get(stage),
+        )
         for stage in Stage
     ),
     picture="trace_dag.flow.crash_picture:crash_picture",

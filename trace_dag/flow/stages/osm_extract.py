@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from trace_dag.cohorts.services import Services
     from trace_dag.crash.record import CrashRecord
     from trace_dag.settings import OsmSettings
+    from trace_dag.storage import Storage
 
 
 def osm_extract(
@@ -77,17 +78,17 @@ def _ask(
 
 def catalog_of(maps: tuple[RegisteredMap, ...], services: Services) -> MapCatalog:
     """The map files of a cohort; opened once per process."""
-    paths: list[Path | Failure] = []
+    files: list[tuple[Path, str] | Failure] = []
     for file in maps:
         try:
-            paths.append(services.map_file(file))
+            files.append((services.map_file(file), file.sha256))
         except TransientFailure:
             raise
         except Failure as failure:
-            paths.append(failure)
-    return _opened(tuple(paths))
+            files.append(failure)
+    return _opened(tuple(files), services.storage)
 
 
 @lru_cache(maxsize=8)
-def _opened(paths: tuple[Path | Failure, ...]) -> MapCatalog:
-    return MapCatalog.of_registered(paths)
+def _opened(files: tuple[tuple[Path, str] | Failure, ...], storage: Storage) -> MapCatalog:
+    return MapCatalog.of_registered(files, storage)
