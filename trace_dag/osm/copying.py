@@ -37,7 +37,11 @@ class Filters:
 
 
 def may_be_long() -> list[Any]:
-    """Filters for the ways that may pass a site, or lie around it, without a node near it."""
+    """Filters for the ways that may pass a site, or lie around it, without a node near it.
+
+    >>> len(may_be_long())
+    2
+    """
     import osmium
 
     return [
@@ -47,7 +51,14 @@ def may_be_long() -> list[Any]:
 
 
 def locations_in(kept_in: str) -> tuple[Any, Any]:
-    """What locates the nodes of ways, and its table, of one of libosmium's kinds."""
+    """What locates the nodes of ways, and its table, of one of libosmium's kinds.
+
+    >>> import osmium
+    >>> _, table = locations_in("flex_mem")
+    >>> table.set(7, osmium.osm.Location(-101.5, 41.8))
+    >>> table.get(7).lat
+    41.8
+    """
     import osmium
 
     table = osmium.index.create_map(kept_in)
@@ -57,7 +68,16 @@ def locations_in(kept_in: str) -> tuple[Any, Any]:
 
 
 def copy(reader: Any, target: Path, handlers: Sequence[Any]) -> None:
-    """Copy what a reader has and no handler drops."""
+    """Copy what a reader has and no handler drops.
+
+    >>> import osmium, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     town, target = Path(folder) / "town.osm", Path(folder) / "town.opl"
+    ...     _ = town.write_text('<osm version="0.6"><node id="7" lat="41" lon="-101"/></osm>')
+    ...     copy(osmium.io.Reader(str(town)), target, [])
+    ...     target.read_bytes().split()[0]
+    b'n7'
+    """
     import osmium
 
     target.unlink(missing_ok=True)  # libosmium refuses to write over a file
@@ -75,7 +95,11 @@ def copy(reader: Any, target: Path, handlers: Sequence[Any]) -> None:
 @functools.cache
 def threads(process: int) -> Any:
     """One pool for all files of a process (a forked one has none of its parent's threads): a writer that failed keeps
-    its pool, which then is no loss."""
+    its pool, which then is no loss.
+
+    >>> threads(os.getpid()) is threads(os.getpid())
+    True
+    """
     import osmium
 
     return osmium.io.ThreadPool(os.cpu_count() or 1)  # left to itself libosmium spares two cores
@@ -83,7 +107,13 @@ def threads(process: int) -> Any:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """What libosmium and Arrow say of a file they cannot read becomes :class:`UnreadableMapError`."""
+    """What libosmium and Arrow say of a file they cannot read becomes :class:`UnreadableMapError`.
+
+    >>> with reading(Path("town.osm.pbf")):  # doctest: +ELLIPSIS
+    ...     raise RuntimeError("PBF error: truncated data")
+    Traceback (most recent call last):
+    trace_dag.osm.plausibility.UnreadableMapError: town.osm.pbf: cannot be read as OSM data (PBF error: ...
+    """
     import osmium
 
     try:

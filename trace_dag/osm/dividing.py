@@ -50,6 +50,23 @@ def divide(large: LargeMap, sites: Sequence[Around], *, service_roads: bool, tel
     nothing is stored.
 
     Raises as :func:`trace_dag.osm.first_look.first_look`.
+
+    >>> import tempfile
+    >>> from trace_dag.osm.extraction import read_header
+    >>> from trace_dag.osm.large_map import collected
+    >>> nodes = '<node id="1" lat="41" lon="-101"/><node id="2" lat="41" lon="-100.999"/>'
+    >>> way = '<way id="7"><nd ref="1"/><nd ref="2"/><tag k="highway" v="primary"/></way>'
+    >>> from trace_dag.storage import Storage
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     xml, file = Path(folder) / "town.osm", Path(folder) / "town.osm.pbf"
+    ...     _ = xml.write_text(f'<osm version="0.6">{nodes}{way}</osm>')
+    ...     with osmium.SimpleWriter(str(file)) as writer:
+    ...         osmium.apply(str(xml), writer)
+    ...     large = LargeMap(file, read_header(file), "0" * 64, Storage(folder))
+    ...     box = BoundingBox(40.99, -101.01, 41.01, -100.99)
+    ...     done = divide(large, [Around("2023-319003", box, box)], service_roads=True)
+    ...     done, list(collected(large, [Around("2023-319003", box, box)], service_roads=True).ways[0])
+    (True, [7])
     """
     look = first_look.first_look(large, tell)
     if not look.sorted:

@@ -155,12 +155,22 @@ def _one_pass(
 
 
 def is_large(path: Path) -> bool:
-    """Whether the nodes of a file are located in a file."""
+    """Whether the nodes of a file are located in a file.
+
+    >>> with tempfile.NamedTemporaryFile() as town:
+    ...     is_large(Path(town.name))
+    False
+    """
     return path.stat().st_size >= _LARGE
 
 
 def is_divisible(path: Path, header: FileHeader) -> bool:
-    """Whether a file is large, and sorted as those of the public servers are: pieces are cut out of it first."""
+    """Whether a file is large, and sorted as those of the public servers are: pieces are cut out of it first.
+
+    >>> with tempfile.NamedTemporaryFile(suffix=".osm.pbf") as town:
+    ...     is_divisible(Path(town.name), FileHeader(None, "", sorted_by_type=True))
+    False
+    """
     return is_large(path) and path.name.endswith(".pbf") and header.sorted_by_type and header.box is not None
 
 
@@ -179,6 +189,9 @@ def check_room(path: Path, times: float, folder: Path, remedy: str = "make room 
     """Raise :class:`UserError` where a folder has no room for so many times the size of a map file.
 
     libosmium ends the whole process when a disk is full, so that is found out before.
+
+    >>> with tempfile.NamedTemporaryFile() as town:
+    ...     check_room(Path(town.name), 10, Path(town.name).parent)  # an empty file needs none
     """
     needed, free = path.stat().st_size * times, shutil.disk_usage(folder).free
     if free < needed:

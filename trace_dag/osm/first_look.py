@@ -44,6 +44,20 @@ def first_look(large: LargeMap, tell: MapListener = unheard) -> FirstLook:
 
     Raises :class:`UnreadableMapError` for a file that cannot be read to its end, :class:`trace_dag.errors.UserError` if
     there is no room for the places of its nodes.
+
+    >>> import osmium, tempfile
+    >>> from pathlib import Path
+    >>> from trace_dag.osm.extraction import read_header
+    >>> nodes = '<node id="1" lat="41" lon="-101"/><node id="2" lat="41" lon="-100.999"/>'
+    >>> way = '<way id="7"><nd ref="1"/><nd ref="2"/><tag k="highway" v="primary"/></way>'
+    >>> from trace_dag.storage import Storage
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     xml, file = Path(folder) / "town.osm", Path(folder) / "town.osm.pbf"
+    ...     _ = xml.write_text(f'<osm version="0.6">{nodes}{way}</osm>')
+    ...     with osmium.SimpleWriter(str(file)) as writer:
+    ...         osmium.apply(str(xml), writer)
+    ...     first_look(LargeMap(file, read_header(file), "0" * 64, Storage(folder))).sorted
+    True
     """
     work = large.work_folder("first-look")
     work.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

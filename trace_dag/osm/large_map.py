@@ -90,7 +90,14 @@ class LargeMap:
 
 
 def collected(large: LargeMap, sites: Sequence[Around], *, service_roads: bool) -> FilePass | None:
-    """What a pass over the file finds around some sites, from their pieces; None if one has none."""
+    """What a pass over the file finds around some sites, from their pieces; None if one has none.
+
+    >>> import tempfile
+    >>> from trace_dag.storage import Storage
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     large = LargeMap(Path("no-such-map.osm.pbf"), None, "0" * 64, Storage(folder))
+    ...     collected(large, [Around("2023-319003", extract.box, extract.box)], service_roads=True)
+    """
     pieces = large.pieces(sites, service_roads=service_roads)
     if len(pieces) < len(sites):
         return None
@@ -105,7 +112,18 @@ def collected(large: LargeMap, sites: Sequence[Around], *, service_roads: bool) 
 
 
 def remove_pieces(storage: Storage, keys: Collection[str]) -> None:
-    """Delete the pieces of some sites, out of all maps: their extracts are stored, or will never be asked for."""
+    """Delete the pieces of some sites, out of all maps: their extracts are stored, or will never be asked for.
+
+    >>> import tempfile
+    >>> from trace_dag.storage import Storage
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     large = LargeMap(Path("no-such-map.osm.pbf"), None, "0" * 64, Storage(folder))
+    ...     sites = [Around("2023-319003", extract.box, extract.box)]
+    ...     large.keep_piece(sites[0], [], service_roads=True)
+    ...     remove_pieces(large.storage, {"2023-319003"})
+    ...     len(large.without_piece(sites, service_roads=True))
+    1
+    """
     for name in storage.list(FOLDER, (_PIECE,)):
         if name.rsplit("/", 1)[-1].split("-", 2)[2].rpartition("-")[0] in keys:
             storage.delete(name)
@@ -113,7 +131,14 @@ def remove_pieces(storage: Storage, keys: Collection[str]) -> None:
 
 def unused(storage: Storage, digests: Collection[str]) -> tuple[list[str], list[Path]]:
     """What was kept of maps that have none of these digests, or by passes that nobody went on with for a week: names in
-    storage, and files and folders here."""
+    storage, and files and folders here.
+
+    >>> import tempfile
+    >>> from trace_dag.storage import Storage
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     unused(Storage(folder), [])
+    ([], [])
+    """
     starts = {digest[:_DIGITS] for digest in digests}
     names = [name for name in storage.list(FOLDER) if name.rsplit("/", 1)[-1].partition("-")[0] not in starts]
     work = storage.local_folder / _WORK
