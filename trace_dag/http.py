@@ -36,6 +36,7 @@ from tenacity import (
 
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.rate_limit import take_turn
+from trace_dag.wording import counted
 
 TRANSIENT_STATUS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 USER_AGENT: Final = "trace-dag (crash reconstruction research)"
@@ -154,7 +155,7 @@ class HttpClient:
             body = retrying(self._ask_once, method, url, params, data, check)
         except _AskAgain as error:
             self._down = True
-            raise TransientFailure(f"{error} (after {attempts} attempts)") from error
+            raise TransientFailure(f"{error} (after {counted(attempts, 'attempt')})") from error
         self._down = False
         if cached is not None and (lasts is None or lasts(body)):
             _store(cached, body, {"method": method, "url": url, "params": dict(params or {}), "data": dict(data or {})})
@@ -289,7 +290,7 @@ def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, ti
     try:
         trying(once)
     except RetryError as error:
-        raise Failure(f"{error.last_attempt.exception()} (after {attempts} attempts)") from None
+        raise Failure(f"{error.last_attempt.exception()} (after {counted(attempts, 'attempt')})") from None
 
 
 def _status(response: httpx.Response) -> str:

@@ -143,7 +143,7 @@ def test_the_first_accepted_hypothesis_wins_and_the_first_stands_for_none() -> N
 
 def test_logs_of_another_estimate_are_a_failure() -> None:
     hypothesis, log = simulated(*HEAD_ON)
-    with pytest.raises(Failure, match="2 simulation logs for 1 hypotheses"):
+    with pytest.raises(Failure, match="2 simulation logs for 1 hypothesis;"):
         judge(HEAD_ON_RECORD, STREET, REPORT, estimate(hypothesis), (log, log), VerdictSettings())
 
 

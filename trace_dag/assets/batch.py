@@ -38,6 +38,7 @@ from trace_dag.processes import this_process
 from trace_dag.progress import MapListener, MapProgress
 from trace_dag.settings import ExecutionSettings
 from trace_dag.stage import Stage
+from trace_dag.wording import counted
 
 COHORT_TAG = "trace_dag/cohort"
 SUMMARY_TAG = "trace_dag/summary"
@@ -140,7 +141,7 @@ def _tags(workspace: Workspace, keys: Sequence[str]) -> dict[str, str]:
 def _summary(failed: dict[str, StageEvent], total: int) -> str:
     named = [f"{key} in {_stage(event)}" for key, event in list(failed.items())[:_FAILURES_NAMED]]
     more = f" and {len(failed) - len(named)} more" if len(failed) > len(named) else ""
-    return f"{len(failed)} of {total} crashes failed: {', '.join(named)}{more}"
+    return f"{len(failed)} of {counted(total, 'crash', 'crashes')} failed: {', '.join(named)}{more}"
 
 
 def _table(failed: dict[str, StageEvent]) -> str:

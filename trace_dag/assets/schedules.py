@@ -23,6 +23,7 @@ from trace_dag.flow.selection import Selection, not_released, plan, select_stale
 from trace_dag.flow.workspace import Workspace
 from trace_dag.settings import AutomationSettings, Schedule
 from trace_dag.stage import Stage
+from trace_dag.wording import counted
 
 _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | SkipReason]
 _JOB = next(job for job in STAGE_JOBS if job.name == ALL_STAGES)
@@ -71,7 +72,7 @@ def _new_cases(settings: AutomationSettings) -> ScheduleDefinition:
         if not cases.followers:
             return SkipReason("No cohort follows the CrashAPI; trace-dag ingest --crashapi --watch makes one.")
         if not cases.keys:
-            return SkipReason(f"Nothing new for {cases.followers} cohorts.")
+            return SkipReason(f"Nothing new for {counted(cases.followers, 'cohort')}.")
         add_partitions(context.instance, cases.keys)
         # Exact, so that the report is asked for again although nothing else has changed.
         selection = Selection(cases.keys, dict.fromkeys(cases.keys, Stage.RAW_REPORT), exact=True)

@@ -17,6 +17,7 @@ from trace_dag.cohorts.watched_folders import register_arrivals
 from trace_dag.flow.selection import Selection, plan
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
+from trace_dag.wording import counted
 
 _INTERVAL_S = 30
 
@@ -39,7 +40,7 @@ def arriving_reports(
         context.log.warning(arrivals.unread)
     if not arrivals.keys:
         context.update_cursor(arrivals.seen)
-        return SkipReason(f"Nothing new in {arrivals.folders} folders. {arrivals.unread}".rstrip())
+        return SkipReason(f"Nothing new in {counted(arrivals.folders, 'folder')}. {arrivals.unread}".rstrip())
     add_partitions(context.instance, arrivals.keys)
     selection = Selection(arrivals.keys, dict.fromkeys(arrivals.keys, Stage.RAW_REPORT))
     partitions = context.instance.get_dynamic_partitions("crashes")

@@ -45,6 +45,7 @@ from trace_dag.studies.summaries import (
 )
 from trace_dag.studies.truth import load_truth
 from trace_dag.studies.variations import make_families
+from trace_dag.wording import counted
 
 GROUP = "studies"
 Found = TypeVar("Found")
@@ -277,7 +278,8 @@ def release(context: AssetExecutionContext, config: ReleaseConfig) -> Materializ
         )
     if made.missing:
         raise Failure(
-            f"{made.missing} crashes are missing, so {made.folder} is not finished: {'; '.join(left_out[:10])}"
+            f"{made.folder} is not finished, for it lacks {counted(made.missing, 'crash', 'crashes')}: "
+            + "; ".join(left_out[:10])
         )
     table = StudyTable(["folder", "packages", "files written"], [(str(made.folder), made.packages, made.written)])
     return _result(table, left_out, folder=MetadataValue.path(str(made.folder)))

@@ -13,6 +13,7 @@ from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.changes import alerts_since, standings_in
 from trace_dag.warehouse.query import open_warehouse, query
+from trace_dag.wording import counted
 
 _SHOWN = ("funnel", "failure_reasons", "coverage")
 _ERRORS_NAMED = 10
@@ -73,7 +74,8 @@ def benchmark(context: AssetExecutionContext) -> MaterializeResult[Any]:
     if report.errors:
         named = list(report.errors.items())[:_ERRORS_NAMED]
         raise Failure(
-            f"{len(report.errors)} of {report.pages} crashes have no page: {'; '.join(map(_said, named))}",
+            f"no page of {len(report.errors)} of {counted(report.pages, 'crash', 'crashes')}: "
+            + "; ".join(map(_said, named)),
             metadata={key: MetadataValue.text(error) for key, error in named},
             allow_retries=False,
         )

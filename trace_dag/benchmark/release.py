@@ -36,6 +36,7 @@ from trace_dag.scenario.release import (
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse import query
+from trace_dag.wording import counted
 
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+){0,2}([.-]?(a|b|rc|dev)[0-9]+)?")
 # Everything the index says of a package but where it is.
@@ -170,7 +171,7 @@ def _finish(target: Storage, documents: Mapping[str, bytes], sums: Mapping[str, 
 def _other_content(folder: Path, version: str, complete: Mapping[str, str], sums: Mapping[str, str]) -> str:
     differ = sum(complete.get(name) != sums.get(name) for name in complete.keys() | sums.keys())
     return (
-        f"{folder}: version {version} was released with other content ({differ} files differ); "
+        f"{folder}: version {version} was released with other content ({counted(differ, 'file')} not the same); "
         "a version is not changed: choose another --version, or delete the folder"
     )
 

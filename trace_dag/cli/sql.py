@@ -11,6 +11,7 @@ from trace_dag.cli.printing import print_table, write_csv, write_json
 from trace_dag.cli.row_files import FORMATS, write_rows
 from trace_dag.disks import naming
 from trace_dag.errors import UserError
+from trace_dag.wording import counted
 
 
 @click.command(
@@ -48,7 +49,7 @@ def sql(root: str, query: str, output: str, path: Path | None) -> None:
     if path is not None:
         with naming(path):
             write_rows(path, output, names, rows)
-        click.echo(f"{path}  {len(rows)} rows")
+        click.echo(f"{path}  {counted(len(rows), 'row')}")
     elif output == "csv":
         write_csv(names, rows)
     elif output == "json":

@@ -39,6 +39,7 @@ from trace_dag.states.types import (
     StateEstimate,
 )
 from trace_dag.units import bearing_to_clock_h
+from trace_dag.wording import counted
 
 _FIRST_CONTACTS: Final = 6  # hypotheses of the first contact that are gone on from
 _TRIED: Final = 6  # arrivals of one vehicle that are simulated
@@ -139,8 +140,7 @@ def _first_contacts(scene: Scene, contact: VehicleContact, settings: StateSettin
 
 def _no_first(scene: Scene, contact: VehicleContact) -> str:
     one, two = contact.pair
-    ways = f"{len(scene.streams)} ways past the crash" if scene.streams else "no lane of the map passes the crash"
-    return f"{ways}, none of which lets vehicles {one} and {two} meet first, as event {contact.event_number} says"
+    return scene.no_way_that(f"lets vehicles {one} and {two} meet first, as event {contact.event_number} says")
 
 
 # --- one contact more ------------------------------------------------------------------------------------------------
@@ -172,9 +172,10 @@ def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> lis
             break
     if not tried:
         (known,) = (number for number in contact.pair if number != newcomers[0])
+        ways = counted(len(crash.scene.streams), "way")
         stuck.append(
-            f"event {contact.event_number}: on none of {len(crash.scene.streams)} ways past the crash vehicle "
-            f"{newcomers[0]} comes to touch vehicle {known} after what was before"
+            f"event {contact.event_number}: on none of {ways} past the crash vehicle {newcomers[0]} comes to touch "
+            f"vehicle {known} after what was before"
         )
     return good or sorted(tried, key=lambda each: each.rank)[:1]
 

@@ -99,7 +99,7 @@ def estimate_overturn(
     scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
     ways = sorted(_ways(scene, departure), key=lambda way: (-way.score, way.name))[:_WAYS]
     if not ways:
-        detail = f"{len(scene.streams)} ways past the crash, none of which the vehicle can have come along"
+        detail = scene.no_way_that("the vehicle can have come along")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
     simulation = usual_simulation(network, record)
     found = [_fast_enough(scene, way, simulation, settings.lead_time_s) for way in ways]

@@ -30,6 +30,7 @@ from trace_dag.states.scene import Scene
 from trace_dag.states.strikes import ESSENTIAL, LaterStrike, first_states, later_state, next_way, strike_hypothesis
 from trace_dag.states.striking import StrikePlan, best_of_groups, strike_plans
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
+from trace_dag.wording import counted
 
 _LONGEST_CHAIN_S: Final = 12.0  # from the first strike to the last
 _SETTLES_S: Final = 1.0  # after a thrown person has come to rest
@@ -96,12 +97,8 @@ def _assumed(strike: Strike, settings: StateSettings) -> Strike:
 
 
 def _why_not(scene: Scene, examined: int) -> str:
-    if not scene.streams:
-        return "no lane of the map passes the crash"
-    return (
-        f"{len(scene.streams)} ways past the crash and {examined} plans examined, in none of which the vehicle strikes "
-        "whom it struck as reported"
-    )
+    plans = f" in any of {counted(examined, 'plan')} examined" if examined else ""
+    return scene.no_way_that(f"leads the vehicle to whom it struck as reported{plans}")
 
 
 def _hypothesis(crash: _Crash, plan: StrikePlan, rest: Sequence[Strike]) -> Hypothesis | None:

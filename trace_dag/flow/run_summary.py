@@ -15,6 +15,7 @@ from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome
 from trace_dag.settings import StateSettings
 from trace_dag.stage import Stage
+from trace_dag.wording import counted
 
 _SLOWEST_NAMED = 3
 _USUAL_ESTIMATOR = StateSettings().estimator
@@ -99,14 +100,15 @@ class RunSummary:
     def in_words(self) -> str:
         """The summary as one line."""
         figures = self.figures()
+        crashes = counted(len(self._crashes), "crash", "crashes")
         parts = [
-            f"{figures['crashes_computed']} of {figures['crashes']} crashes computed in {figures['elapsed_s']:.1f} s"
+            f"{self.computed} of {crashes} computed in {figures['elapsed_s']:.1f} s"
             f" ({figures['crashes_per_minute']:.0f} per minute)"
         ]
         if figures["slowest"]:
             parts.append(f"slowest {figures['slowest']}")
             parts.append(f"most time in {figures['slowest_stage']}")
-        parts.append(f"{self.retries} retries")
+        parts.append(counted(self.retries, "retry", "retries"))
         parts.append(f"${self.cost_usd:.4f} for language models" if self.cost_usd else "no cost")
         if any(made.estimator != _USUAL_ESTIMATOR or made.fallback_from for made in self.estimates):
             parts.append(makers_in_words(self.estimates))

@@ -9,6 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.markdown import code_span, escaped
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -48,5 +49,6 @@ def _templates(*, markdown: bool) -> Environment:
         finalize=_shown if markdown else None,
     )
     environment.filters["code"] = lambda value: _Markdown(code_span(str(value)))
+    environment.filters["counted"] = counted
     environment.filters["words"] = lambda value: str(value).replace("_", " ")
     return environment

@@ -29,6 +29,7 @@ from trace_dag.scenario.geoparquet import geoparquet
 from trace_dag.scenario.release_metadata import croissant, datacite, licences
 from trace_dag.schemas import Column, ColumnType, TableSchema
 from trace_dag.version import __version__
+from trace_dag.wording import counted
 
 NAME = "trace-dag-benchmark"
 CHECKSUMS = "SHA256SUMS"
@@ -226,8 +227,9 @@ def _card(release: BenchmarkRelease) -> bytes:
 
 def _about(release: BenchmarkRelease) -> str:
     what = "fictional" if release.rights.fictional else "police-reported fatal"
+    crashes = counted(len(release.packages), f"{what} crash", f"{what} crashes")
     return (
-        f"{len(release.packages)} {what} crashes, each with its report, an OpenDRIVE map of the road, the simulated "
+        f"{crashes}, each with its report, an OpenDRIVE map of the road, the simulated "
         "motion of everybody, OpenSCENARIO files and the verdict by which it agrees with the report; split by place "
         "for training, validation and test."
     )

@@ -151,10 +151,7 @@ def _group(solution: Solution) -> tuple[str, ...]:
 
 def _why_not(scene: Scene, readings: tuple[Encounter, ...], found: list[Candidate]) -> str:
     relations = ", ".join(dict.fromkeys(reading.relation.value for reading in readings))
-    if not scene.streams:
-        return "no lane of the map passes the crash"
     if not found:
-        return (
-            f"{len(scene.streams)} ways past the crash, none of which lets the vehicles meet as reported ({relations})"
-        )
-    return f"{len(found)} pairs of paths examined ({relations}), in none do the bodies touch near the crash"
+        return scene.no_way_that(f"lets the vehicles meet as reported ({relations})")
+    examined = counted(len(found), "pair of paths", "pairs of paths")
+    return f"{examined} examined ({relations}), in none do the bodies touch near the crash"

@@ -128,7 +128,7 @@ def estimate_departure(
     scene = build_scene(record, network, report, lead_time_s=settings.lead_time_s)
     plans = sorted(_plans(scene, departure), key=lambda plan: (-plan.score, plan.name))
     if not plans:
-        detail = f"{len(scene.streams)} ways past the crash, none of which leads off the road to the {departure.side}"
+        detail = scene.no_way_that(f"leads off the road to the {departure.side}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
     chosen = _best_of_ways(plans)[: settings.max_hypotheses]
     total = sum(math.exp(max(plan.score - chosen[0].score, -50.0)) for plan in chosen)

@@ -11,6 +11,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement, MappedThing
 from trace_dag.states.stream_finder import StreamFinder
 from trace_dag.states.streams import Stream
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.roads.map.areas import Area
@@ -55,6 +56,12 @@ class Scene:
     def through(self) -> list[Stream]:
         """Streams that pass the crash without turning."""
         return [stream for stream in self.streams if stream.turn is None]
+
+    def no_way_that(self, does: str) -> str:
+        """That no way past the crash does something, such as "leads off the road", as a sentence."""
+        if not self.streams:
+            return "no lane of the map passes the crash"
+        return f"{counted(len(self.streams), 'way')} past the crash, none of which {does}"
 
     def on_road(self, wanted: list[Stream]) -> list[Stream]:
         """Streams that pass within a lane or two of the crash, else the nearest ones."""

@@ -34,6 +34,7 @@ from trace_dag.verdict.rules import (
 from trace_dag.verdict.strikes import observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, facts_of_strikes, grade_of, supported
 from trace_dag.verdict.types import Criterion, Grade, Verdict
+from trace_dag.wording import counted
 
 _REQUIRED: Final = {
     Reconstruction.COLLISION: REQUIRED,
@@ -65,7 +66,8 @@ def judge(
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
-            f"{record.key}: {len(logs)} simulation logs for {len(estimate.hypotheses)} hypotheses; simulate again"
+            f"{record.key}: {counted(len(logs), 'simulation log')} for "
+            f"{counted(len(estimate.hypotheses), 'hypothesis', 'hypotheses')}; simulate again"
         )
     judged = [
         judge_hypothesis(record, network, hypothesis, log, settings, report=report, index=i, of=len(logs))

@@ -49,6 +49,7 @@ from trace_dag.roads.map.model import ContactPoint, Junction, Road, RoadLink
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import RoadSettings
 from trace_dag.version import __version__
+from trace_dag.wording import counted
 
 CONVERTER: Final = f"trace-dag native {__version__}"
 _EDGE_RATIO: Final = 1.3  # bends this much wider than the outermost lane's outer border
@@ -95,8 +96,8 @@ def convert(
     if not streets:
         raise Rejection(
             Reason.MAP_DISTORTED,
-            f"no road can be built from the extract: {len(extract.ways)} ways, none of them drivable with two nodes "
-            "at different places",
+            f"no road can be built from the extract: {counted(len(extract.ways), 'way')}, none of them drivable with "
+            "two nodes at different places",
             measured=0.0,
             threshold=1.0,
         )

@@ -21,6 +21,7 @@ from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG
 from trace_dag.roads.map.model import LaneRef
 from trace_dag.roads.map.people import crosswalks
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -258,7 +259,8 @@ class MapComparison:
             compared += 1
             count = _lane_count(road, road.length_m / 2)
             if count != tagged:
-                differing.append(f"road {road.id} has {count} lanes, way {road.osm_way_ids[0]} is tagged {tagged}")
+                lanes = counted(count, "lane")
+                differing.append(f"road {road.id} has {lanes}, way {road.osm_way_ids[0]} is tagged {tagged}")
         return compared, len(differing), differing
 
     def geodesic_anchors(self, count: int) -> tuple[FloatArray, FloatArray]:

@@ -18,6 +18,7 @@ from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
 from trace_dag.roads.report import CrashPlacement, MapGate
+from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
@@ -108,8 +109,8 @@ def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> Map
     name, unit = "stored_difference", "m"
     before, after = network.lanes(), stored.lanes()
     if set(before) != set(after):
-        difference = len(set(before) ^ set(after))
-        return MapGate(name, None, limits.stored_difference_m, unit, False, f"{difference} lanes differ")
+        differing = counted(len(set(before) ^ set(after)), "lane")
+        return MapGate(name, None, limits.stored_difference_m, unit, False, f"{differing} not in both")
     largest = 0.0
     for ref in before:
         here, there = network.geometry(ref), stored.geometry(ref)
@@ -203,13 +204,13 @@ def _geodesics(comparison: MapComparison, limits: MapLimits) -> MapGate:
     geographic, places = comparison.geodesic_anchors(_ANCHORS)
     name, unit = "geodesic_distances", "m"
     if len(places) < _LEAST_ANCHORS:
-        detail = f"{len(places)} places far enough apart, {_LEAST_ANCHORS} needed"
+        detail = f"{counted(len(places), 'place')} far enough apart, {_LEAST_ANCHORS} needed"
         return MapGate(name, None, limits.geodesic_m, unit, None, detail)
     first, second = np.triu_indices(len(places), 1)
     on_map = np.hypot(*(places[first] - places[second]).T)
     on_earth = _geodesic_m(Geod(ellps="WGS84"), geographic[first], geographic[second])
     spread = float(on_map.max())
-    detail = f"{len(first)} distances between {len(places)} places up to {spread:.0f} m apart"
+    detail = f"{counted(len(first), 'distance')} between {counted(len(places), 'place')} up to {spread:.0f} m apart"
     return _at_most(name, float(np.abs(on_map - on_earth).max()), limits.geodesic_m, unit, detail)
 
 

@@ -15,6 +15,7 @@ from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT, NO_SECOND_V
 from trace_dag.geometry import LocalFrame
 from trace_dag.verdict.perturbed.report import ChangedReport, add, code_in, keep, put
 from trace_dag.verdict.perturbed.scene import PerturbedScene
+from trace_dag.wording import counted
 
 TREE: Final = 42
 _NO_MOTOR_VEHICLE_AREA: Final = 77
@@ -143,7 +144,8 @@ def set_road(
             done += [put(vehicle, element, value) for vehicle in _vehicles(report, scene)]
     if not any(done):
         return None
-    said = ("an interstate" * interstate, f"{lanes} lanes" * bool(lanes), f"{limit_mph} mph" * bool(limit_mph))
+    lanes_said = counted(lanes, "lane") if lanes else ""
+    said = ("an interstate" * interstate, lanes_said, f"{limit_mph} mph" * bool(limit_mph))
     return ", ".join(word for word in said if word)
 
 
