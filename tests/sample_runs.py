@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import logging
 import os
 import subprocess
@@ -13,6 +14,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from functools import cache
 from io import StringIO
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import prepared
@@ -59,6 +61,11 @@ def trace_dag(root: Path | str, *arguments: str, **environment: str) -> subproce
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def asked(root: Path | str, query: str) -> list[dict[str, Any]]:
+    """The rows that ``trace-dag sql`` answers with."""
+    return json.loads(trace_dag(root, "sql", query, "--format", "json").stdout)
 
 
 @contextmanager

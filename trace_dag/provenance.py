@@ -184,6 +184,15 @@ def record_name(stage: Stage, key: str) -> str:
     return f"{stage}/{key}.outcome.json"
 
 
+def crash_of(name: str) -> str:
+    """The key of the crash that a stored file is of, by its name; some other word for a file of no crash.
+
+    >>> crash_of("road_map/2023-319003.rejected.json.gz")
+    '2023-319003'
+    """
+    return name.rpartition("/")[2].partition(".")[0]
+
+
 def artefact_name(stage: Stage, key: str, extension: str) -> str:
     """Where an artefact of a stage lies, below the storage root."""
     return f"{stage}/{key}.{extension}"

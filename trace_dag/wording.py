@@ -1,6 +1,15 @@
-"""Words of messages that depend on a number."""
+"""Numbers in messages: counted things, shares."""
 
 from __future__ import annotations
+
+
+def percent(share: float | None) -> str:
+    """A share of 1 as a percentage; empty where there is none.
+
+    >>> percent(0.125), percent(None)
+    ('12.5 %', '')
+    """
+    return "" if share is None else f"{100 * share:.1f} %"
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

@@ -7,7 +7,6 @@ import itertools
 import json
 import os
 import signal
-import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,18 +14,13 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
+from loopback import free_port
 from sample_runs import command, ingest, reports_of
 
 from tests.browser import CHROMIUM, Page
 
 MUTATION = "mutation { setNuxSeen } "
 VERSION = "{ version }"
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Server:

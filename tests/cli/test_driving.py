@@ -7,7 +7,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sample_runs import trace_dag
+from click.testing import CliRunner
+from sample_runs import asked, trace_dag
+
+from trace_dag.cli.main import cli
 
 CRASHES = ("2023-319003", "2023-319022")
 REJECTED = "2023-319061"
@@ -26,10 +29,6 @@ def evaluate(root: Path, *arguments: str) -> list[dict]:
     done = trace_dag(root, "evaluate", "--workers", "1", "--json", *arguments)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-def asked(root: Path, query: str) -> list[dict]:
-    return json.loads(trace_dag(root, "sql", query, "--format", "json").stdout)
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -95,6 +94,21 @@ def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("bound", "value", "taken"),
+    [
+        ("--speed", "nan", "0<=x<1"),
+        ("--speed", "1.0", "0<=x<1"),
+        ("--friction", "0.0", "0<x<=1"),
+        ("--timing", "-1.0", "0<=x<=60"),
+    ],
+)
+def test_a_bound_that_cannot_be_is_named_with_what_can(bound: str, value: str, taken: str) -> None:
+    done = CliRunner().invoke(cli, ["vary", bound, value])
+    assert done.exit_code == 2
+    assert f"'{bound}': {value} is not in the range {taken}." in done.output
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["evaluate", "--agent", "nobody"], "--agent nobody: expected brake"),
@@ -107,8 +121,6 @@ def test_results_for_people_are_by_class_of_crash(root: Path) -> None:
         (["evaluate", "--variations"], "trace-dag vary makes them"),
         (["vary", "--cohort", "nowhere"], "cohort 'nowhere' is not registered"),
         (["vary", "--only", REJECTED], "is verified"),
-        (["vary", "--speed", "nan"], "--speed is from 0 to 1"),
-        (["vary", "--friction", "0"], "--friction above 0"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_2(finished_root: Path, arguments: list[str], said: str) -> None:

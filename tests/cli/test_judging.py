@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sample_runs import trace_dag
+from sample_runs import asked, trace_dag
 
 from trace_dag.roads.map.writer import write_opendrive
 
@@ -25,10 +25,6 @@ def root(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def verified(root: Path) -> list[str]:
     """Keys of the verified crashes."""
     return [row["key"] for row in asked(root, VERIFIED)]
-
-
-def asked(root: Path, query: str) -> list[dict]:
-    return json.loads(trace_dag(root, "sql", query, "--format", "json").stdout)
 
 
 @pytest.mark.parametrize(("image_format", "begins"), [("html", b"<!DOCTYPE html>"), ("webp", b"RIFF")])

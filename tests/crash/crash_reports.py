@@ -1,9 +1,16 @@
-"""Reports made for tests: a small, complete one in CrashAPI XML whose every element can be changed."""
+"""Reports made for tests: a small, complete one in CrashAPI XML whose every element can be changed; and what is made of
+them."""
 
 from __future__ import annotations
 
 from typing import Any
 from xml.sax.saxutils import escape
+
+from trace_dag.crash.completeness import check
+from trace_dag.crash.parse import read_report
+from trace_dag.crash.record import CrashRecord
+from trace_dag.errors import Rejection
+from trace_dag.settings import CrashSettings
 
 Children = dict[str, Any]
 
@@ -47,6 +54,30 @@ def report(
         "State: 51</SearchCriteria><Results><ArrayOfCaseDetail><CaseDetail><CrashResultSet>"
         f"{content}</CrashResultSet></CaseDetail></ArrayOfCaseDetail></Results></ResponseOfListOfCaseDetail>"
     ).encode()
+
+
+def read(data: bytes) -> CrashRecord:
+    """The report, read with the usual settings."""
+    return read_report(data, name="report.xml", settings=CrashSettings())
+
+
+def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
+    """Why a record is not taken; None where it is."""
+    try:
+        check(record, settings)
+    except Rejection as found:
+        return found
+    return None
+
+
+def parties(record: CrashRecord) -> list[tuple[int, int | None, int | None]]:
+    """Of each event its code and both parties."""
+    return [(event.code, event.party_1, event.party_2) for event in record.events]
+
+
+def own_events(*rows: tuple[int | None, int]) -> list[tuple[str, Children]]:
+    """The list ``VSOEs`` of a vehicle: SOE (None where blank) and AOI of each."""
+    return [("VSOEs", {"VEVENTNUM": n, "SOE": soe, "AOI": aoi}) for n, (soe, aoi) in enumerate(rows, start=1)]
 
 
 def not_released(state_case: int = 519001, year: int = 2023) -> bytes:

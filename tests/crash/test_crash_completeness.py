@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from crash_reports import report
+from crash_reports import rejection, report
 
 from trace_dag.crash.completeness import OF_VERDICTS, RULES, Rule, check, filters_of, shortcomings
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection, UserError
 from trace_dag.settings import CrashSettings
 
@@ -77,16 +76,9 @@ def test_a_collision_is_one_that_an_event_says(
     crash: dict[str, object], events: list[dict[str, object]], reason: Reason | None, settings: CrashSettings
 ) -> None:
     record = read_report(report(crash, events=events), name="report.xml", settings=settings)
-    assert _reason(record, settings) is reason
+    found = rejection(record, settings)
+    assert (found and found.reason) is reason
     assert (record.colliding_vehicles is None) == (reason is not None)
-
-
-def _reason(record: CrashRecord, settings: CrashSettings) -> Reason | None:
-    try:
-        check(record, settings)
-    except Rejection as rejection:
-        return rejection.reason
-    return None
 
 
 def test_any_number_of_vehicles_if_the_cohort_does_not_ask(settings: CrashSettings) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from crash_reports import report
+from crash_reports import read, report
 
 from trace_dag.crash.completeness import check
 from trace_dag.crash.contacts import contacts_of, untold_contact
-from trace_dag.crash.parse import read_report
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
@@ -20,10 +19,6 @@ VEHICLES: list[dict[str, Any]] = [{}, {"VEH_NO": 2}, {"VEH_NO": 3}]
 FIRST = {"VNUMBER1": 1, "VNUMBER2": 2, "AOI1": 12, "AOI2": 6}
 SECOND = {"EVENTNUM": 2, "VNUMBER1": 2, "VNUMBER2": 3, "AOI1": 12, "AOI2": 6}
 PARKED = {"VE_FORMS": 1, "VE_TOTAL": 2, "HARM_EV": 14, "MAN_COLL": 0, "REL_ROAD": 7}
-
-
-def read(data: bytes) -> CrashRecord:
-    return read_report(data, name="report.xml", settings=CrashSettings())
 
 
 def rejection(record: CrashRecord) -> Rejection:

@@ -9,15 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from crash_reports import rejection
 from fars_tables import csv_of, tables_of, write
 
-from trace_dag.crash.completeness import check
 from trace_dag.crash.derive import UNSAID_MOVEMENTS
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.errors import Reason, UserError
 from trace_dag.settings import CrashSettings
 
 BROKEN = {"crash_510030.xml", "crash_510108.xml", "crash_510150.xml"}
@@ -72,7 +72,7 @@ def test_two_vehicle_crashes_are_rejected_only_where_no_table_tells_enough(
         for record in records(FarsCsvSource.open(national), settings).values()
         if record.vehicles_in_transport == 2
     ]
-    rejected = {record.key: reason for record in two if (reason := _reason(record, settings)) is not None}
+    rejected = {record.key: found.reason for record in two if (found := rejection(record, settings))}
     shares = {
         "complete": len(two) - len(rejected),
         "impact of both vehicles": sum(all(vehicle.impact for vehicle in record.vehicles) for record in two),
@@ -270,14 +270,6 @@ def test_hostile_column_names_and_values_stay_text(settings: CrashSettings, tmp_
     (tmp_path / "vehicle.csv").write_text(csv_of([{"ST_CASE": "510001", "VEH_NO": "1"}]))
     record = records(FarsCsvSource.open(tmp_path), settings)["2023-510001"]
     assert record.trafficway_1 == "A<&>B"
-
-
-def _reason(record: CrashRecord, settings: CrashSettings) -> Reason | None:
-    try:
-        check(record, settings)
-    except Rejection as rejection:
-        return rejection.reason
-    return None
 
 
 def _zipped(folder: Path, prefix: str) -> Path:

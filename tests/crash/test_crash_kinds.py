@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from crash_reports import report
+from crash_reports import read, rejection, report
 
 from trace_dag.crash.completeness import RULES, check, shortcomings
 from trace_dag.crash.fars_csv import FarsCsvSource
@@ -16,17 +16,13 @@ from trace_dag.crash.parse import read_report
 from trace_dag.crash.parties import PartyKind
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import strikes_of
-from trace_dag.errors import Reason, Rejection, UserError
+from trace_dag.errors import Reason, UserError
 from trace_dag.settings import CrashSettings
 
 PERSON = {"VEH_NO": 0, "PER_NO": 1, "PER_TYP": 5, "STR_VEH": 1, "AGE": 40, "LOCATION": 11}
 STRUCK = {"SOE": 8, "VNUMBER2": 9999, "AOI2": 77}
 ONE = {"VE_FORMS": 1, "VE_TOTAL": 1, "HARM_EV": 8, "MAN_COLL": 0}
 SILENT = {"P_CRASH1": 99, "P_CRASH2": 99, "ACC_TYPE": 98, "TRAV_SP": 998}
-
-
-def read(data: bytes) -> CrashRecord:
-    return read_report(data, name="report.xml", settings=CrashSettings())
 
 
 @pytest.mark.parametrize(
@@ -132,14 +128,6 @@ def test_real_reports_have_the_kind_of_their_listing(real_reports: dict[str, byt
 
 
 # --- which are judged ----------------------------------------------------------------------------------------------
-
-
-def rejection(record: CrashRecord, settings: CrashSettings) -> Rejection | None:
-    try:
-        check(record, settings)
-    except Rejection as found:
-        return found
-    return None
 
 
 def test_a_kind_that_cannot_be_judged_names_its_event() -> None:

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from crash_reports import not_released, report
+from crash_reports import not_released, own_events, report
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -237,12 +237,9 @@ def test_damage_implies_an_area_that_covers_it(codes: set[int]) -> None:
 
 
 def test_events_from_the_vehicles_own_sequences(settings: CrashSettings) -> None:
-    def sequence(*rows: tuple[int, int]) -> list[tuple[str, dict[str, int]]]:
-        return [("VSOEs", {"VEVENTNUM": n, "SOE": soe, "AOI": aoi}) for n, (soe, aoi) in enumerate(rows, start=1)]
-
     vehicles = [
-        {"Vsoes": sequence((68, 55), (12, 12), (42, 1))},
-        {"VEH_NO": 2, "Vsoes": sequence((12, 9), (1, 0))},
+        {"Vsoes": own_events((68, 55), (12, 12), (42, 1))},
+        {"VEH_NO": 2, "Vsoes": own_events((12, 9), (1, 0))},
     ]
     record = read(report(vehicles=vehicles, events=[]), settings)
     assert "events" in record.implied

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from crash_reports import report
+from crash_reports import parties, report
 
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.parse import read_report
@@ -36,10 +36,6 @@ def read(
     counts = {"VE_FORMS": vehicles, "VE_TOTAL": vehicles}
     data = report(ONE | counts | (crash or {}), listed, events, {"NPersons": list(persons), **lists})
     return read_report(data, name="report.xml", settings=CrashSettings())
-
-
-def parties(record: CrashRecord) -> list[tuple[int, int | None, int | None]]:
-    return [(event.code, event.party_1, event.party_2) for event in record.events]
 
 
 def test_every_party_has_a_number_of_its_own() -> None:

@@ -9,7 +9,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
-from crash_reports import report
+from crash_reports import own_events, parties, report
 
 from trace_dag.crash.derive import impact_area
 from trace_dag.crash.fars_csv import FarsCsvSource
@@ -21,19 +21,10 @@ from trace_dag.settings import CrashSettings
 NO_MANNER = FirstEvent(contact=True, man_coll=None)
 
 
-def own(*rows: tuple[int | None, int]) -> list[tuple[str, dict[str, int | None]]]:
-    """Rows of VSOE: SOE (None where blank) and AOI."""
-    return [("VSOEs", {"VEVENTNUM": n, "SOE": soe, "AOI": aoi}) for n, (soe, aoi) in enumerate(rows, start=1)]
-
-
 def read(crash: dict[str, object], *vehicles: dict[str, object], settings: CrashSettings) -> CrashRecord:
     numbered = [{"VEH_NO": number, **vehicle} for number, vehicle in enumerate(vehicles, start=1)]
     counts = {"VE_FORMS": len(vehicles), "VE_TOTAL": len(vehicles)}
     return read_report(report(counts | crash, numbered, events=[]), name="report.xml", settings=settings)
-
-
-def parties(record: CrashRecord) -> list[tuple[int, int | None, int | None]]:
-    return [(event.code, event.party_1, event.party_2) for event in record.events]
 
 
 # --- who met whom --------------------------------------------------------------------------------------------------
@@ -43,9 +34,9 @@ def test_the_vehicle_with_two_contacts_is_in_the_middle(settings: CrashSettings)
     """3 ran into 2, which was pushed into 1: crash types and a front-to-rear first contact say who was first."""
     record = read(
         {"MAN_COLL": 1},
-        {"ACC_TYPE": 98, "Vsoes": own((12, 6))},
-        {"ACC_TYPE": 21, "IMPACT1": 6, "Vsoes": own((12, 6), (12, 12))},
-        {"ACC_TYPE": 20, "Vsoes": own((12, 12))},
+        {"ACC_TYPE": 98, "Vsoes": own_events((12, 6))},
+        {"ACC_TYPE": 21, "IMPACT1": 6, "Vsoes": own_events((12, 6), (12, 12))},
+        {"ACC_TYPE": 20, "Vsoes": own_events((12, 12))},
         settings=settings,
     )
     assert parties(record) == [(12, 2, 3), (12, 1, 2)]
@@ -54,14 +45,14 @@ def test_the_vehicle_with_two_contacts_is_in_the_middle(settings: CrashSettings)
 
 def test_in_a_queue_each_ran_into_its_neighbour(settings: CrashSettings) -> None:
     """Front to rear throughout: who was behind whom could be any order, and it is that of the numbers."""
-    middle = {"ACC_TYPE": 98, "Vsoes": own((12, 6), (12, 12))}
+    middle = {"ACC_TYPE": 98, "Vsoes": own_events((12, 6), (12, 12))}
     record = read(
         {"MAN_COLL": 1, "VE_FORMS": 5, "VE_TOTAL": 5},
-        {"ACC_TYPE": 24, "Vsoes": own((12, 12))},
-        {"ACC_TYPE": 25, "Vsoes": own((12, 6), (12, 12))},
+        {"ACC_TYPE": 24, "Vsoes": own_events((12, 12))},
+        {"ACC_TYPE": 25, "Vsoes": own_events((12, 6), (12, 12))},
         middle,
         middle,
-        {"ACC_TYPE": 98, "Vsoes": own((12, 6))},
+        {"ACC_TYPE": 98, "Vsoes": own_events((12, 6))},
         settings=settings,
     )
     assert parties(record) == [(12, 1, 2), (12, 2, 3), (12, 3, 4), (12, 4, 5)]
@@ -70,9 +61,9 @@ def test_in_a_queue_each_ran_into_its_neighbour(settings: CrashSettings) -> None
 def test_the_manner_tells_the_first_contact_where_crash_types_do_not(settings: CrashSettings) -> None:
     record = read(
         {"MAN_COLL": 1},
-        {"ACC_TYPE": 98, "Vsoes": own((12, 6))},
-        {"ACC_TYPE": 98, "Vsoes": own((12, 6), (12, 12))},
-        {"ACC_TYPE": 98, "Vsoes": own((12, 12))},
+        {"ACC_TYPE": 98, "Vsoes": own_events((12, 6))},
+        {"ACC_TYPE": 98, "Vsoes": own_events((12, 6), (12, 12))},
+        {"ACC_TYPE": 98, "Vsoes": own_events((12, 12))},
         settings=settings,
     )
     assert parties(record) == [(12, 2, 3), (12, 1, 2)]
@@ -81,7 +72,7 @@ def test_the_manner_tells_the_first_contact_where_crash_types_do_not(settings: C
 def test_an_order_that_nothing_tells_is_marked(settings: CrashSettings) -> None:
     record = read(
         {"MAN_COLL": 99},
-        *({"ACC_TYPE": 98, "Vsoes": own(*rows)} for rows in ([(12, 98)], [(12, 98), (12, 98)], [(12, 98)])),
+        *({"ACC_TYPE": 98, "Vsoes": own_events(*rows)} for rows in ([(12, 98)], [(12, 98), (12, 98)], [(12, 98)])),
         settings=settings,
     )
     assert parties(record) == [(12, 1, 2), (12, 2, 3)]
@@ -90,14 +81,16 @@ def test_an_order_that_nothing_tells_is_marked(settings: CrashSettings) -> None:
 
 def test_parties_that_nothing_tells_stay_unknown(settings: CrashSettings) -> None:
     """1-2 and 3-4, 1-3 and 2-4, or 1-4 and 2-3."""
-    record = read({"MAN_COLL": 99}, *({"ACC_TYPE": 98, "Vsoes": own((12, 98))} for _ in range(4)), settings=settings)
+    record = read(
+        {"MAN_COLL": 99}, *({"ACC_TYPE": 98, "Vsoes": own_events((12, 98))} for _ in range(4)), settings=settings
+    )
     assert parties(record) == [(12, number, None) for number in (1, 2, 3, 4)]
     assert record.colliding_vehicles is None
     assert "collided with a motor vehicle in transport that is not named" in record.summary
 
 
 def test_of_two_vehicles_the_partner_is_certain_even_without_its_row(settings: CrashSettings) -> None:
-    record = read({}, {"Vsoes": own((12, 12), (12, 3))}, {"Vsoes": own((12, 9))}, settings=settings)
+    record = read({}, {"Vsoes": own_events((12, 12), (12, 3))}, {"Vsoes": own_events((12, 9))}, settings=settings)
     assert parties(record) == [(12, 1, 2), (12, 1, 2)]
 
 
@@ -148,7 +141,7 @@ def test_pairings_of_a_national_year(shared_data: Path) -> None:
 def test_a_blank_first_event_without_harm_is_a_departure_to_the_side_of_the_crash_type(
     crash_type: int, code: int, settings: CrashSettings
 ) -> None:
-    vehicle = {"ACC_TYPE": crash_type, "Vsoes": own((None, 55), (42, 12), (None, 55))}
+    vehicle = {"ACC_TYPE": crash_type, "Vsoes": own_events((None, 55), (42, 12), (None, 55))}
     record = read({"HARM_EV": 42, "MAN_COLL": 0}, vehicle, settings=settings)
     assert [event.code for event in record.events] == [code, 42, 99]
     assert "had an event that is not reported" in record.summary
@@ -156,7 +149,10 @@ def test_a_blank_first_event_without_harm_is_a_departure_to_the_side_of_the_cras
 
 def test_a_blank_first_harmful_event_is_the_crashs(settings: CrashSettings) -> None:
     record = read(
-        {"HARM_EV": 8, "MAN_COLL": 0}, {"Vsoes": own((None, 12))}, {"Vsoes": own((42, 12))}, settings=settings
+        {"HARM_EV": 8, "MAN_COLL": 0},
+        {"Vsoes": own_events((None, 12))},
+        {"Vsoes": own_events((42, 12))},
+        settings=settings,
     )
     assert parties(record) == [(8, 1, None), (42, 2, 2002)]
     assert [event.implied for event in record.events] == [("code",), ()]
@@ -164,7 +160,10 @@ def test_a_blank_first_harmful_event_is_the_crashs(settings: CrashSettings) -> N
 
 def test_a_blank_event_of_either_of_two_stays_unknown(settings: CrashSettings) -> None:
     record = read(
-        {"HARM_EV": 8, "MAN_COLL": 0}, {"Vsoes": own((None, 12))}, {"Vsoes": own((None, 12))}, settings=settings
+        {"HARM_EV": 8, "MAN_COLL": 0},
+        {"Vsoes": own_events((None, 12))},
+        {"Vsoes": own_events((None, 12))},
+        settings=settings,
     )
     assert [event.code for event in record.events] == [99, 99]
 
@@ -226,7 +225,7 @@ def test_a_first_harmful_event_that_the_sequence_does_not_begin_with(settings: C
 
 
 def test_a_contact_of_a_vehicles_own_sequence_that_the_crashs_lacks(settings: CrashSettings) -> None:
-    vehicles = [{"Vsoes": own((12, 12))}, {"VEH_NO": 2, "Vsoes": own((12, 3))}]
+    vehicles = [{"Vsoes": own_events((12, 12))}, {"VEH_NO": 2, "Vsoes": own_events((12, 3))}]
     tree = {"SOE": 42, "VNUMBER2": 9999}
     data = report({"HARM_EV": 42, "MAN_COLL": 0}, vehicles, events=[tree])
     record = read_report(data, name="report.xml", settings=settings)

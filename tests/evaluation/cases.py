@@ -11,12 +11,18 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.driving import BodyState
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.types import Participant
 
 RIGHT_M = -1.75  # centre of the lane along the x axis
 BACKEND = EmbeddedBackend(SimSettings())
 FRICTION = 0.75
+
+
+def standing(number: int, x_m: float, y_m: float = 0.0) -> BodyState:
+    """A body that stands there and faces east."""
+    return BodyState(number, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def case(network: RoadNetwork, *participants: Participant, impact_time_s: float = 4.0) -> Case:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tests.evaluation.cases import drive, rear_end
+from tests.evaluation.cases import drive, rear_end, standing
 from tests.sim.motions import CAR
 from trace_dag.errors import UserError
 from trace_dag.evaluation.agents import Action, AgentFault, Motion, Observation, Scenario
@@ -110,11 +110,7 @@ def test_pedals_steer_to_the_left_where_positive():
 
 
 # --- seeing ------------------------------------------------------------------------------------------------------
-def still(number: int, x_m: float, y_m: float) -> BodyState:
-    return BodyState(number, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-THREE = {1: still(1, 0, 0), 2: still(2, 20, 0), 3: still(3, 40, 0.2)}
+THREE = {1: standing(1, 0, 0), 2: standing(2, 20, 0), 3: standing(3, 40, 0.2)}
 
 
 def seen(states: dict[int, BodyState], sensing: Sensing, seed: int = 1) -> dict[int, tuple[float, float]]:
@@ -126,7 +122,7 @@ def test_range_and_occlusion_decide_who_is_seen():
     assert seen(THREE, Sensing()).keys() == {2, 3}
     assert seen(THREE, Sensing(range_m=30.0)).keys() == {2}
     assert seen(THREE, Sensing(occlusion=True)).keys() == {2}
-    beside = {**THREE, 3: still(3, 40, 6.0)}
+    beside = {**THREE, 3: standing(3, 40, 6.0)}
     assert seen(beside, Sensing(occlusion=True)).keys() == {2, 3}
 
 

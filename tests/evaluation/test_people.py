@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.evaluation.cases import RIGHT_M, case, drive
+from tests.evaluation.cases import RIGHT_M, case, drive, standing
 from tests.evaluation.test_loop import Answers
 from tests.sim.motions import CAR, participant, straight
 from tests.verdict.crashes import STREET
@@ -55,23 +55,19 @@ def test_a_road_user_has_a_kind(kind: BodyKind) -> None:
     assert other.width_m == person_body(kind).width_m
 
 
-def state(number: int, x_m: float, y_m: float = 0.0) -> BodyState:
-    return BodyState(number, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def seen(*states: BodyState) -> set[int]:
-    bodies = {each.number: PEDESTRIAN if each.number > 1000 else CAR for each in (state(1, 0.0), *states)}
+    bodies = {each.number: PEDESTRIAN if each.number > 1000 else CAR for each in (standing(1, 0.0), *states)}
     sensor = Sensor(1, bodies, Sensing(occlusion=True), seed=1)
-    observed = sensor.observe(0.0, {each.number: each for each in (state(1, 0.0), *states)})
+    observed = sensor.observe(0.0, {each.number: each for each in (standing(1, 0.0), *states)})
     return {other.number for other in observed.others}
 
 
 def test_a_vehicle_hides_a_person_and_a_person_nobody() -> None:
     """On one line: a car 20 m ahead, somebody 10 m behind it; then the two the other way round."""
-    assert seen(state(2, 20.0), state(1001, 30.0)) == {2}
-    assert seen(state(2, 30.0), state(1001, 20.0)) == {2, 1001}
-    assert seen(state(1001, 20.0), state(1002, 21.0)) == {1001, 1002}
-    assert seen(state(2, 20.0), state(1001, 30.0, 4.0)) == {2, 1001}  # beside the car's shadow
+    assert seen(standing(2, 20.0), standing(1001, 30.0)) == {2}
+    assert seen(standing(2, 30.0), standing(1001, 20.0)) == {2, 1001}
+    assert seen(standing(1001, 20.0), standing(1002, 21.0)) == {1001, 1002}
+    assert seen(standing(2, 20.0), standing(1001, 30.0, 4.0)) == {2, 1001}  # beside the car's shadow
 
 
 @pytest.mark.parametrize("of", [walked_into, ridden_into])

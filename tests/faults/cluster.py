@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 import urllib.request
@@ -12,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from loopback import free_port
 
 from tests.waiting import eventually
 from trace_dag.storage import Storage
@@ -102,13 +102,6 @@ def wait_until_under_way(run: subprocess.Popen[str], storage: Storage) -> None:
         return len(storage.list("road_map")) >= 2
 
     eventually(under_way, "the run never got going")
-
-
-def free_port() -> int:
-    """A port nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import duckdb
 import pytest
-from sample_runs import finished, trace_dag
+from sample_runs import trace_dag
 from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
@@ -21,11 +21,6 @@ from trace_dag.storage import Storage
 
 KEY = "2023-319003"
 SPACE = "free some space and run again"
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(finished(), tmp_path / "root"))
 
 
 def said(root: Path, *arguments: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -51,11 +50,6 @@ def overwrite(path: Path) -> None:
 
 Damage = Callable[[Path], None]
 DAMAGES = pytest.mark.parametrize("damage", [flip, truncate, overwrite, Path.unlink])
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(finished(), tmp_path / "root"))
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,13 @@ class Town:
         return self._nodes[key]
 
 
+def straight_street(**tags: str) -> RoadNetwork:
+    """200 m of a road along the x axis, its middle at the origin."""
+    town = Town()
+    town.street([(-100, 0), (100, 0)], **tags)
+    return town.network()
+
+
 def vehicle(
     number: int = 1,
     *,

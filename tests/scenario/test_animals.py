@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.scenario.player import Scenario
-from tests.sim.motions import CAR, crossing
+from tests.sim.motions import CAR, crossing, log_of
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.crash.record import VehicleClass
 from trace_dag.formats.sumo import floating_car_data
@@ -18,9 +18,7 @@ from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.scenario.solid.animals import animal_nodes, animal_places
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.quadrupeds import LANDMARKS
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog
 
 DEER = Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.60, 0.42, 0.92, 68.0)
@@ -29,13 +27,11 @@ DEER = Body(BodyKind.ANIMAL, VehicleClass.OTHER, 1.60, 0.42, 0.92, 68.0)
 @cache
 def simulated() -> SimulationLog:
     car, deer = crossing(CAR, DEER, 18.0, walks_mps=2.8, lead_s=2.0)
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return simulation.run((car, replace(deer, number=2001)), time_limit_s=12.0)
+    return log_of((car, replace(deer, number=2001)), SimSettings(time_limit_s=12.0))
 
 
 def deer() -> VehicleLog:
-    return next(each for each in simulated().vehicles if each.number == 2001)
+    return simulated().vehicle_log(2001)
 
 
 @pytest.mark.parametrize("flavour", [Flavour(), Flavour(carla=True)], ids=["1.2", "carla"])

@@ -14,7 +14,7 @@ import pytest
 from tests.roads import judges
 from tests.scenario import esmini
 from tests.scenario.player import Scenario
-from tests.sim.motions import CAR, TRUCK, crossing, participant, straight
+from tests.sim.motions import CAR, TRUCK, crossing, log_of, participant, straight
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.errors import Failure, UserError
 from trace_dag.roads.map.writer import write_opendrive
@@ -24,8 +24,6 @@ from trace_dag.scenario.strikes import strikes
 from trace_dag.settings import SimSettings
 from trace_dag.sim.anthropometry import person_body
 from trace_dag.sim.carla_blueprints import CHILD_WALKERS, choose_bicycle, choose_walker
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import BodyKind, SimulationLog
 
 CARLA = Flavour(carla=True)
@@ -43,9 +41,8 @@ PEOPLE = {
 @cache
 def simulated(name: str) -> SimulationLog:
     kind, years, by, speed_mps, walks_mps, walks_rad = PEOPLE[name]
-    settings = SimSettings()
     plans = crossing(by, person_body(kind, years), speed_mps, walks_mps=walks_mps, walks_rad=walks_rad, lead_s=2.0)
-    log = EmbeddedSimulation(settings, Surface(), settings.friction).run(plans, time_limit_s=12.0)
+    log = log_of(plans, SimSettings(time_limit_s=12.0))
     assert log.first_contact is not None
     return log
 
@@ -164,8 +161,7 @@ def test_somebody_who_waits_sets_off_when_they_walk() -> None:
     )
     person = participant(1001, waits, person_body(BodyKind.PEDESTRIAN))
     car = participant(1, straight(-22.5, 0.0, 0.0, 10.0))
-    settings = SimSettings()
-    log = EmbeddedSimulation(settings, Surface(), settings.friction).run((car, person), time_limit_s=12.0)
+    log = log_of((car, person), SimSettings(time_limit_s=12.0))
     (strike,) = strikes(log)
     assert strike["trigger"]["person_sets_off_at_s"] == pytest.approx(1.48, abs=0.05)
     left_m = 10.0 * strike["trigger"]["time_to_impact_s"]
@@ -173,9 +169,8 @@ def test_somebody_who_waits_sets_off_when_they_walk() -> None:
 
 
 def test_vehicles_alone_strike_nobody() -> None:
-    settings = SimSettings()
     cars = participant(1, straight(-30.0, 0.0, 0.0, 15.0)), participant(2, straight(30.0, 0.0, math.pi, 15.0))
-    assert strikes(EmbeddedSimulation(settings, Surface(), settings.friction).run(cars, time_limit_s=6.0)) == []
+    assert strikes(log_of(cars, SimSettings(time_limit_s=6.0))) == []
 
 
 def test_walkers_and_bicycles_are_those_the_server_has() -> None:

@@ -14,14 +14,12 @@ import pytest
 from tests import sample_runs
 from tests.scenario import esmini
 from tests.scenario.player import Collision, Scenario
-from tests.sim.motions import meeting
+from tests.sim.motions import log_of, meeting
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.crash.parties import party_label
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 
 WHEN_S, WHERE_M = 0.02, 0.1
@@ -42,8 +40,7 @@ MEETINGS = {
 
 @cache
 def simulated(name: str) -> SimulationLog:
-    settings = SimSettings()
-    log = EmbeddedSimulation(settings, Surface(), settings.friction).run(meeting(*MEETINGS[name]), time_limit_s=12.0)
+    log = log_of(meeting(*MEETINGS[name]), SimSettings(time_limit_s=12.0))
     assert log.first_contact is not None
     return log
 

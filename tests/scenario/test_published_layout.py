@@ -10,17 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, TRUCK, driven, participant, straight
-from tests.verdict.crashes import STREET, record, simulated, vehicle
+from tests.sim.motions import CAR, TRUCK, driven, log_of, participant, straight
+from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.errors import UserError
 from trace_dag.roads.map.model import Cubic
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.published_layout import write_published
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
+from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.published import published_estimate, read_published
 from trace_dag.sim.run import simulate
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, SimulationLog
 from trace_dag.states.types import Hypothesis, SpeedSource, Trajectory
 
@@ -29,7 +28,7 @@ RECORD = record(vehicle(1, 12), vehicle(2, 9))
 
 def crash(*trajectories: Trajectory, bodies: tuple[Body, ...] = (CAR, CAR)) -> tuple[Hypothesis, SimulationLog]:
     """A hypothesis as planned, and its simulation with bodies of these sizes on a plane."""
-    hypothesis, _ = simulated(*trajectories)
+    hypothesis, _ = log_of(*trajectories)
     states = tuple(
         replace(
             state,
@@ -41,11 +40,9 @@ def crash(*trajectories: Trajectory, bodies: tuple[Body, ...] = (CAR, CAR)) -> t
         )
         for state, body in zip(hypothesis.participants, bodies, strict=True)
     )
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    log = simulation.run(
-        tuple(participant(i, t, b) for i, (t, b) in enumerate(zip(trajectories, bodies, strict=True), start=1)),
-        time_limit_s=15.0,
+    log = log_of(
+        [participant(i, t, b) for i, (t, b) in enumerate(zip(trajectories, bodies, strict=True), start=1)],
+        SimSettings(time_limit_s=15.0),
     )
     return replace(hypothesis, participants=states), log
 

@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
-from trace_dag.sim.types import Body, BodyKind, Participant
+from trace_dag.settings import SimSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.surface import Surface
+from trace_dag.sim.types import Body, BodyKind, Participant, SimulationLog
+from trace_dag.states.objects import FixedObject
 from trace_dag.states.types import Trajectory
 
 CAR = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 4.7, 1.85, 1.45, 1500.0)
 TRUCK = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.TRUCK, 8.5, 2.5, 3.2, 12000.0)
+
+
+def log_of(
+    participants: Sequence[Participant],
+    settings: SimSettings | None = None,
+    *,
+    surface: Surface | None = None,
+    objects: Sequence[FixedObject] = (),
+) -> SimulationLog:
+    """What the embedded back-end makes of their plans, on level ground unless told otherwise."""
+    settings = settings or SimSettings()
+    simulation = EmbeddedSimulation(settings, surface or Surface(), settings.friction)
+    return simulation.run(tuple(participants), time_limit_s=settings.time_limit_s, objects=tuple(objects))
 
 
 def straight(

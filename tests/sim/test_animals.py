@@ -8,15 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, crossing
+from tests.sim.motions import CAR, crossing, log_of
 from trace_dag.crash.animals import Pace, Species
 from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import Failure
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.quadrupeds import LANDMARKS
-from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import Body, BodyKind, SimulationLog, VehicleLog, overturned_at
+from trace_dag.sim.types import Body, BodyKind, SimulationLog, overturned_at
 from trace_dag.states.animals import SIZES, animal_speed_mps
 from trace_dag.units import GRAVITY_MPS2
 
@@ -31,13 +28,7 @@ def animal(species: Species) -> Body:
 
 def struck(species: Species, by: Body, speed_mps: float) -> SimulationLog:
     vehicle, mover = crossing(by, animal(species), speed_mps, walks_mps=animal_speed_mps(species, Pace.TROTTING))
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return simulation.run((vehicle, replace(mover, number=2001)), time_limit_s=20.0)
-
-
-def logged(log: SimulationLog, number: int) -> VehicleLog:
-    return next(each for each in log.vehicles if each.number == number)
+    return log_of((vehicle, replace(mover, number=2001)))
 
 
 @pytest.mark.parametrize("species", Species)
@@ -52,7 +43,7 @@ def test_animals_walk_trot_and_gallop_where_froude_numbers_say(species: Species)
 @pytest.mark.parametrize("species", Species)
 def test_an_animal_stands_on_the_road_and_is_as_high_as_said(species: Species) -> None:
     log = struck(species, CAR, 15.0)
-    mover = logged(log, 2001)
+    mover = log.vehicle_log(2001)
     first = dict(zip(LANDMARKS, mover.landmarks_m[0].reshape(-1, 3), strict=True))
     body = animal(species)
     feet = [first[f"foot_{leg}"][2] for leg in ("fl", "fr", "hl", "hr")]
@@ -82,7 +73,7 @@ def test_a_deer_leaves_as_fast_as_the_car(speed_mps: float) -> None:
 def test_a_deer_is_thrown_as_far_as_searle_says(speed_mps: float) -> None:
     """SAE 831622: v^2 / (2 mu g) at most, for a body that is not carried; less its share of the momentum."""
     log = struck(Species.DEER, CAR, speed_mps)
-    mover, start = logged(log, 2001), log.contacts[0].pose_2
+    mover, start = log.vehicle_log(2001), log.contacts[0].pose_2
     thrown_m = math.hypot(mover.x_m[-1] - start.x_m, mover.y_m[-1] - start.y_m)
     left_mps = speed_mps * CAR.mass_kg / (CAR.mass_kg + SIZES[Species.DEER].mass_kg)
     most_m = speed_mps**2 / (2 * MU * GRAVITY_MPS2)
@@ -91,13 +82,12 @@ def test_a_deer_is_thrown_as_far_as_searle_says(speed_mps: float) -> None:
 
 def test_a_motorcycle_falls_and_a_car_goes_on() -> None:
     over = struck(Species.DEER, MOTORCYCLE, 22.0)
-    assert overturned_at(logged(over, 1)) is not None
+    assert overturned_at(over.vehicle_log(1)) is not None
     upright = struck(Species.DEER, CAR, 22.0)
-    assert overturned_at(logged(upright, 1)) is None
+    assert overturned_at(upright.vehicle_log(1)) is None
 
 
 def test_a_body_of_which_no_animal_can_be_made_is_refused() -> None:
     vehicle, mover = crossing(CAR, replace(animal(Species.DEER), mass_kg=5000.0), 15.0)
-    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.7)
     with pytest.raises(Failure, match=r"animal 1001: its mass is the animal's, 3\.0 to 1200\.0 kg"):
-        simulation.run((vehicle, mover), time_limit_s=5.0)
+        log_of((vehicle, mover))

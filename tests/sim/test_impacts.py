@@ -9,17 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.sim.motions import CAR, TRUCK, meeting, participant, straight
+from tests.sim.motions import CAR, TRUCK, log_of, meeting, participant, straight
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
-from trace_dag.sim.surface import Surface
-from trace_dag.sim.types import Body, Contact, Participant, SimulationLog, Termination
-
-
-def run(participants: tuple[Participant, ...], settings: SimSettings | None = None) -> SimulationLog:
-    settings = settings or SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return simulation.run(participants, time_limit_s=settings.time_limit_s)
+from trace_dag.sim.types import Body, Contact, SimulationLog, Termination
 
 
 def closed_form_delta_v(m1: float, m2: float, v1: float, v2: float, e: float) -> tuple[float, float]:
@@ -39,7 +31,7 @@ def test_central_impacts_match_the_closed_form(
 ) -> None:
     start_2 = 40.0 if speed_2 < speed_1 else 0.0
     heading_2 = math.pi if speed_2 < 0 else 0.0
-    log = run(
+    log = log_of(
         (
             participant(1, straight(-20.0, 0.0, 0.0, speed_1)),
             participant(2, straight(start_2, 0.0, heading_2, abs(speed_2)), body_2),
@@ -101,7 +93,7 @@ def test_oblique_impacts_conserve_momentum_and_never_gain_energy(
     case: tuple[float, float, float, float, float, float],
 ) -> None:
     angle, speed_1, speed_2, offset, restitution, friction = case
-    log = run(
+    log = log_of(
         meeting(angle, speed_1, speed_2, offset),
         SimSettings(restitution=restitution, contact_friction=friction, **ON_ICE),
     )
@@ -123,7 +115,7 @@ def test_oblique_impacts_conserve_momentum_and_never_gain_energy(
 @settings(max_examples=25, deadline=None)
 def test_what_a_contact_records_is_what_the_bodies_did(case: tuple[float, float, float, float, float, float]) -> None:
     angle, speed_1, speed_2, offset, restitution, friction = case
-    log = run(
+    log = log_of(
         meeting(angle, speed_1, speed_2, offset),
         SimSettings(restitution=restitution, contact_friction=friction, **ON_ICE),
     )
@@ -154,7 +146,7 @@ def test_bodies_that_slide_past_each_other_are_pushed_apart_as_the_closed_form_s
     longer those of the first touch. The two agree as the distance shrinks."""
     restitution = 0.1
     settings = SimSettings(restitution=restitution, contact_friction=friction, **ON_ICE)
-    contact = run(meeting(-0.25, speed_mps, speed_mps / 2, 1.7), settings).contacts[0]
+    contact = log_of(meeting(-0.25, speed_mps, speed_mps / 2, 1.7), settings).contacts[0]
     normal = np.array([contact.normal_x, contact.normal_y])
     tangent = np.array([-normal[1], normal[0]])
     point = np.array([contact.x_m, contact.y_m])
@@ -182,8 +174,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_halving_the_step_changes_little(case: str) -> None:
-    coarse = run(CASES[case], SimSettings(step_s=0.005)).contacts[0]
-    fine = run(CASES[case], SimSettings(step_s=0.0025)).contacts[0]
+    coarse = log_of(CASES[case], SimSettings(step_s=0.005)).contacts[0]
+    fine = log_of(CASES[case], SimSettings(step_s=0.0025)).contacts[0]
     assert math.hypot(coarse.x_m - fine.x_m, coarse.y_m - fine.y_m) < 0.05
     for one, two in ((coarse.delta_v_1_mps, fine.delta_v_1_mps), (coarse.delta_v_2_mps, fine.delta_v_2_mps)):
         assert math.hypot(one[0] - two[0], one[1] - two[1]) < 0.03 * math.hypot(*two)
@@ -195,14 +187,14 @@ def test_cars_crush_each_other_as_deep_and_as_long_as_in_tests(delta_v_kmh: floa
     tests at 35 mph), which grows with the speed; pulses last 70 to 150 ms."""
     speed = delta_v_kmh / 3.6
     pair = participant(1, straight(-20.0, 0.0, 0.0, speed)), participant(2, straight(20.0, 0.0, math.pi, speed))
-    contact = run(pair).contacts[0]
+    contact = log_of(pair).contacts[0]
     assert 0.07 < contact.duration_s < 0.15
     assert contact.crush_1_m == pytest.approx(contact.crush_2_m)
     assert 0.5 * delta_v_kmh / 56 < contact.crush_1_m < 0.65 * delta_v_kmh / 56
 
 
 def test_the_side_is_pressed_in_deeper_than_the_front_that_strikes_it() -> None:
-    contact = run(meeting(math.pi / 2, 15.0, 0.0)).contacts[0]
+    contact = log_of(meeting(math.pi / 2, 15.0, 0.0)).contacts[0]
     assert contact.crush_2_m > 1.2 * contact.crush_1_m
 
 
@@ -212,7 +204,7 @@ def test_less_comes_back_the_faster_they_meet() -> None:
     found = []
     for speed in (1.0, 8.0, 11.9, 16.0):
         pair = participant(1, straight(-4.0, 0.0, 0.0, speed)), participant(2, straight(4.0, 0.0, math.pi, speed))
-        found.append(-run(pair, SimSettings(**ON_ICE)).contacts[0].delta_v_1_mps[0] / speed - 1)
+        found.append(-log_of(pair, SimSettings(**ON_ICE)).contacts[0].delta_v_1_mps[0] / speed - 1)
     assert 0.2 < found[0] < 0.45
     assert 0.02 < found[3] < found[2] < found[1] < 0.2
     assert 0.089 < found[2] < 0.126
@@ -220,7 +212,7 @@ def test_less_comes_back_the_faster_they_meet() -> None:
 
 def test_the_first_touch_is_where_geometry_puts_it() -> None:
     """Head-on without offset: fronts meet where the closed form says, between steps, at the faces' middle."""
-    log = run((participant(1, straight(-30.0, 0.0, 0.0, 17.3)), participant(2, straight(31.7, 0.0, math.pi, 11.9))))
+    log = log_of((participant(1, straight(-30.0, 0.0, 0.0, 17.3)), participant(2, straight(31.7, 0.0, math.pi, 11.9))))
     contact: Contact = log.contacts[0]
     meet_s = (61.7 - CAR.length_m) / (17.3 + 11.9)
     assert contact.time_s == pytest.approx(meet_s, abs=1e-4)
@@ -230,7 +222,7 @@ def test_the_first_touch_is_where_geometry_puts_it() -> None:
 
 
 def test_three_vehicles_collide_one_after_the_other() -> None:
-    log = run(
+    log = log_of(
         (
             participant(1, straight(-60.0, 0.0, 0.0, 25.0)),
             participant(2, straight(0.0, 0.0, 0.0, 0.0)),

@@ -12,23 +12,19 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from tests.sim.motions import meeting, participant, straight
+from tests.sim.motions import log_of, meeting, participant, straight
 from trace_dag.errors import Failure
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.log_io import SIMULATION_STEPS, logs_from_files, logs_to_files
 from trace_dag.sim.outlines import Outline, separation
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog, VehicleLog
 
 
 def two_logs() -> tuple[SimulationLog, SimulationLog]:
-    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
+    beside_each_other = participant(1, straight(0, 0, 0, 9.0)), participant(2, straight(0, 20, 0, 9.0))
     return (
-        simulation.run(meeting(2.2, 18.0, 22.0, 0.4), time_limit_s=20.0),
-        simulation.run(
-            (participant(1, straight(0, 0, 0, 9.0)), participant(2, straight(0, 20, 0, 9.0))), time_limit_s=3.0
-        ),
+        log_of(meeting(2.2, 18.0, 22.0, 0.4)),
+        log_of(beside_each_other, SimSettings(time_limit_s=3.0)),
     )
 
 

@@ -8,13 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, participant, straight
+from tests.sim.motions import CAR, log_of, participant, straight
 from trace_dag.crash.record import VehicleClass
 from trace_dag.geometry import Pose
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.obstacles import POLE_TEST_MPS, crush_m
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, BodyKind, SimulationLog, Termination
 from trace_dag.states.objects import KINDS, FixedObject
 
@@ -32,8 +29,7 @@ def run(speed_mps: float, struck: FixedObject, body: Body = CAR, *, heading_rad:
     """A vehicle driven straight at an object; its centre comes to the origin after a second."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
     drives = participant(1, straight(-speed_mps * c, -speed_mps * s, heading_rad, speed_mps, until_s=4.0), body)
-    simulation = EmbeddedSimulation(SimSettings(), Surface(), 0.75)
-    return simulation.run((drives,), time_limit_s=20.0, objects=(struck,))
+    return log_of((drives,), objects=(struck,))
 
 
 @pytest.mark.parametrize("vehicle_class", [VehicleClass.CAR, VehicleClass.SUV, VehicleClass.PICKUP])

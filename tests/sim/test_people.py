@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, TRUCK, crossing, driven, participant, straight
+from tests.sim.motions import CAR, TRUCK, crossing, driven, log_of, participant, straight
 from trace_dag.crash.record import VehicleClass
 from trace_dag.errors import Failure
 from trace_dag.settings import SimSettings
@@ -29,7 +29,6 @@ from trace_dag.sim.types import (
     Participant,
     SimulationLog,
     Termination,
-    VehicleLog,
 )
 from trace_dag.units import GRAVITY_MPS2
 
@@ -42,17 +41,11 @@ MU = 0.66
 def run(
     *participants: Participant, settings: SimSettings | None = None, surface: Surface | None = None
 ) -> SimulationLog:
-    settings = settings or SimSettings(time_limit_s=30.0)
-    simulation = EmbeddedSimulation(settings, surface or Surface(), settings.friction)
-    return simulation.run(participants, time_limit_s=settings.time_limit_s)
-
-
-def logged(log: SimulationLog, number: int) -> VehicleLog:
-    return next(each for each in log.vehicles if each.number == number)
+    return log_of(participants, settings or SimSettings(time_limit_s=30.0), surface=surface)
 
 
 def thrown_m(log: SimulationLog) -> float:
-    person, start = logged(log, 1001), log.contacts[0].pose_2
+    person, start = log.vehicle_log(1001), log.contacts[0].pose_2
     return math.hypot(person.x_m[-1] - start.x_m, person.y_m[-1] - start.y_m)
 
 
@@ -66,7 +59,7 @@ def test_children_and_adults_are_as_tall_and_heavy_as_the_population() -> None:
 
 def test_a_person_walks_the_plan_until_touched_and_is_thrown() -> None:
     log = run(*crossing(CAR, ADULT, 15.0))
-    contact, person = log.contacts[0], logged(log, 1001)
+    contact, person = log.contacts[0], log.vehicle_log(1001)
     assert (contact.number_1, contact.number_2) == (1, 1001)
     assert log.termination is Termination.AT_REST
     before = person.time_s < contact.time_s
@@ -97,7 +90,7 @@ def test_what_the_person_gains_the_vehicle_loses(vehicle: Body, speed: float) ->
 
 def slide(log: SimulationLog) -> tuple[float, float]:
     """Speed (m/s) of the person at the first moment of lying flat after the throw, and distance (m) from there."""
-    person = logged(log, 1001)
+    person = log.vehicle_log(1001)
     flat = np.flatnonzero((person.above_road_m < 0.3) & (person.time_s > log.contacts[0].time_s + 0.5))
     level = np.abs(np.gradient(person.above_road_m, person.time_s)) < 0.15
     first = next(k for k in flat if level[k : k + 10].all())
@@ -154,8 +147,8 @@ def test_nobody_gets_through_a_vehicle(vehicle: Body, speed: float) -> None:
 def test_a_low_front_wraps_the_person_and_a_high_one_throws_forward() -> None:
     """What is struck below the centre of mass turns over the hood; what is struck above it goes down ahead."""
     wrapped, forward = run(*crossing(CAR, ADULT, 15.0)), run(*crossing(TRUCK, ADULT, 15.0))
-    assert logged(wrapped, 1001).above_road_m.max() > 1.3
-    assert logged(forward, 1001).above_road_m.max() < 1.1
+    assert wrapped.vehicle_log(1001).above_road_m.max() > 1.3
+    assert forward.vehicle_log(1001).above_road_m.max() < 1.1
     head = LANDMARKS.index("head")
     car, person = wrapped.vehicles
     k = int(np.searchsorted(person.time_s, wrapped.contacts[0].time_s + 0.1))
@@ -165,7 +158,7 @@ def test_a_low_front_wraps_the_person_and_a_high_one_throws_forward() -> None:
 
 def test_the_driver_goes_on_and_brakes_after_the_reaction() -> None:
     log = run(*crossing(CAR, ADULT, 14.0, brakes_mps2=0.0))
-    contact, car = log.contacts[0], logged(log, 1)
+    contact, car = log.contacts[0], log.vehicle_log(1)
     struck = float(contact.time_s)
 
     def speed(after_s: float) -> float:
@@ -181,12 +174,12 @@ def test_a_driver_may_answer_otherwise() -> None:
     one, two = crossing(CAR, ADULT, 14.0, brakes_mps2=0.0)
     quick = run(replace(one, after_striking=AfterStriking(0.2, 3.0)), two)
     never = run(replace(one, after_striking=AfterStriking(math.inf, 0.0)), two)
-    car = logged(quick, 1)
+    car = quick.vehicle_log(1)
     at = quick.contacts[0].time_s
     assert np.interp(at + 1.0, car.time_s, car.speed_mps) - np.interp(
         at + 2.0, car.time_s, car.speed_mps
     ) == pytest.approx(3.0, rel=0.05)
-    gone = logged(never, 1)
+    gone = never.vehicle_log(1)
     assert np.interp(9.0, gone.time_s, gone.speed_mps) > 12.0
     assert gone.speed_mps[-1] < 0.1
 
@@ -196,7 +189,7 @@ def test_a_strike_that_stops_a_light_vehicle_is_a_crash_to_its_rider() -> None:
         CAR, vehicle_class=VehicleClass.MOTORCYCLE, length_m=2.2, width_m=0.8, height_m=1.4, mass_kg=280.0
     )
     log = run(*crossing(motorcycle, ADULT, 18.0, brakes_mps2=0.0))
-    bike, contact = logged(log, 1), log.contacts[0]
+    bike, contact = log.vehicle_log(1), log.contacts[0]
     assert math.hypot(*contact.delta_v_1_mps) > 2.2
     assert bike.throttle[bike.time_s > contact.time_s + 0.3].max() == 0.0
     assert bike.speed_mps[-1] < 0.1
@@ -221,7 +214,7 @@ def test_a_graze_turns_the_person_and_hardly_moves_the_car() -> None:
 
 def test_a_person_who_is_passed_walks_on() -> None:
     log = run(*crossing(CAR, ADULT, 15.0, offset_m=3.0, brakes_mps2=0.0))
-    person = logged(log, 1001)
+    person = log.vehicle_log(1001)
     assert log.termination is Termination.NO_CONTACT
     assert "vehicle 1 and pedestrian 1001 came to" in log.reason
     assert person.y_m[-1] == pytest.approx(3.0 - 1.4 + 1.4 * 10.0, abs=0.01)
@@ -232,7 +225,7 @@ def test_two_vehicles_strike_one_person_in_order() -> None:
     person lies."""
     one, person = crossing(CAR, ADULT, 12.0)
     first = run(one, person)
-    lies = logged(first, 1001)
+    lies = first.vehicle_log(1001)
     x, y, t = float(lies.x_m[-1]), float(lies.y_m[-1]), float(lies.time_s[-1])
     two = participant(2, straight(x + 15.0 * (t + 1.0), y, math.pi, 15.0), CAR)
     log = run(replace(one), two, person)
@@ -251,13 +244,13 @@ def test_who_lies_on_the_road_is_driven_over_and_not_thrown_up(vehicle: Body, sp
     wheel's load for as long as a contact is counted."""
     one, person = crossing(CAR, ADULT, 12.0)
     first = run(one, person)
-    lies = logged(first, 1001)
+    lies = first.vehicle_log(1001)
     x, y, t = float(lies.x_m[-1]), float(lies.y_m[-1]), float(lies.time_s[-1])
     wheels_m = vehicle.width_m / 2 - 0.15  # a truck goes over who lies between them
     two = participant(2, straight(x + speed * (t + 1.0), y + wheels_m, math.pi, speed), vehicle)
     log = run(one, two, person)
     struck = next(contact for contact in log.contacts if contact.number_1 == 2)
-    again = logged(log, 1001)
+    again = log.vehicle_log(1001)
     assert again.above_road_m[again.time_s > struck.time_s].max() < 1.0
     dragged = MU * GRAVITY_MPS2 / 4 * PULSE_S
     assert math.hypot(*struck.delta_v_1_mps) < ADULT.mass_kg * speed / vehicle.mass_kg + dragged + 0.1
@@ -266,16 +259,16 @@ def test_who_lies_on_the_road_is_driven_over_and_not_thrown_up(vehicle: Body, sp
 def test_a_wheel_goes_over_who_lies_before_it() -> None:
     """It pushes with its load, 3 t, while it takes 0.24 m: by 5 m/s at 18 m/s, from which one slides two metres."""
     one, person = crossing(CAR, ADULT, 12.0)
-    lies = logged(run(one, person), 1001)
+    lies = run(one, person).vehicle_log(1001)
     x, y, t = float(lies.x_m[-1]), float(lies.y_m[-1]), float(lies.time_s[-1])
     truck = participant(2, straight(x + 18.0 * (t + 1.0), y + TRUCK.width_m / 2 - 0.15, math.pi, 18.0), TRUCK)
     log = run(one, truck, person)
     assert any(contact.number_1 == 2 for contact in log.contacts)
     pushed_mps = TRUCK.mass_kg * GRAVITY_MPS2 / 4 * 0.24 / 18.0 / ADULT.mass_kg
-    again = logged(log, 1001)
+    again = log.vehicle_log(1001)
     slid_m = math.hypot(again.x_m[-1] - x, again.y_m[-1] - y)
     assert 0.5 < slid_m < 2.5 * pushed_mps**2 / (2 * MU * GRAVITY_MPS2)
-    assert logged(log, 2).x_m[-1] < again.x_m[-1] - 10.0
+    assert log.vehicle_log(2).x_m[-1] < again.x_m[-1] - 10.0
 
 
 @pytest.mark.parametrize(("vehicle", "speed"), [(CAR, 17.0), (TRUCK, 14.2)], ids=["car", "truck"])
@@ -288,7 +281,7 @@ def test_a_driver_who_brakes_in_a_bend_stays_on_it(vehicle: Body, speed: float) 
     x, y = float(bend.x_m[at]), float(bend.y_m[at])
     stands = participant(1001, straight(x, y, float(ahead), 0.0, until_s=0.0), ADULT)
     log = run(participant(1, bend, vehicle), stands)
-    car = logged(log, 1)
+    car = log.vehicle_log(1)
     assert log.contacts
     on_bend = car.x_m > -15.0
     off = np.hypot(car.x_m + 20.0, car.y_m - 60.0)[on_bend] - 60.0
@@ -300,7 +293,7 @@ def test_a_cyclist_rides_until_touched_and_leaves_the_bicycle() -> None:
     overtaken = straight(-6.0, 0.0, 0.0, 5.0)
     car = participant(1, straight(-45.0, 0.3, 0.0, 18.0), CAR)
     log = run(car, participant(1001, overtaken, CYCLIST))
-    rider, contact = logged(log, 1001), log.contacts[0]
+    rider, contact = log.vehicle_log(1001), log.contacts[0]
     before = rider.time_s < contact.time_s
     assert rider.x_m[before] == pytest.approx(-6.0 + 5.0 * rider.time_s[before], abs=1e-6)
     assert rider.landmarks_m.shape[1] == 3 * len(LANDMARKS + RIDDEN_LANDMARKS)
@@ -316,8 +309,8 @@ def test_the_same_people_make_the_same_files_and_files_give_them_back() -> None:
     files = [logs_to_files([log]) for log in logs]
     assert hashlib.sha256(b"".join(files[0])).digest() == hashlib.sha256(b"".join(files[1])).digest()
     again = logs_from_files(*files[0])[0]
-    assert np.array_equal(logged(again, 1001).landmarks_m, logged(logs[0], 1001).landmarks_m)
-    assert logged(again, 1).landmarks_m.shape[1] == 0
+    assert np.array_equal(again.vehicle_log(1001).landmarks_m, logs[0].vehicle_log(1001).landmarks_m)
+    assert again.vehicle_log(1).landmarks_m.shape[1] == 0
     assert again.bodies[1001] == CHILD
 
 

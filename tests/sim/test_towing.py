@@ -8,16 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, driven, participant, straight
+from tests.sim.motions import CAR, driven, log_of, participant, straight
 from trace_dag.crash.codes.bodies import PICKUP, TRACTOR_OF_TRAILER, ReportedBody
 from trace_dag.crash.codes.trailers import trailer_of
 from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray, contact_clock_h
 from trace_dag.settings import SimSettings
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.plan import resample
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.towing import Hitch, Towed, pulled_body
 from trace_dag.sim.types import Body, BodyKind, Participant, SimulationLog, VehicleLog
 from trace_dag.sim.vehicles import trailer_model, vehicle_model
@@ -35,7 +33,7 @@ def combination(body: ReportedBody, trajectory: Trajectory, number: int = 1, ang
 
 
 def run(*participants: Participant, friction: float = 0.75, time_limit_s: float = 20.0) -> SimulationLog:
-    return EmbeddedSimulation(SimSettings(), Surface(), friction).run(participants, time_limit_s=time_limit_s)
+    return log_of(participants, SimSettings(friction=friction, time_limit_s=time_limit_s))
 
 
 def towed_log(log: SimulationLog, number: int = 1) -> tuple[Trailer, VehicleLog]:

@@ -8,16 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.sim.motions import CAR
+from tests.sim.motions import CAR, log_of
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.geometry import LocalFrame, Pose
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanElement, Road
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participants
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import (
     EstimatorRun,
@@ -128,9 +125,7 @@ def simulated(*trajectories: Trajectory, impact_time_s: float = 3.0) -> tuple[Hy
         impact_time_s=impact_time_s,
         impact_point_xy_m=(0.0, 0.0),
     )
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return hypothesis, simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
+    return hypothesis, log_of(participants(hypothesis))
 
 
 def estimate(*hypotheses: Hypothesis, key: str = "2023-1") -> StateEstimate:

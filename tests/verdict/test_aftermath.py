@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.motions import CAR, participant, straight
+from tests.sim.motions import CAR, log_of, participant, straight
 from tests.states.test_departures import PLACE
 from tests.states.test_strikes import with_animal
-from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, simulated, vehicle
+from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, vehicle
 from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.departures import DepartureSide
 from trace_dag.crash.parties import thing_party
@@ -20,9 +20,8 @@ from trace_dag.estimators.aftermath import with_aftermath
 from trace_dag.estimators.strikes import estimate_strikes
 from trace_dag.roads.report import MappedThing
 from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
+from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.run import simulate
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import PlacedBy
@@ -51,7 +50,7 @@ def followed(crash: CrashRecord, *things: MappedThing) -> tuple[StateEstimate, S
     meets_s = 3.0
     fast = straight(-CAR.length_m - 30.0 * meets_s, -1.75, 0.0, 30.0, until_s=6.0)
     slow = straight(-20.0 * meets_s, -1.75, 0.0, 20.0, until_s=6.0)
-    hypothesis, _ = simulated(fast, slow, impact_time_s=meets_s)
+    hypothesis, _ = log_of(fast, slow, impact_time_s=meets_s)
     report = replace(PLACE, things=things)
     made = with_aftermath(estimate(hypothesis, key=crash.key), crash, STREET, report)
     logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)
@@ -152,11 +151,10 @@ def test_who_strikes_an_animal_leaves_the_road_afterwards_and_strikes_the_report
 @pytest.mark.parametrize("turned_rad", [0.05, -0.05])
 def test_front_wheels_that_are_turned_lead_along_a_circle(turned_rad: float) -> None:
     """A slow vehicle that rolls on turned wheels goes along a circle of wheelbase over the tangent of their angle."""
-    settings = SimSettings(locked_wheels=0.0)
     rolling = participant(1, straight(0.0, 0.0, 0.0, 5.0, until_s=1.0))
     pushed = participant(2, straight(CAR.length_m + 0.2, 0.0, 0.0, 4.5, until_s=1.0))
     one = replace(rolling, turned_wheels=TurnedWheels(1.0, turned_rad))
-    log = EmbeddedSimulation(settings, Surface(), settings.friction).run((one, pushed), time_limit_s=3.0)
+    log = log_of((one, pushed), SimSettings(locked_wheels=0.0, time_limit_s=3.0))
     assert log.meetings
     driven = log.vehicles[0]
     late = driven.time_s > 2.0

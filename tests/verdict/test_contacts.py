@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from tests.sim.motions import straight
+from tests.sim.motions import log_of, straight
 from tests.verdict.crashes import STREET, area, record, simulated, vehicle
 from trace_dag.crash.contacts import contacts_of
 from trace_dag.crash.record import CrashRecord, EventRecord, PreCrashMovement
 from trace_dag.errors import Reason
-from trace_dag.settings import SimSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.settings import VerdictSettings
 from trace_dag.sim.run import participants
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import Hypothesis, Trajectory
 from trace_dag.verdict.contact_controls import contact_controls, dropped, in_place_of, parked_moved, swapped
@@ -49,12 +47,6 @@ def queue(third_y_m: float = LANE_Y_M) -> tuple[Hypothesis, SimulationLog]:
         standing(2.25, LANE_Y_M),
         standing(8.75, third_y_m),
     )
-
-
-def again(hypothesis: Hypothesis) -> SimulationLog:
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
 
 
 def judged(report: CrashRecord, made: tuple[Hypothesis, SimulationLog] | None = None) -> Verdict:
@@ -145,7 +137,7 @@ def test_a_parked_vehicle_that_is_moved_aside_is_missed() -> None:
     moved = next(state for state in shift.hypothesis.participants if state.vehicle_number == 2)
     assert abs(moved.initial_pose.y_m + 4.7) == pytest.approx(3.0)
     assert (moved.trajectory.y_m == moved.initial_pose.y_m).all()
-    log = again(shift.hypothesis)
+    log = log_of(participants(shift.hypothesis))
     assert shifted_row(parked, shift, log, SETTINGS).reason is Reason.NO_COLLISION
     assert parked_moved(crash(queue_report())) is None
 

@@ -7,6 +7,7 @@ from functools import cache
 
 import pytest
 
+from tests.sim.motions import log_of
 from tests.states.test_strikes import PLACE, estimated, rider, struck, walker, with_animal
 from tests.verdict.crashes import STREET, area, vehicle
 from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
@@ -15,10 +16,8 @@ from trace_dag.crash.zones import Zone
 from trace_dag.errors import Reason
 from trace_dag.roads.map.model import Crosswalk
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.settings import SimSettings, StateSettings, VerdictSettings
-from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.settings import StateSettings, VerdictSettings
 from trace_dag.sim.run import participants
-from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.estimate import estimate
 from trace_dag.states.types import Hypothesis
@@ -31,18 +30,12 @@ from trace_dag.verdict.types import Agreement, Grade, Verdict
 FROM_RIGHT = walker(scenario="1b", pedestrian_group_code=750, pedestrian_type_code=760)
 
 
-def simulated(hypothesis: Hypothesis) -> SimulationLog:
-    settings = SimSettings()
-    simulation = EmbeddedSimulation(settings, Surface(), settings.friction)
-    return simulation.run(participants(hypothesis), time_limit_s=settings.time_limit_s)
-
-
 @cache
 def crossing() -> tuple[CrashRecord, Hypothesis, SimulationLog]:
     """A pedestrian who crosses from the right, struck by the front of a car at 15 m/s."""
     crash = struck(FROM_RIGHT)
     hypothesis = estimated(crash).best
-    return crash, hypothesis, simulated(hypothesis)
+    return crash, hypothesis, log_of(participants(hypothesis))
 
 
 def judged_by(crash: CrashRecord) -> Verdict:
@@ -186,7 +179,7 @@ def test_vehicles_that_collide_afterwards_though_no_event_says_so_are_refused() 
 def test_an_overtaken_cyclist_is_judged() -> None:
     crash = struck(rider(cyclist_type_code=231, cyclist_group_code=230), code=9)
     hypothesis = estimated(crash).best
-    verdict = judge_hypothesis(crash, STREET, hypothesis, simulated(hypothesis), VerdictSettings())
+    verdict = judge_hypothesis(crash, STREET, hypothesis, log_of(participants(hypothesis)), VerdictSettings())
     assert verdict.accepted
     assert judged_by(crash).reason is Reason.WRONG_DIRECTION  # of one that crosses
 
@@ -195,7 +188,7 @@ def test_two_vehicles_strike_one_person_in_order() -> None:
     crash = struck(FROM_RIGHT, vehicles=2)
     made = estimate(crash, STREET, PLACE, StateSettings(max_hypotheses=1))
     assert [(event.event_number, event.party_1) for event in made.best.planned] == [(1, 1), (2, 2)]
-    logs = [simulated(hypothesis) for hypothesis in made.hypotheses]
+    logs = [log_of(participants(hypothesis)) for hypothesis in made.hypotheses]
     verdict = judge(crash, STREET, PLACE, made, logs, VerdictSettings())
     assert verdict.accepted
     times = {each.event_number: each.value for each in verdict.criteria if each.name == "strike_time"}
@@ -232,7 +225,7 @@ def test_without_an_order_the_first_strike_that_happens_is_held_to_the_place() -
     first, last = crash.events
     turned = replace(crash, events=(replace(first, party_1=2), replace(last, party_1=1)))
     made = estimate(crash, STREET, PLACE, StateSettings(max_hypotheses=1))
-    logs = [simulated(hypothesis) for hypothesis in made.hypotheses]
+    logs = [log_of(participants(hypothesis)) for hypothesis in made.hypotheses]
     for each in (crash, turned):
         verdict = judge(each, STREET, PLACE, made, logs, VerdictSettings())
         assert verdict.accepted, verdict.detail
@@ -255,7 +248,7 @@ def test_without_an_order_every_strike_has_to_happen() -> None:
 def animal_crash() -> tuple[CrashRecord, Hypothesis, SimulationLog]:
     crash = with_animal()
     hypothesis = estimated(crash).best
-    return crash, hypothesis, simulated(hypothesis)
+    return crash, hypothesis, log_of(participants(hypothesis))
 
 
 def test_an_animal_struck_as_reported_is_accepted_and_no_more_than_consistent() -> None:

@@ -117,6 +117,14 @@ class ReleaseConfig(CohortConfig):
     output: str = Field(description="The folder that the release is written into.")
 
 
+class _LeftOut(list[str]):
+    """What a study left out, a sentence each."""
+
+    def hear(self, failure: Exception) -> None:
+        """Note why something is left out."""
+        self.append(str(failure))
+
+
 @contextmanager
 def _failing_in_a_line() -> Iterator[None]:
     """Turn errors that trying again cannot mend into a failure of the run, with their message."""
@@ -141,8 +149,8 @@ def _of_each(workspace: Workspace, config: CohortConfig, study: Callable[[str], 
     return of_each(cohorts_of(workspace, config.cohort or None), study)
 
 
-def _cases(workspace: Workspace, cohort: str, left_out: list[str]) -> list[StoredCase]:
-    return verified_cases(workspace, cohort or None, (), complain=lambda failure: left_out.append(str(failure)))
+def _cases(workspace: Workspace, cohort: str, left_out: _LeftOut) -> list[StoredCase]:
+    return verified_cases(workspace, cohort or None, (), complain=left_out.hear)
 
 
 def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> MaterializeResult[Any]:
@@ -163,14 +171,12 @@ def _result(table: StudyTable, left_out: Sequence[str] = (), **figures: Any) -> 
 def controls(context: AssetExecutionContext, config: ControlsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag controls``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     with _failing_in_a_line():
         found = _of_each(
             workspace,
             config,
-            lambda name: negative_controls(
-                workspace, name, most=config.most, complain=lambda failure: left_out.append(str(failure))
-            ),
+            lambda name: negative_controls(workspace, name, most=config.most, complain=left_out.hear),
         )
     return _result(controls_table(found), left_out)
 
@@ -179,15 +185,13 @@ def controls(context: AssetExecutionContext, config: ControlsConfig) -> Material
 def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> MaterializeResult[Any]:
     """As ``trace-dag controls --perturbed``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     request = Request(config.most, (), tuple(config.kinds), config.draws, config.seed)
     with _failing_in_a_line():
         found = _of_each(
             workspace,
             config,
-            lambda name: perturbed_controls(
-                workspace, name, request, complain=lambda failure: left_out.append(str(failure))
-            ),
+            lambda name: perturbed_controls(workspace, name, request, complain=left_out.hear),
         )
     rows = [row for of_cohort in found.values() for row in of_cohort]
     return _result(perturbed_table(rows), left_out, changed_reports=len(rows))
@@ -197,14 +201,12 @@ def perturbed(context: AssetExecutionContext, config: PerturbedConfig) -> Materi
 def peer(context: AssetExecutionContext, config: PeerConfig) -> MaterializeResult[Any]:
     """As ``trace-dag peer``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     with _failing_in_a_line():
         compared = _of_each(
             workspace,
             config,
-            lambda name: published_comparison(
-                workspace, name, Path(config.folder), complain=lambda failure: left_out.append(str(failure))
-            ),
+            lambda name: published_comparison(workspace, name, Path(config.folder), complain=left_out.hear),
         ).values()
     left_out += [f"{key}: {why}" for each in compared for key, why in each.left_out.items()]
     return _result(peer_table([row for each in compared for row in each.rows]), left_out)
@@ -227,7 +229,7 @@ def estimators(context: AssetExecutionContext, config: EstimatorsConfig) -> Mate
 def variations(context: AssetExecutionContext, config: VariationsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag vary``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     with _failing_in_a_line():
         cases = _cases(workspace, config.cohort, left_out)
         reports = make_families(workspace, cases, FamilyRequest(config.count, config.seed))
@@ -239,11 +241,11 @@ def variations(context: AssetExecutionContext, config: VariationsConfig) -> Mate
 def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> MaterializeResult[Any]:
     """As ``trace-dag evaluate``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     with _failing_in_a_line():
         cases = _cases(workspace, config.cohort, left_out)
         if config.variations:
-            cases = stored_variations(workspace, cases, complain=lambda failure: left_out.append(str(failure)))
+            cases = stored_variations(workspace, cases, complain=left_out.hear)
         limits = AgentLimits()
         try_agents(config.agents, limits)
         rows = evaluate_agents(
@@ -258,7 +260,7 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
                 Traffic(config.traffic),
             ),
             limits,
-            complain=lambda failure: left_out.append(str(failure)),
+            complain=left_out.hear,
         )
     return _result(evaluations_table(rows, lambda row: row["outcome"], "outcome"), left_out)
 
@@ -267,14 +269,14 @@ def evaluations(context: AssetExecutionContext, config: EvaluationsConfig) -> Ma
 def release(context: AssetExecutionContext, config: ReleaseConfig) -> MaterializeResult[Any]:
     """As ``trace-dag release``."""
     workspace: Workspace = context.resources.workspace
-    left_out: list[str] = []
+    left_out = _LeftOut()
     with _failing_in_a_line():
         made = build_release(
             workspace,
             config.version,
             Path(config.output),
             cohort=config.cohort or None,
-            complain=lambda failure: left_out.append(str(failure)),
+            complain=left_out.hear,
         )
     if made.missing:
         raise Failure(

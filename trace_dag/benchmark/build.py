@@ -41,6 +41,7 @@ from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.osm.rights import Rights
+from trace_dag.provenance import crash_of
 from trace_dag.scenario.leaderboard import write_leaderboard
 from trace_dag.storage import Storage, StoredFile
 from trace_dag.studies.stored_crashes import crash_files
@@ -158,11 +159,6 @@ def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
     rights = _rights(table, read_records(storage, [row["key"] for row in table]))
     pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, ledger.files)}
     write_ledger(storage, SUBJECT, (ledger.files | pages).values(), ledger.made_of)
-
-
-def crash_of(name: str) -> str:
-    """The key of the crash that a file of the benchmark belongs to; some other word for a file of the site."""
-    return name.rpartition("/")[2].partition(".")[0]
 
 
 def not_as_made(storage: Storage, ledger: Ledger, *, contents: bool = False) -> list[tuple[StoredFile, str]]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from trace_dag.benchmark.build import FOLDER as BENCHMARK
-from trace_dag.benchmark.build import SUBJECT, crash_of
+from trace_dag.benchmark.build import SUBJECT
 from trace_dag.flow.ledgers import sound_ledger, write_ledger
+from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from trace_dag.benchmark.build import SUBJECT, crash_of, not_as_made, page_name
+from trace_dag.benchmark.build import SUBJECT, not_as_made, page_name
 from trace_dag.errors import DamagedFile
 from trace_dag.flow.ledgers import read_ledger
 from trace_dag.flow.verify import Disagreement, DisagreementKind
+from trace_dag.provenance import crash_of
 from trace_dag.storage import Storage
 
 

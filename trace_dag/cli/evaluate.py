@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, agent_arguments, examples, traffic_option
+from trace_dag.cli.options import ManyValuesCommand, Within, agent_arguments, examples, traffic_option
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
@@ -64,16 +64,12 @@ _FAULTS_SHOWN = 5
     "leaderboard.",
 )
 @click.option("--variations", is_flag=True, help="The stored variations of the crashes instead of the crashes.")
-@click.option(
-    "--hz", "rate_hz", type=click.FloatRange(20, 100), default=20.0, show_default=True, help="How often it acts."
-)
-@click.option(
-    "--range-m", type=click.FloatRange(min=0, max=10_000), default=150.0, show_default=True, help="How far it sees."
-)
+@click.option("--hz", "rate_hz", type=Within(20, 100), default=20.0, show_default=True, help="How often it acts.")
+@click.option("--range-m", type=Within(min=0, max=10_000), default=150.0, show_default=True, help="How far it sees.")
 @click.option(
     "--noise",
     "noise_m",
-    type=click.FloatRange(min=0, max=1_000),
+    type=Within(min=0, max=1_000),
     default=0.0,
     show_default=True,
     help="Standard deviation of the positions it sees, m; of velocities the same number in m/s.",
@@ -84,7 +80,7 @@ _FAULTS_SHOWN = 5
 @click.option(
     "--time-limit",
     "time_limit_s",
-    type=click.FloatRange(min=0.1, max=86_400),
+    type=Within(min=0.1, max=86_400),
     default=20.0,
     show_default=True,
     help="Seconds one evaluation may take; an agent that takes longer is faulty there.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -67,6 +68,19 @@ class ManyValuesCommand(click.Command):
                 values += 1
             spread.append(arg)
         return super().parse_args(ctx, spread)
+
+
+class Within(click.FloatRange):
+    """A number between two others. Unlike click's own type it does not take NaN, which is neither below nor above."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number."""
+        number = float(super().convert(value, param, ctx))
+        if math.isnan(number):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
 
 
 def stage_option(*names: str, help: str) -> Callable[[F], F]:

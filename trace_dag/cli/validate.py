@@ -10,6 +10,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.wording import percent
 
 if TYPE_CHECKING:
     from trace_dag.studies.validation.rows import Compared
@@ -116,7 +117,7 @@ def _print_crashes(rows: list[Compared]) -> None:
                 group.group,
                 group.vehicles,
                 *(
-                    _percent(share)
+                    percent(share)
                     for share in (
                         group.median_error,
                         group.leaning,
@@ -137,7 +138,3 @@ def _print_crashes(rows: list[Compared]) -> None:
 
 def _round(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
-
-
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.1f} %"

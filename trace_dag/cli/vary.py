@@ -8,11 +8,13 @@ from pathlib import Path
 
 import click
 
-from trace_dag.cli.options import ManyValuesCommand, examples
+from trace_dag.cli.options import ManyValuesCommand, Within, examples
 from trace_dag.cli.printing import print_table, write_json
 from trace_dag.cli.progress import progress_of
 from trace_dag.cli.study import into_warehouse
 from trace_dag.disks import naming
+
+_SHARE, _SECONDS, _METRES = Within(0, 1, max_open=True), Within(0, 60), Within(0, 50)
 
 
 @click.command(
@@ -26,13 +28,25 @@ from trace_dag.disks import naming
 @click.option("--seed", default=1, show_default=True, help="The same crash, seed and bounds give the same variations.")
 @click.option("--cohort", help="Only crashes of this cohort.")
 @click.option("--only", multiple=True, metavar="KEY", help="Only these crashes.")
-@click.option("--speed", "speed_rel", default=0.15, show_default=True, help="Speeds, share more or less.")
-@click.option("--timing", "timing_s", default=0.4, show_default=True, help="Earlier or later, s.")
-@click.option("--lateral", "lateral_m", default=0.4, show_default=True, help="To the left or right, m.")
+@click.option("--speed", "speed_rel", type=_SHARE, default=0.15, show_default=True, help="Speeds, share more or less.")
+@click.option("--timing", "timing_s", type=_SECONDS, default=0.4, show_default=True, help="Earlier or later, s.")
+@click.option("--lateral", "lateral_m", type=_METRES, default=0.4, show_default=True, help="To the left or right, m.")
 @click.option(
-    "--friction", "friction_low", default=0.6, show_default=True, help="Least friction, share of the crash's."
+    "--friction",
+    "friction_low",
+    type=Within(min=0, max=1, min_open=True),
+    default=0.6,
+    show_default=True,
+    help="Least friction, share of the crash's.",
 )
-@click.option("--reaction", "reaction_s", default=1.2, show_default=True, help="Longest braking before the impact, s.")
+@click.option(
+    "--reaction",
+    "reaction_s",
+    type=_SECONDS,
+    default=1.2,
+    show_default=True,
+    help="Longest braking before the impact, s.",
+)
 @click.option("--collisions-only", is_flag=True, help="Keep no near misses.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), help="Write a package of each there, too.")
 @click.option("--json", "as_json", is_flag=True, help="What came of each crash, as JSON.")
@@ -61,7 +75,7 @@ def vary(
     variations.
     """
     from trace_dag.cli.complaints import Complaints
-    from trace_dag.errors import Failure, UserError
+    from trace_dag.errors import Failure
     from trace_dag.flow.workspace import Workspace
     from trace_dag.scenario.package import zip_files
     from trace_dag.studies.cases import stored_variations, verified_cases
@@ -71,8 +85,6 @@ def vary(
     from trace_dag.variations.family import Criteria
     from trace_dag.variations.perturbation import Bounds
 
-    if not (0 <= speed_rel < 1 and 0 < friction_low <= 1 and min(timing_s, lateral_m, reaction_s) >= 0):
-        raise UserError("--speed is from 0 to 1, --friction above 0 to 1, --timing, --lateral and --reaction 0 or more")
     workspace = Workspace.open(root, overrides={"execution": {"workers": workers} if workers else {}})
     complaints = Complaints()
     cases = verified_cases(workspace, cohort, only, complain=complaints.hear)

@@ -23,6 +23,7 @@ from trace_dag.crash.derive import (
 )
 from trace_dag.crash.parties import EventKind, PartyKind
 from trace_dag.crash.record import (
+    STOPPED_MOVEMENTS,
     CrashRecord,
     EventRecord,
     ImpactArea,
@@ -36,8 +37,7 @@ from trace_dag.units import mps_to_mph
 from trace_dag.wording import counted
 
 _TURNS: Final = frozenset({PreCrashMovement.TURNING_LEFT, PreCrashMovement.TURNING_RIGHT})
-_STILL: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
-_MAY_STAND: Final = _STILL | {
+_MAY_STAND: Final = STOPPED_MOVEMENTS | {
     PreCrashMovement.NO_DRIVER,
     PreCrashMovement.STARTING,
     PreCrashMovement.DECELERATING,
@@ -155,7 +155,7 @@ def _speeds(record: CrashRecord) -> Iterator[str]:
         speed_mps = vehicle.travel_speed_mps
         if speed_mps is None:
             continue
-        if vehicle.movement in _STILL and speed_mps > _STOPPED_MAX_MPS:
+        if vehicle.movement in STOPPED_MOVEMENTS and speed_mps > _STOPPED_MAX_MPS:
             yield (
                 f"vehicle {vehicle.number}: P_CRASH1 says it {P_CRASH1.meaning(vehicle.movement)}, but TRAV_SP "
                 f"{mps_to_mph(speed_mps):.0f} mph"

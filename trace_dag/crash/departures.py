@@ -22,6 +22,8 @@ OF_DEPARTURES: Final = frozenset({CrashKind.FIXED_OBJECT, CrashKind.OVERTURN})
 """Kinds of crash that are reconstructed by how one vehicle leaves the road, or overturns."""
 ON_ROADWAY: Final = frozenset({1, 11})
 """``REL_ROAD`` of what happened on the roadway: nobody left it."""
+ON_SHOULDER: Final = 2
+"""``REL_ROAD`` of what happened on the shoulder."""
 
 
 class DepartureSide(StrEnum):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from typing import Final
 
 import numpy as np
 
@@ -53,6 +54,10 @@ class PreCrashMovement(IntEnum):
     UNKNOWN = 99
 
 
+STOPPED_MOVEMENTS: Final = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
+"""Of a vehicle that stood before the critical event."""
+
+
 class VehicleClass(StrEnum):
     """What ``BODY_TYP`` (and GVWR) amounts to as a body to simulate."""
 
@@ -67,6 +72,9 @@ class VehicleClass(StrEnum):
     MOTORCYCLE = "motorcycle"
     OTHER = "other"
     TRAILER = "trailer"  # of a body behind a vehicle; no vehicle of a report
+
+
+HEAVY_VEHICLES: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
 
 
 @dataclass(frozen=True)
@@ -187,6 +195,9 @@ class EventRecord:
 _CONTACTS = frozenset({EventKind.VEHICLE_CONTACT, EventKind.PERSON_STRUCK})
 
 
+_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR, without its letter
+
+
 @dataclass(frozen=True)
 class NonMotorist:
     """A person outside motor vehicles: pedestrian, cyclist, ... ``None`` means that the report does not say.
@@ -236,6 +247,12 @@ class NonMotorist:
     def kind(self) -> PartyKind:
         """What the person is as a party."""
         return person_kind(self.person_type_code)
+
+    @property
+    def at_near_side(self) -> bool | None:
+        """Whether a turning motorist met the person where the motorist came to the intersection, not where the motorist
+        left it (``PEDSNR``); None if the report does not say."""
+        return int(self.scenario[:-1]) in _NEAR_SIDE_TURNS if self.scenario else None
 
     @property
     def place_code(self) -> int | None:

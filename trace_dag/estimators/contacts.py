@@ -8,8 +8,6 @@ the usual ones here, whatever those of the simulation are: an estimate follows f
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -29,6 +27,7 @@ from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
 from trace_dag.states.candidates import candidates
 from trace_dag.states.encounters import encounters
 from trace_dag.states.parked import parked_contacts
+from trace_dag.states.ranking import ambiguity, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.types import (
     EstimateCheck,
@@ -123,9 +122,9 @@ def estimate_contacts(
         raise Rejection(Reason.NO_FEASIBLE_STATE, stuck[0] if stuck else _no_first(scene, contacts[0]), measured=0.0)
     whole.sort(key=lambda each: (*each[0].rank[:2], _failed(each[1]), each[0].rank[2], each[1].name))
     best = whole[0][0].score
-    total = sum(math.exp(max(min(chain.score - best, 0.0), -50.0)) for chain, _ in whole)
+    unsure = ambiguity(best, (min(chain.score, best) for chain, _ in whole))
     kept = tuple(hypothesis for _, hypothesis in whole[: settings.max_hypotheses])
-    return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), _DECIMALS))
+    return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), unsure)
 
 
 def _first_contacts(scene: Scene, contact: VehicleContact, settings: StateSettings) -> tuple[Hypothesis, ...]:
@@ -164,7 +163,7 @@ def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> lis
     )
     tried: list[_Chain] = []
     good: list[_Chain] = []
-    for arrival in _leaders_first(found)[:_TRIED]:
+    for arrival in leaders_first(found, lambda arrival: arrival.group)[:_TRIED]:
         tried.append(_joined(crash, chain, arrival, planned))
         if tried[-1].order.happened == planned and not tried[-1].order.strange:
             good.append(tried[-1])
@@ -188,14 +187,6 @@ def _last_contact_s(chain: _Chain, place: int, told: bool) -> float:
 
 def _motions(log: SimulationLog) -> list[Motion]:
     return [Motion.of(each, log.bodies[each.number].length_m, log.bodies[each.number].width_m) for each in log.vehicles]
-
-
-def _leaders_first(found: Sequence[Arrival]) -> list[Arrival]:
-    """The best of each group, then the others, each in the order of their scores."""
-    leaders: dict[tuple[str, bool], Arrival] = {}
-    for arrival in found:
-        leaders.setdefault(arrival.group, arrival)
-    return [*leaders.values(), *(each for each in found if each is not leaders[each.group])]
 
 
 def _joined(crash: _Crash, chain: _Chain, arrival: Arrival, planned: int) -> _Chain:

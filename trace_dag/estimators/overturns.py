@@ -31,6 +31,7 @@ from trace_dag.states.encounters import Party, party
 from trace_dag.states.leaving import SIGN, edge_near, lane_path, path_aside, skid_profile, skidding, slope_of
 from trace_dag.states.manoeuvres import Option
 from trace_dag.states.paths import Path
+from trace_dag.states.ranking import Scored, ambiguity
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import TravelSpeed
 from trace_dag.states.striking import ways_of
@@ -60,7 +61,7 @@ _FASTER: Final = ((1.4, -0.5), (2.0, -1.0))  # times the usual speed, and its lo
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _Way(Scored):
     """One way to come to the overturn: the lane path before it, and how the vehicle leaves it."""
 
     departure: Departure
@@ -71,11 +72,6 @@ class _Way:
     lateral_mps2: float
     slip_rad: float
     terms: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        """Log-likelihood, rounded so that its order does not depend on the last bits."""
-        return round(sum(self.terms.values()), 6)
 
     @property
     def name(self) -> str:
@@ -104,8 +100,8 @@ def estimate_overturn(
     simulation = usual_simulation(network, record)
     found = [_fast_enough(scene, way, simulation, settings.lead_time_s) for way in ways]
     kept = tuple(sorted(found, key=lambda each: (-each.score, each.name))[: settings.max_hypotheses])
-    total = sum(math.exp(max(each.score - kept[0].score, -50.0)) for each in kept)
-    return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
+    unsure = ambiguity(kept[0].score, (each.score for each in kept))
+    return StateEstimate(record.key, kept, EstimatorRun(NAME, VERSION), unsure)
 
 
 def _ways(scene: Scene, departure: Departure) -> Iterator[_Way]:

@@ -7,7 +7,6 @@ ones here, whatever those of the simulation are: an estimate follows from the re
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -26,9 +25,10 @@ from trace_dag.settings import StateSettings
 from trace_dag.sim.run import participant
 from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.states.analytic import NAME, VERSION, build_scene
+from trace_dag.states.ranking import ambiguity, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.strikes import ESSENTIAL, LaterStrike, first_states, later_state, next_way, strike_hypothesis
-from trace_dag.states.striking import StrikePlan, best_of_groups, strike_plans
+from trace_dag.states.striking import StrikePlan, strike_plans
 from trace_dag.states.types import EstimatorRun, Hypothesis, ParticipantState, StateEstimate
 from trace_dag.wording import counted
 
@@ -71,7 +71,7 @@ def estimate_strikes(
     found: list[Hypothesis] = []
     examined = 0
     for order in orders:
-        plans = best_of_groups(strike_plans(scene, order[0]))
+        plans = leaders_first(strike_plans(scene, order[0]), lambda plan: plan.group)
         examined += len(plans)
         kept = 0
         for plan in plans:
@@ -84,8 +84,8 @@ def estimate_strikes(
     if not found:
         raise Rejection(Reason.NO_FEASIBLE_STATE, _why_not(scene, examined), measured=examined)
     found.sort(key=lambda each: (-each.score, each.name))
-    total = sum(math.exp(max(each.score - found[0].score, -50.0)) for each in found)
-    return StateEstimate(record.key, tuple(found), EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
+    unsure = ambiguity(found[0].score, (each.score for each in found))
+    return StateEstimate(record.key, tuple(found), EstimatorRun(NAME, VERSION), unsure)
 
 
 def _assumed(strike: Strike, settings: StateSettings) -> Strike:

@@ -13,7 +13,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -24,6 +23,7 @@ from trace_dag.flow.records import log_complaint, read_records
 from trace_dag.flow.standing import Standing, standings
 from trace_dag.flow.workspace import Workspace
 from trace_dag.garbage import no_garbage_collection
+from trace_dag.provenance import crash_of
 from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
@@ -71,7 +71,7 @@ def look_at(workspace: Workspace, keys: Sequence[str]) -> dict[str, Look]:
     def complain(failure: Failure) -> None:
         log_complaint(failure)
         if isinstance(failure, DamagedFile):
-            damaged.add(Path(failure.name).name.partition(".")[0])
+            damaged.add(crash_of(failure.name))
 
     if changed:
         records = read_records(workspace.storage, changed, complain=complain)

@@ -32,12 +32,11 @@ from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import BUILDING
 from trace_dag.processes import abandoned
 from trace_dag.progress import Progress
-from trace_dag.provenance import Outcome, record_name
+from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of, record_name
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage, StoredFile, check_name
 
 _RECORD_ENDING = ".outcome.json"
-_RUN = "trace-dag run makes it again"
 
 
 class DisagreementKind(Enum):
@@ -45,9 +44,9 @@ class DisagreementKind(Enum):
 
     DAMAGED_PAGE = "damaged page or package", "--repair makes it again"
     DAMAGED_RESULT = "damaged result", "--repair deletes it with all that was made together; make it again"
-    UNREADABLE_RECORD = "unreadable record", f"--repair deletes it, {_RUN}"
-    MISSING_ARTEFACT = "missing artefact", f"--repair marks the stage to be run again, {_RUN}"
-    DAMAGED_ARTEFACT = "damaged artefact", f"--repair marks the stage to be run again, {_RUN}"
+    UNREADABLE_RECORD = "unreadable record", f"--repair deletes it, {MADE_AGAIN}"
+    MISSING_ARTEFACT = "missing artefact", f"--repair marks the stage to be run again, {MADE_AGAIN}"
+    DAMAGED_ARTEFACT = "damaged artefact", f"--repair marks the stage to be run again, {MADE_AGAIN}"
     UNLISTED_FILE = "file of no record", "--repair deletes it"
     LEFTOVER = "leftover of a killed process", "--repair deletes it"
     MISSING_REPORT = "missing report", "ingest it again"
@@ -104,7 +103,7 @@ def verify_storage(
         stage: {name: entry for name, entry in listing.items() if name not in foreign}
         for stage, listing in everywhere.items()
     }
-    found = {_key_of(name) for listing in listings.values() for name in listing}
+    found = {crash_of(name) for listing in listings.values() for name in listing}
     everything = read_records(storage, sorted(registered | found), complain=lambda _: None)
     disagreements: list[Disagreement] = []
     for stage, listing in listings.items():
@@ -188,7 +187,7 @@ def _stage_disagreements(
                 detail = f"{file.name} has {entry.size} bytes, recorded are {file.size}"
                 yield Disagreement(DisagreementKind.DAMAGED_ARTEFACT, detail, key, stage, file.name)
     for name in listing:
-        key = _key_of(name)
+        key = crash_of(name)
         if name.endswith(_RECORD_ENDING):
             if stage not in records[key]:
                 detail = f"{name} is not an outcome record"
@@ -221,8 +220,8 @@ def _picture_disagreements(
             detail = f"{name} has {entry.size} bytes, recorded are {file.size}"
             yield Disagreement(DisagreementKind.DAMAGED_ARTEFACT, detail, key, stage, name)
     for name in listing:
-        if name not in drawn and _key_of(name) not in begun:
-            yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", _key_of(name), None, name)
+        if name not in drawn and crash_of(name) not in begun:
+            yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", crash_of(name), None, name)
 
 
 def _damaged(
@@ -302,7 +301,3 @@ def _can_be_ours(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _key_of(name: str) -> str:
-    return name.rpartition("/")[2].partition(".")[0]

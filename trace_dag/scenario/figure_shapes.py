@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.sim import quadrupeds
-from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS
+from trace_dag.sim.figures import LANDMARKS, PLACE_OF_LANDMARK
 from trace_dag.sim.types import BodyKind
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.sim.types import Body, VehicleLog
 
-_PLACE: Final = {name: k for k, name in enumerate((*LANDMARKS, *RIDDEN_LANDMARKS))}
 _LIMBS: Final = (("neck", "hand_l"), ("neck", "hand_r"), ("pelvis", "knee_l"), ("knee_l", "foot_l"))
 _LIMBS_RIGHT: Final = (("pelvis", "knee_r"), ("knee_r", "foot_r"))
 _SHOULDERS: Final = 0.25  # of the stature, from side to side
@@ -76,7 +75,7 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
         return _animal({name: points[index] for name, index in _OF_ANIMALS.items()}, body)
 
     def at(name: str) -> FloatArray:
-        return np.asarray(points[_PLACE[name]])
+        return np.asarray(points[PLACE_OF_LANDMARK[name]])
 
     pelvis, neck = at("pelvis"), at("neck")
     lying = neck - pelvis

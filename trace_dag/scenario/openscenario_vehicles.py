@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from trace_dag.crash.record import VehicleClass
+from trace_dag.crash.record import HEAVY_VEHICLES, VehicleClass
 from trace_dag.crash.trailer import Trailer
 from trace_dag.sim.carla_blueprints import BLUEPRINTS, choose_blueprint
 from trace_dag.sim.types import Body
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _TRACK_SHARE = 0.85  # of the body's width, between the middles of the wheels
 _WHEEL_DIAMETER_M = 0.65
 _TRUCK_WHEEL_DIAMETER_M = 1.0
-_HEAVY = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
 _MAX_SPEED_MPS = 70.0  # a report can state no more than 151 mph
 _MAX_DECELERATION_MPS2 = 8.0  # braking on dry asphalt; the crash itself may be harder
 
@@ -52,7 +51,7 @@ def vehicle(
 
     model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     track_m = 0.0 if body.vehicle_class is VehicleClass.MOTORCYCLE else _TRACK_SHARE * body.width_m
-    heavy = body.vehicle_class in _HEAVY or (trailer is not None and trailer.is_semitrailer)
+    heavy = body.vehicle_class in HEAVY_VEHICLES or (trailer is not None and trailer.is_semitrailer)
     wheel_m = _TRUCK_WHEEL_DIAMETER_M if heavy else _WHEEL_DIAMETER_M
     name = choose_blueprint(body, (each.id for each in BLUEPRINTS)).id if carla else f"{body.vehicle_class}_{number}"
     return xosc.Vehicle(

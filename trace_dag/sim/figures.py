@@ -38,6 +38,7 @@ LANDMARKS = ("pelvis", "neck", "head", "hand_l", "hand_r", "knee_l", "foot_l", "
 """Points of a person that a log keeps, in this order."""
 RIDDEN_LANDMARKS = ("front", "rear", "top")
 """And of what the person rides: hub of the front wheel, of the rear wheel, middle of the handlebar."""
+PLACE_OF_LANDMARK = {name: k for k, name in enumerate((*LANDMARKS, *RIDDEN_LANDMARKS))}
 _DEGREES = (7 + 4 * 8, 6 + 3 * 8)
 
 

@@ -5,8 +5,6 @@ Deterministic, no network, no key.
 
 from __future__ import annotations
 
-import math
-
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.map.network import RoadNetwork
@@ -16,6 +14,7 @@ from trace_dag.states.assemble import hypothesis_of
 from trace_dag.states.candidates import Candidate, candidates
 from trace_dag.states.checks import ESSENTIAL
 from trace_dag.states.encounters import Encounter, Party, encounters, party
+from trace_dag.states.ranking import ambiguity, first_of_groups, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import Solution, solve
 from trace_dag.states.stream_finder import StreamFinder
@@ -103,19 +102,15 @@ def solve_all(scene: Scene, found: list[Candidate]) -> list[Solution]:
 def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> tuple[tuple[Hypothesis, ...], float]:
     """The hypotheses to keep, those that pass every check first, and the posterior share of all but the best.
 
+    ``solutions``: best first, as :func:`solve_all` has them.
+
     Hypotheses with the same streams and roles differ in detail only. The best of each such group comes first, then all
     the others.
 
     >>> ranked(scene, [], StateSettings())  # nothing to keep
     ((), 0.0)
     """
-    groups: dict[tuple[str, ...], list[Solution]] = {}
-    for solution in solutions:
-        groups.setdefault(_group(solution), []).append(solution)
-    leaders = [group[0] for group in groups.values()]
-    rest = [solution for group in groups.values() for solution in group[1:]]
-    wanted = ASSEMBLED * settings.max_hypotheses
-    chosen = (sorted(leaders, key=_order) + sorted(rest, key=_order))[:wanted]
+    chosen = leaders_first(solutions, _group)[: ASSEMBLED * settings.max_hypotheses]
     kept: list[tuple[int, int, Solution, Hypothesis]] = []
     flawless = 0
     for solution in chosen:
@@ -129,14 +124,8 @@ def ranked(scene: Scene, solutions: list[Solution], settings: StateSettings) -> 
     kept.sort(key=lambda each: each[:2])
     if not kept:
         return (), 0.0
-    best = kept[0][2]
-    total = sum(math.exp(min(leader.score - best.score, 50.0)) for leader in leaders)
-    ambiguity = 1.0 - 1.0 / max(total, 1.0)
-    return tuple(each[3] for each in kept[: settings.max_hypotheses]), round(ambiguity, 6)
-
-
-def _order(solution: Solution) -> tuple[float, str]:
-    return (-solution.score, solution.name)
+    unsure = ambiguity(kept[0][2].score, (leader.score for leader in first_of_groups(solutions, _group)))
+    return tuple(each[3] for each in kept[: settings.max_hypotheses]), unsure
 
 
 def _group(solution: Solution) -> tuple[str, ...]:

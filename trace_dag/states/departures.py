@@ -15,13 +15,15 @@ the object. Angles of departure follow from the lateral acceleration, which give
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from trace_dag.crash.departures import (
+    ON_ROADWAY,
+    ON_SHOULDER,
     Departure,
     DepartureManner,
     DepartureSide,
@@ -58,6 +60,7 @@ from trace_dag.states.object_extent import clear_of_roadways
 from trace_dag.states.objects import KINDS, FixedObject, PlacedBy
 from trace_dag.states.paths import Path
 from trace_dag.states.placing import Led, PlannedContacts, as_mapped, objects_along, touching
+from trace_dag.states.ranking import Scored, ambiguity, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed
 from trace_dag.states.striking import ways_of
@@ -78,11 +81,10 @@ _ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on t
 _BEGINS_M: Final = 15.0  # before the place: nearer than that a road that begins led nobody there
 _NO_ROAD: Final = -4.0  # of a way that begins where the crash is: off the end of a road, onto it
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
-_ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
 
 @dataclass(frozen=True, eq=False)
-class DeparturePlan:
+class DeparturePlan(Scored):
     """One way the vehicle can have left the road: its path, the station along it where the first object is struck, and
     when the others are struck. ``terms`` are log-likelihoods."""
 
@@ -96,11 +98,6 @@ class DeparturePlan:
     objects: tuple[FixedObject, ...]
     planned: tuple[tuple[float, tuple[float, float]], ...]  # seconds after the first impact, and place, of each object
     terms: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        """Log-likelihood, rounded so that its order does not depend on the last bits."""
-        return round(sum(self.terms.values()), 6)
 
     @property
     def name(self) -> str:
@@ -130,19 +127,10 @@ def estimate_departure(
     if not plans:
         detail = scene.no_way_that(f"leads off the road to the {departure.side}")
         raise Rejection(Reason.NO_FEASIBLE_STATE, detail, measured=len(scene.streams))
-    chosen = _best_of_ways(plans)[: settings.max_hypotheses]
-    total = sum(math.exp(max(plan.score - chosen[0].score, -50.0)) for plan in chosen)
+    chosen = leaders_first(plans, lambda plan: plan.option.stream.name)[: settings.max_hypotheses]
     hypotheses = tuple(_hypothesis(scene, plan, settings.lead_time_s) for plan in chosen)
-    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), round(1.0 - 1.0 / max(total, 1.0), 6))
-
-
-def _best_of_ways(plans: Sequence[DeparturePlan]) -> list[DeparturePlan]:
-    """The best plan of each way, then the others, each in the order of their scores."""
-    leaders: dict[str, DeparturePlan] = {}
-    for plan in plans:
-        leaders.setdefault(plan.option.stream.name, plan)
-    first = list(leaders.values())
-    return first + [plan for plan in plans if plan not in first]
+    unsure = ambiguity(chosen[0].score, (plan.score for plan in chosen))
+    return StateEstimate(record.key, hypotheses, EstimatorRun(NAME, VERSION), unsure)
 
 
 def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:
@@ -277,9 +265,9 @@ def _beyond_edge_m(scene: Scene, here: Pose, sign: float, edge: float, code: int
     within the reported zone."""
     usual = KINDS[code].beyond_edge_m
     relation = scene.record.road_relation_code
-    if relation in _ON_ROADWAY:
+    if relation in ON_ROADWAY:
         return -0.5
-    if relation == _ON_SHOULDER:
+    if relation == ON_SHOULDER:
         at = here.to_world(np.array([0.0, sign * (edge + 0.3)]))
         place = roadside_at(scene.network, float(at[0]), float(at[1]), z_m=here.z_m)
         usual = min(usual, 0.8 * place.shoulder_m if place is not None else usual)

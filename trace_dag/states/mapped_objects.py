@@ -14,6 +14,7 @@ from typing import Final
 
 import shapely
 
+from trace_dag.crash.departures import ON_ROADWAY, ON_SHOULDER
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.report import MappedThing
 from trace_dag.settings import VerdictSettings
@@ -61,7 +62,6 @@ _ALONG_M: Final = VerdictSettings().max_contact_distance_m
 _OFF_M: Final = 15.0  # beyond the edge: the trafficway of a freeway ends there
 _OF_SHOULDER_M: Final = 3.6
 _RUNS_ALONG_RAD: Final = math.radians(35)  # a line that turns farther from the road lies across the course
-_ON_SHOULDER, _ON_ROADWAY = 2, frozenset({1, 11})  # REL_ROAD
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def mapped_object(scene: Scene, base: Path, code: int, side_sign: float) -> Mapp
     >>> mapped_object(mapped, path, 42, 1.0) is None  # none to the left
     True
     """
-    if scene.record.road_relation_code in _ON_ROADWAY or not side_sign:
+    if scene.record.road_relation_code in ON_ROADWAY or not side_sign:
         return None
-    farthest_m = _OF_SHOULDER_M if scene.record.road_relation_code == _ON_SHOULDER else _OFF_M
+    farthest_m = _OF_SHOULDER_M if scene.record.road_relation_code == ON_SHOULDER else _OFF_M
     place_m, _ = base.project(*scene.place_xy_m)
     found = []
     for thing in things_of_kind(scene.things, code):

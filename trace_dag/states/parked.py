@@ -27,6 +27,7 @@ from trace_dag.states.encounters import Party, party
 from trace_dag.states.evidence import impact_area_log_likelihood, place_log_likelihood
 from trace_dag.states.manoeuvres import Option, keep_lane, lateral_shift, steepest_slope
 from trace_dag.states.paths import Path
+from trace_dag.states.ranking import Scored, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
 from trace_dag.states.streams import Stream
@@ -95,7 +96,7 @@ def _stand(
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class _Plan(Scored):
     """The contact of one way to drive with one place to stand."""
 
     who: Party
@@ -110,10 +111,6 @@ class _Plan:
     bearings_rad: tuple[float, float]
     contact_xy_m: tuple[float, float]
     terms: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        return round(sum(self.terms.values()), _DECIMALS)
 
     @property
     def group(self) -> tuple[str, str, float]:
@@ -141,11 +138,8 @@ def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float
             if plan is not None:
                 found.append(plan)
     found.sort(key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
-    leaders: dict[tuple[str, str, float], _Plan] = {}
-    for plan in found:
-        leaders.setdefault(plan.group, plan)
-    order = [*leaders.values(), *(plan for plan in found if plan is not leaders[plan.group])]
-    return tuple(_hypothesis(scene, plan, standing, lead_time_s) for plan in order[:most])
+    chosen = leaders_first(found, lambda plan: plan.group)[:most]
+    return tuple(_hypothesis(scene, plan, standing, lead_time_s) for plan in chosen)
 
 
 # --- one plan --------------------------------------------------------------------------------------------------------

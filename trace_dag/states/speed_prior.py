@@ -20,9 +20,10 @@ from typing import Final
 
 import numpy as np
 
+from trace_dag.crash.conditions import is_dark
 from trace_dag.crash.crash_types import EncounterRole, Relation
 from trace_dag.crash.kind import CrashKind
-from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
+from trace_dag.crash.record import HEAVY_VEHICLES, CrashRecord, PreCrashMovement, VehicleClass
 from trace_dag.states.encounters import Party
 from trace_dag.states.speed_coefficients import BRAKING, LEVELS, SHIFTS_MPH, SPREAD_MPH
 from trace_dag.states.speeds import BRAKING_AVOIDANCE, STOP_CONTROLS, TravelSpeed
@@ -31,13 +32,11 @@ from trace_dag.units import mph_to_mps
 
 NO_AVOIDANCE: Final = 1  # P_CRASH3
 _SIGNALS: Final = frozenset({1, 2, 3, 4})  # VTRAFCON
-_DARK: Final = frozenset({2, 3, 6})  # LGT_COND
 _DRY: Final = 1  # VSURCOND
 _RURAL: Final = 1  # RUR_URB
 _FREEWAYS: Final = frozenset({1, 2})  # FUNC_SYS
 _CLEAR: Final = frozenset({None, 1, 10})  # WEATHER: clear, cloudy
 _LOW_LIMIT_MPS: Final = mph_to_mps(32)
-_HEAVY: Final = frozenset({VehicleClass.TRUCK, VehicleClass.TRACTOR_TRAILER, VehicleClass.BUS})
 _FASTEST_MPS: Final = mph_to_mps(151)  # the highest TRAV_SP
 
 
@@ -137,10 +136,10 @@ def features(record: CrashRecord, party: Party, rule: TravelSpeed) -> dict[str, 
         "crossing": relation is Relation.CROSSING,
         "opposite direction": relation is Relation.OPPOSITE_DIRECTION,
         "motorcycle": vehicle.vehicle_class is VehicleClass.MOTORCYCLE,
-        "truck or bus": vehicle.vehicle_class in _HEAVY,
+        "truck or bus": vehicle.vehicle_class in HEAVY_VEHICLES,
         "surface not dry": vehicle.surface_condition_code not in (None, _DRY),
         "rain, snow or fog": record.weather_code not in _CLEAR,
-        "dark": record.light_code in _DARK,
+        "dark": is_dark(record),
         "rural": record.rural_urban_code == _RURAL,
         "freeway": record.function_class_code in _FREEWAYS,
         "signal": vehicle.traffic_control_code in _SIGNALS,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trace_dag.crash.crash_types import CrashType, Turn
-from trace_dag.crash.record import PreCrashMovement, VehicleClass, VehicleRecord
+from trace_dag.crash.record import STOPPED_MOVEMENTS, PreCrashMovement, VehicleClass, VehicleRecord
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.road_classes import road_class
 from trace_dag.roads.map.model import Road
@@ -41,7 +41,6 @@ _FROM_STOP_SIGN_MPS = mph_to_mps(15)
 _SPEEDING_MPS = mph_to_mps(10)
 STOP_CONTROLS = frozenset({20})  # VTRAFCON: a stop sign
 
-_STOPPED = frozenset({PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE})
 _STARTING = frozenset({PreCrashMovement.STARTING, PreCrashMovement.ACCELERATING, PreCrashMovement.LEAVING_PARKING})
 
 
@@ -65,7 +64,7 @@ def travel_speed(
     """
     if vehicle.travel_speed_mps is not None:
         return TravelSpeed(vehicle.travel_speed_mps, SpeedSource.REPORTED)
-    if vehicle.movement in _STOPPED or crash_type.stopped:
+    if vehicle.movement in STOPPED_MOVEMENTS or crash_type.stopped:
         return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)
     if vehicle.movement is PreCrashMovement.STARTING:
         return TravelSpeed(0.0, SpeedSource.INFERRED_MANOEUVRE)

@@ -32,7 +32,6 @@ _STATION_STEP_M: Final = 0.25
 _TURN_SLIDES_M: Final = tuple(float(slide) for slide in range(-14, 15, 2))
 _CROSSWALK_M: Final = 8.0  # farthest from the place: on another leg of the intersection it would be another crosswalk
 _CROSSWALK_SIGMA_M: Final = 0.7  # people in a crosswalk also walk beside its lines
-_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR: the near side of a turning motorist's intersection
 _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at least this share of its turn
 
 
@@ -73,9 +72,7 @@ def is_far_side(person: NonMotorist, option: Option) -> bool:
     >>> is_far_side(pedestrian_record.non_motorists[0], straight)  # it does not turn
     False
     """
-    if option.turn is None:
-        return False
-    return not (person.scenario and int(person.scenario[:-1]) in _NEAR_SIDE_TURNS)
+    return option.turn is not None and not person.at_near_side
 
 
 def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:

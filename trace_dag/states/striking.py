@@ -32,6 +32,7 @@ from trace_dag.states.gaits import Gait, dashes, gait_of, usual_speed_mps
 from trace_dag.states.manoeuvres import Option, back_up, follows_turn, keep_lane, make_turn, steepest_slope
 from trace_dag.states.pairs import speed_of, turning_streams
 from trace_dag.states.paths import LateralShift, Path, shifted, straight
+from trace_dag.states.ranking import Scored
 from trace_dag.states.scene import Scene
 from trace_dag.states.solver import TURN_SLIDE_SIGMA_M
 from trace_dag.states.speeds import SpeedProfile, TravelSpeed, speed_profile
@@ -111,7 +112,7 @@ class Walk:
 
 
 @dataclass(frozen=True, eq=False)
-class StrikePlan:
+class StrikePlan(Scored):
     """One way one strike can have happened. ``terms`` are log-likelihoods."""
 
     strike: Strike
@@ -119,11 +120,6 @@ class StrikePlan:
     walk: Walk
     contact_xy_m: tuple[float, float]
     terms: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def score(self) -> float:
-        """Log-likelihood, rounded so that its order does not depend on the last bits."""
-        return round(sum(self.terms.values()), 6)
 
     @property
     def name(self) -> str:
@@ -382,16 +378,3 @@ def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tup
         apart = abs(math.remainder(went - math.radians(motorist), math.tau))
         terms["compass direction of the motorist"] = -0.5 * (max(apart - _COMPASS_RAD, 0.0) / (_COMPASS_RAD / 2)) ** 2
     return terms
-
-
-def best_of_groups(plans: Sequence[StrikePlan]) -> list[StrikePlan]:
-    """The best plan of each group, then the others, each in the order of their scores.
-
-    >>> best_of_groups([])
-    []
-    """
-    leaders: dict[tuple[str, ...], StrikePlan] = {}
-    for plan in plans:
-        leaders.setdefault(plan.group, plan)
-    first = list(leaders.values())
-    return first + [plan for plan in plans if plan not in first]

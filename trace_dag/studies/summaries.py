@@ -19,6 +19,7 @@ from trace_dag.verdict.controls import ControlRow
 from trace_dag.verdict.peer import ComparisonRow
 from trace_dag.verdict.perturbed.kinds import KINDS
 from trace_dag.verdict.types import Grade
+from trace_dag.wording import percent
 
 
 class StudyTable(NamedTuple):
@@ -189,23 +190,19 @@ def _estimator_column(summary: EstimatorSummary) -> dict[str, str]:
         "estimated by another in its place": str(summary.fallbacks or ""),
         "rejected": str(summary.rejected or ""),
         "failed": str(summary.failed or ""),
-        "same approaches": _percent(summary.approach_agreement),
-        "same lanes": _percent(summary.lane_agreement),
-        "all checks passed": _percent(summary.all_checks_passed),
-        "accepted by the verdict": _percent(summary.accepted),
+        "same approaches": percent(summary.approach_agreement),
+        "same lanes": percent(summary.lane_agreement),
+        "all checks passed": percent(summary.all_checks_passed),
+        "accepted by the verdict": percent(summary.accepted),
         "answers per crash": "" if not summary.tokens else f"{summary.mean_attempts or 0:.2f}",
         "tokens": f"{summary.tokens:,}" if summary.tokens else "",
         "cost, USD": f"{summary.cost_usd:.4f}" if summary.tokens else "",
-        "true approaches": _percent(summary.approach_correct),
-        "true lanes": _percent(summary.lane_correct),
+        "true approaches": percent(summary.approach_correct),
+        "true lanes": percent(summary.lane_correct),
         "impact point off, median m": _number(summary.median_impact_point_error_m),
         "heading off, median degrees": _number(summary.median_heading_error_deg),
         "initial position off, median m": _number(summary.median_initial_position_error_m),
     }
-
-
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.1f} %"
 
 
 def _number(value: float | None) -> str:

@@ -35,7 +35,15 @@ from trace_dag.verdict.metrics import (
     speed_error_rel,
     struck_side,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
+from trace_dag.verdict.rules import (
+    RULE_SETS,
+    at_most,
+    clock_criterion,
+    direction_criterion,
+    reported_of,
+    shown,
+    speed_criterion,
+)
 from trace_dag.verdict.strikes import zone_error_m
 from trace_dag.verdict.types import Criterion
 
@@ -158,15 +166,13 @@ def _of_first(
         error = zone_error_m(observed.outside_m[parked.number], zones)
         limit = settings.max_zone_error_m
         found.append(at_most("zone_error", error, limit, "m", Reason.WRONG_ZONE, parked.number, event))
+    for vehicle in measures.vehicles:
+        found.append(direction_criterion(vehicle.turn_error_deg, limits, vehicle.number, event))
     most, wrong = limits.max_direction_error_deg, Reason.WRONG_DIRECTION
-    for vehicle in measures.vehicles:
-        found.append(at_most("direction_error", vehicle.turn_error_deg, most, "deg", wrong, vehicle.number, event))
     found.append(at_most("relation_error", measures.relation_error_deg, most, "deg", wrong, None, event))
-    too_fast = Reason.WRONG_SPEED if RULE_SETS[settings.rule_set].speeds_reject else None
+    rules = RULE_SETS[settings.rule_set]
     for vehicle in measures.vehicles:
-        error = vehicle.initial_speed_error_rel
-        limit = limits.max_speed_error_rel
-        found.append(at_most("initial_speed_error", error, limit, "rel", too_fast, vehicle.number, event))
+        found.append(speed_criterion(vehicle.initial_speed_error_rel, rules, limits, vehicle.number, event))
     return found
 
 
@@ -178,15 +184,14 @@ def _later_speeds(
     settings: VerdictSettings,
 ) -> list[Criterion]:
     """Reported speeds of the vehicles that take part later, at the beginning."""
-    too_fast = Reason.WRONG_SPEED if RULE_SETS[settings.rule_set].speeds_reject else None
+    rules = RULE_SETS[settings.rule_set]
     initial_mps = {vehicle.number: float(vehicle.speed_mps[0]) for vehicle in log.vehicles}
     found, told = [], set(begins.pair if begins else ())
     for contact in contacts:
         for vehicle, _ in contact.sides:
             if vehicle.number not in told and vehicle.number in initial_mps:
                 error = speed_error_rel(initial_mps[vehicle.number], vehicle)
-                limit, event = limits.max_speed_error_rel, contact.event_number
-                found.append(at_most("initial_speed_error", error, limit, "rel", too_fast, vehicle.number, event))
+                found.append(speed_criterion(error, rules, limits, vehicle.number, contact.event_number))
             told.add(vehicle.number)
     return found
 

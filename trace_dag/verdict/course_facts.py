@@ -73,7 +73,7 @@ def _manner(record: CrashRecord, one: ObservedVehicle, two: ObservedVehicle) -> 
         yield Fact(
             "manner of collision",
             ComparedWith.COURSE,
-            _agreement(met),
+            Agreement.of(met),
             record.collision_type.value.replace("_", " "),
             found,
         )
@@ -125,7 +125,7 @@ def _crash_type(
     found = f"{_relation_deg(seen, other):.0f} deg between the courses, turned {seen.turn_deg:+z.0f} deg, struck at "
     found += f"{seen.clock_h:.1f} o'clock"
     reported = f"ACC_TYPE {code}"
-    yield Fact("crash type", ComparedWith.COURSE, _agreement(agrees), reported, found, True, vehicle.number)
+    yield Fact("crash type", ComparedWith.COURSE, Agreement.of(agrees), reported, found, True, vehicle.number)
 
 
 def _relation_deg(seen: ObservedVehicle, other: ObservedVehicle) -> float:
@@ -171,7 +171,7 @@ def _critical_event(
         reported = f"P_CRASH2 {vehicle.critical_event_code}"
         found = f"{_relation_deg(seen, other):.0f} deg between the courses"
         yield Fact(
-            "critical event", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number
+            "critical event", ComparedWith.COURSE, Agreement.of(agrees), reported, found, vehicle_number=vehicle.number
         )
 
 
@@ -199,7 +199,7 @@ def movement_fact(record: CrashRecord, vehicle: VehicleRecord, seen: ObservedVeh
     else:
         return None
     reported = movement.name.lower().replace("_", " ")
-    return Fact("movement", ComparedWith.COURSE, _agreement(agrees), reported, found, vehicle_number=vehicle.number)
+    return Fact("movement", ComparedWith.COURSE, Agreement.of(agrees), reported, found, vehicle_number=vehicle.number)
 
 
 # --- each vehicle ------------------------------------------------------------------------------------------------
@@ -248,10 +248,6 @@ def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     error = speed_error_rel(seen.initial_speed_mps, vehicle)
     if error is None or vehicle.travel_speed_mps is None:
         return None
-    agreement = _agreement(abs(error) <= _KEPT_REL)
+    agreement = Agreement.of(abs(error) <= _KEPT_REL)
     reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:.1f} m/s"
     return Fact("travel speed", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
-
-
-def _agreement(agrees: bool) -> Agreement:
-    return Agreement.AGREES if agrees else Agreement.DIFFERS

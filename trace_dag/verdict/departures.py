@@ -36,7 +36,14 @@ from trace_dag.verdict.metrics import (
     observed_vehicle,
     sides_of,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
+from trace_dag.verdict.rules import (
+    RULE_SETS,
+    at_most,
+    clock_criterion,
+    reported_of,
+    shown,
+    speed_criterion,
+)
 from trace_dag.verdict.types import Criterion
 
 _ZONES: Final = {
@@ -164,10 +171,9 @@ def departure_criteria(
     if observed is None:
         detail = log.reason
         return (Criterion("contact", 0.0, 1.0, "contacts", False, Reason.NO_COLLISION, detail, number, event),)
-    limits = RULE_SETS[settings.rule_set].limits or settings
     rules = RULE_SETS[settings.rule_set]
+    limits = rules.limits or settings
     measures = compared_vehicle(observed.vehicle, replace(departure.vehicle, impact=first.area), record)
-    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
     return (
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION, "", number, event),
         *_party(observed, log, first, number),
@@ -184,15 +190,7 @@ def departure_criteria(
         ),
         clock_criterion(rules.clock_error(measures), limits, number, event),
         _order(observed, departure),
-        at_most(
-            "initial_speed_error",
-            measures.initial_speed_error_rel,
-            limits.max_speed_error_rel,
-            "rel",
-            wrong_speed,
-            number,
-            event,
-        ),
+        speed_criterion(measures.initial_speed_error_rel, rules, limits, number, event),
         *_later(observed, departure, record, strict=rules.speeds_reject),
         *_shown(observed, measures, limits, event),
     )

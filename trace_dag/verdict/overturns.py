@@ -23,7 +23,7 @@ from trace_dag.sim.types import SimulationLog, overturned_at
 from trace_dag.verdict.departed_street import NO_STREET, DepartedStreet, departed_street, street_criterion
 from trace_dag.verdict.departures import along_road_m, departing
 from trace_dag.verdict.metrics import speed_error_rel
-from trace_dag.verdict.rules import RULE_SETS, at_most, shown
+from trace_dag.verdict.rules import RULE_SETS, at_most, shown, speed_criterion
 from trace_dag.verdict.types import Criterion
 
 
@@ -94,7 +94,6 @@ def overturn_criteria(
         return (Criterion("overturn", 0.0, 1.0, "", False, Reason.NO_OVERTURN, detail, vehicle.number, event),)
     rules = RULE_SETS[settings.rule_set]
     limits = rules.limits or settings
-    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
     error = speed_error_rel(observed.initial_speed_mps, vehicle)
     return (
         Criterion("overturn", 1.0, 1.0, "", True, Reason.NO_OVERTURN, "", vehicle.number, event),
@@ -103,7 +102,7 @@ def overturn_criteria(
         at_most(
             "station_distance", observed.along_m, limits.max_contact_distance_m, "m", Reason.WRONG_LOCATION, None, event
         ),
-        at_most("initial_speed_error", error, limits.max_speed_error_rel, "rel", wrong_speed, vehicle.number, event),
+        speed_criterion(error, rules, limits, vehicle.number, event),
         *(
             Criterion(
                 "later_event",

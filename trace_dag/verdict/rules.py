@@ -106,29 +106,11 @@ def criteria(measures: CrashMeasures | None, log: SimulationLog, settings: Verdi
         error = rules.clock_error(vehicle)
         rejecting.append(clock_criterion(error, limits, vehicle.number))
     for vehicle in measures.vehicles:
-        rejecting.append(
-            at_most(
-                "direction_error",
-                vehicle.turn_error_deg,
-                limits.max_direction_error_deg,
-                "deg",
-                Reason.WRONG_DIRECTION,
-                vehicle.number,
-            )
-        )
+        rejecting.append(direction_criterion(vehicle.turn_error_deg, limits, vehicle.number))
     relation = measures.relation_error_deg
     rejecting.append(at_most("relation_error", relation, limits.max_direction_error_deg, "deg", Reason.WRONG_DIRECTION))
-    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
     speeds = [
-        at_most(
-            "initial_speed_error",
-            vehicle.initial_speed_error_rel,
-            limits.max_speed_error_rel,
-            "rel",
-            wrong_speed,
-            vehicle.number,
-        )
-        for vehicle in measures.vehicles
+        speed_criterion(vehicle.initial_speed_error_rel, rules, limits, vehicle.number) for vehicle in measures.vehicles
     ]
     return (*rejecting, *speeds, *_reported(measures, limits))
 
@@ -159,6 +141,30 @@ def clock_criterion(error_h: float | None, limits: VerdictSettings, number: int,
     [True, False, None]
     """
     return at_most("clock_error", error_h, limits.max_clock_error_h, "h", Reason.WRONG_IMPACT, number, event)
+
+
+def direction_criterion(
+    error_deg: float | None, limits: VerdictSettings, number: int, event: int | None = None
+) -> Criterion:
+    """The criterion on how far a vehicle turned, against the reported turn.
+
+    >>> [direction_criterion(error_deg, VerdictSettings(), 1).passed for error_deg in (10.0, 170.0, None)]
+    [True, False, None]
+    """
+    wrong, most = Reason.WRONG_DIRECTION, limits.max_direction_error_deg
+    return at_most("direction_error", error_deg, most, "deg", wrong, number, event)
+
+
+def speed_criterion(
+    error_rel: float | None, rules: RuleSet, limits: VerdictSettings, number: int, event: int | None = None
+) -> Criterion:
+    """The criterion on the initial speed against the reported one, which rejects where the rule set says so.
+
+    >>> [speed_criterion(0.5, rules, VerdictSettings(), 1).reason for rules in (RuleSet(), RULE_SETS["strict"])]
+    [None, <Reason.WRONG_SPEED: 'wrong_speed'>]
+    """
+    wrong = Reason.WRONG_SPEED if rules.speeds_reject else None
+    return at_most("initial_speed_error", error_rel, limits.max_speed_error_rel, "rel", wrong, number, event)
 
 
 def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterion]:

@@ -22,6 +22,7 @@ from trace_dag.roads.report import CrashPlacement
 from trace_dag.states.courses import told_courses
 from trace_dag.verdict.course_facts import impact_fact, movement_fact, speed_fact
 from trace_dag.verdict.strikes import (
+    STANDS_MPS,
     ObservedStrike,
     ObservedStrikes,
     compass_error_deg,
@@ -46,7 +47,6 @@ OF_STRIKES: Final = frozenset(
 """Names of the facts that crashes with people alone have."""
 _COURSE_DEG: Final = 45.0
 _IN_ZONE_M: Final = 1.0
-_STANDS_MPS: Final = 0.2
 _CROSSWALK_M: Final = 20.0  # a marked crosswalk of the intersection or block that the typing speaks of
 _PRESENT, _NONE_NOTED = 1, 0
 
@@ -85,7 +85,7 @@ def crosswalk_facts(record: CrashRecord, network: RoadNetwork, placement: CrashP
     for strike in strikes_of(record):
         code = strike.person.crosswalk_code
         if code in (_PRESENT, _NONE_NOTED):
-            agreement = _agreement((code == _PRESENT) is near)
+            agreement = Agreement.of((code == _PRESENT) is near)
             found = f"{'a' if near else 'no'} crosswalk within {_CROSSWALK_M:.0f} m"
             yield Fact("crosswalk", ComparedWith.MAP, agreement, PBCWALK.meaning(code), found)
 
@@ -93,7 +93,7 @@ def crosswalk_facts(record: CrashRecord, network: RoadNetwork, placement: CrashP
 def _first_pair(strikes: tuple[Strike, ...], observed: ObservedStrikes, *, told: bool) -> Fact:
     first = observed.contacts[0]
     expected = strikes[:1] if told else strikes
-    agreement = _agreement((first.number_1, first.number_2) in {strike.pair for strike in expected})
+    agreement = Agreement.of((first.number_1, first.number_2) in {strike.pair for strike in expected})
     said = " or ".join(" and ".join(party_in_words(number) for number in strike.pair) for strike in expected)
     found = f"{party_in_words(first.number_1)} and {party_in_words(first.number_2)}"
     return Fact("striking vehicle", ComparedWith.COURSE, agreement, said, found, essential=True)
@@ -117,15 +117,15 @@ def _of_person(record: CrashRecord, strike: Strike, seen: ObservedStrike) -> Ite
     if course is not None:
         told = ", ".join(sorted(each.value.replace("_", " ") for each in told_courses(person, turn)))
         found = f"{course:.0f} deg off"
-        yield _fact("course of the person", _agreement(course <= _COURSE_DEG), told, found, person.party)
+        yield _fact("course of the person", Agreement.of(course <= _COURSE_DEG), told, found, person.party)
     zones = reported_zones(record, person)
     outside = zone_error_m(seen.outside_m, zones)
     if outside is not None:
-        agreement = _agreement(outside <= _IN_ZONE_M)
+        agreement = Agreement.of(outside <= _IN_ZONE_M)
         said = ", ".join(sorted(zones))
         where = f"{abs(seen.outside_m):.1f} m {'outside' if seen.outside_m > 0 else 'within'} the carriageway's edge"
         yield _fact("zone of the person", agreement, said, where, person.party)
-    heading = seen.person_heading_rad if seen.person_speed_mps > _STANDS_MPS else None
+    heading = seen.person_heading_rad if seen.person_speed_mps > STANDS_MPS else None
     for party, table, code, headed in (
         (strike.vehicle.number, MOTDIR, person.motorist_direction_code, seen.vehicle.approach_rad),
         (person.party, PEDDIR, person.pedestrian_direction_code, heading),
@@ -133,12 +133,8 @@ def _of_person(record: CrashRecord, strike: Strike, seen: ObservedStrike) -> Ite
         error = None if headed is None else compass_error_deg(headed, code)
         if error is not None:
             found = f"{error:.0f} deg outside that quarter"
-            yield _fact("compass direction", _agreement(error <= _COURSE_DEG), table.meaning(code), found, party)
+            yield _fact("compass direction", Agreement.of(error <= _COURSE_DEG), table.meaning(code), found, party)
 
 
 def _fact(name: str, agreement: Agreement, reported: str, found: str, party: int) -> Fact:
     return Fact(name, ComparedWith.COURSE, agreement, reported, found, vehicle_number=party)
-
-
-def _agreement(agrees: bool) -> Agreement:
-    return Agreement.AGREES if agrees else Agreement.DIFFERS

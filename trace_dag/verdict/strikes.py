@@ -36,13 +36,20 @@ from trace_dag.verdict.metrics import (
     outside_m,
     sides_of,
 )
-from trace_dag.verdict.rules import RULE_SETS, at_most, clock_criterion, reported_of, shown
+from trace_dag.verdict.rules import (
+    RULE_SETS,
+    at_most,
+    clock_criterion,
+    direction_criterion,
+    reported_of,
+    shown,
+    speed_criterion,
+)
 from trace_dag.verdict.types import Criterion
 
 _COMPASS_DEG: Final = 45.0  # a coded direction is a quarter of the compass
-_STANDS_MPS: Final = 0.2
+STANDS_MPS: Final = 0.2
 _CRASH_MPS: Final = kmh_to_mps(8.0)  # change of velocity from which an event data recorder records (49 CFR 563.5)
-_NEAR_SIDE_TURNS: Final = frozenset({5, 6, 9, 10})  # PEDSNR
 _LANE_BESIDE_M: Final = 0.5  # the edge of a carriageway is drawn no better than so
 _BESIDE_M: Final = 4.0  # a full shoulder (AASHTO: 3.0 to 3.6 m) and its edge
 _BEYOND_M: Final = 12.0
@@ -107,7 +114,7 @@ def observe_strikes(network: RoadNetwork, hypothesis: Hypothesis, log: Simulatio
             ObservedStrike(
                 contact,
                 vehicle,
-                heading if speed > _STANDS_MPS else person.pose.heading_rad,
+                heading if speed > STANDS_MPS else person.pose.heading_rad,
                 speed,
                 outside_m(network, person.pose.x_m, person.pose.y_m),
                 _exposed_s(network, driven, contact.time_s),
@@ -309,39 +316,20 @@ def _of_strike(
         )
     found += [
         clock_criterion(rules.clock_error(measures), limits, number, event),
-        at_most(
-            "direction_error",
-            measures.turn_error_deg,
-            limits.max_direction_error_deg,
-            "deg",
-            Reason.WRONG_DIRECTION,
-            number,
-            event,
-        ),
+        direction_criterion(measures.turn_error_deg, limits, number, event),
     ]
     if first and person.kind is not PartyKind.ANIMAL:  # of those no report tells which way they went
         course = course_error_deg(seen, person, turn)
         compass = {
             number: compass_error_deg(seen.vehicle.approach_rad, person.motorist_direction_code),
             person.party: compass_error_deg(seen.person_heading_rad, person.pedestrian_direction_code)
-            if seen.person_speed_mps > _STANDS_MPS
+            if seen.person_speed_mps > STANDS_MPS
             else None,
         }
         wrong, most = Reason.WRONG_DIRECTION, limits.max_direction_error_deg
         found.append(at_most("course_error", course, most, "deg", wrong, person.party, event))
         found += [at_most("compass_error", error, most, "deg", wrong, party, event) for party, error in compass.items()]
-    wrong_speed = Reason.WRONG_SPEED if rules.speeds_reject else None
-    found.append(
-        at_most(
-            "initial_speed_error",
-            measures.initial_speed_error_rel,
-            limits.max_speed_error_rel,
-            "rel",
-            wrong_speed,
-            number,
-            event,
-        )
-    )
+    found.append(speed_criterion(measures.initial_speed_error_rel, rules, limits, number, event))
     return found
 
 
@@ -384,14 +372,14 @@ def course_error_deg(seen: ObservedStrike, person: NonMotorist, turn: Turn | Non
     0
     """
     allowed = told_courses(person, turn)
-    if not allowed or (Course.STANDING in allowed and seen.person_speed_mps <= _STANDS_MPS):
+    if not allowed or (Course.STANDING in allowed and seen.person_speed_mps <= STANDS_MPS):
         return None
-    if seen.person_speed_mps <= _STANDS_MPS:
+    if seen.person_speed_mps <= STANDS_MPS:
         return 180.0
     came = seen.vehicle.approach_rad
     roads = [came] if turn is None else [came, came + math.radians(seen.vehicle.turn_deg)]
-    if turn is not None and person.scenario:
-        roads = roads[:1] if int(person.scenario[:-1]) in _NEAR_SIDE_TURNS else roads[1:]
+    if turn is not None and person.at_near_side is not None:
+        roads = roads[:1] if person.at_near_side else roads[1:]
     angles = [
         abs(math.degrees(wrap_angle(seen.person_heading_rad - road)) - RELATIVE_DEG[course]) % 360.0
         for road in roads

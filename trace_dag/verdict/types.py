@@ -46,6 +46,11 @@ class Agreement(StrEnum):
     NEAR = "near"  # not the same, but what reports and maps often have for each other
     DIFFERS = "differs"
 
+    @classmethod
+    def of(cls, agrees: bool) -> Agreement:
+        """Of a fact that either agrees or does not."""
+        return cls.AGREES if agrees else cls.DIFFERS
+
 
 class ComparedWith(StrEnum):
     """What a fact is compared with."""

@@ -28,6 +28,7 @@ from trace_dag.flow.ledgers import Complaint, write_ledger
 from trace_dag.flow.records import log_complaint
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.processes import temporary_prefix
+from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
 from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
@@ -74,7 +75,7 @@ class BuildReport:
     def incomplete_crashes(self) -> set[str]:
         """The crashes of which the warehouse lacks some stages."""
         files = (damaged.name for damaged in self.damaged)
-        return {Path(name).name.partition(".")[0] for name in files if name.partition("/")[0] in set(Stage)}
+        return {crash_of(name) for name in files if name.partition("/")[0] in set(Stage)}
 
 
 def warehouse_code() -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.roads import judges
-from tests.roads.towns import FRAME, SETTINGS, Town
+from tests.roads.towns import FRAME, SETTINGS, Town, straight_street
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.osm.xml import read_osm, write_osm
@@ -63,14 +63,8 @@ def test_the_cycle_lane_of_a_one_way_street_is_on_its_right(
     assert read_beside(tags, oneway=True, against_way=against) == expected
 
 
-def _straight(**tags: str) -> RoadNetwork:
-    town = Town()
-    town.street([(-100, 0), (100, 0)], **tags)
-    return town.network()
-
-
 def test_cycle_lane_next_to_traffic_then_parking_then_sidewalk() -> None:
-    network = _straight(sidewalk="right", cycleway__right="lane", parking__right="lane")
+    network = straight_street(sidewalk="right", cycleway__right="lane", parking__right="lane")
     road = network.roads[0]
     lanes = {lane.id: lane.type for lane in road.lane_sections[0].lanes}
     assert lanes == {
@@ -252,7 +246,7 @@ def test_the_file_keeps_what_the_map_has() -> None:
 
 def test_crosswalks_of_other_converters_are_read() -> None:
     """Turned by a right angle and 2 m to the left; corners given along the road; an outline of two corners is none."""
-    xodr = write_opendrive(_straight()).decode()
+    xodr = write_opendrive(straight_street()).decode()
     objects = (
         '<object type="crosswalk" id="a" s="10" t="2" zOffset="0" hdg="1.5707963267948966"><outlines><outline>'
         '<cornerLocal u="1" v="0" z="0" height="0"/><cornerLocal u="0" v="3" z="0" height="0"/>'

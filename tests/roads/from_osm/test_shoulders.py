@@ -7,19 +7,12 @@ from pathlib import Path
 import pytest
 
 from tests.roads import judges
-from tests.roads.towns import Town
+from tests.roads.towns import Town, straight_street
 from trace_dag.roads.gates.gates import check_map
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.stored_map import StoredMap
 from trace_dag.roads.map.writer import write_opendrive
-
-
-def straight(**tags: str) -> RoadNetwork:
-    """200 m of a road along the x axis."""
-    town = Town()
-    town.street([(-100, 0), (100, 0)], **tags)
-    return town.network()
 
 
 def shoulders_m(network: RoadNetwork, road: int = 0, at_m: float = 100.0) -> dict[bool, float]:
@@ -50,7 +43,7 @@ def shoulders_m(network: RoadNetwork, road: int = 0, at_m: float = 100.0) -> dic
     ],
 )
 def test_roads_of_fifty_miles_an_hour_have_shoulders(tags: dict[str, str], expected: dict[bool, float]) -> None:
-    network = straight(**{key.replace(":", "__"): value for key, value in tags.items()})
+    network = straight_street(**{key.replace(":", "__"): value for key, value in tags.items()})
     assert shoulders_m(network) == expected
 
 
@@ -97,7 +90,7 @@ def test_shoulders_end_before_a_junction_and_the_map_keeps_its_gates() -> None:
 
 def test_carla_reads_the_shoulders() -> None:
     """``carla.Map`` finds one beside the outermost lane, as wide as ours."""
-    carla_map = judges.carla_map(write_opendrive(straight(highway="motorway", oneway="yes")))
+    carla_map = judges.carla_map(write_opendrive(straight_street(highway="motorway", oneway="yes")))
     carla = pytest.importorskip("carla")
     lane = carla_map.get_waypoint(carla.Location(0.0, 0.0, 0.0))
     while lane.lane_type == carla.LaneType.Driving:
@@ -108,6 +101,6 @@ def test_carla_reads_the_shoulders() -> None:
 
 def test_the_official_checker_finds_nothing(tmp_path: Path) -> None:
     path = tmp_path / "shoulders.xodr"
-    path.write_bytes(write_opendrive(straight(highway="motorway", oneway="yes")))
+    path.write_bytes(write_opendrive(straight_street(highway="motorway", oneway="yes")))
     (result,) = judges.official_check([path])
     assert result["issues"] == []

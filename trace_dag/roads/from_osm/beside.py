@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import OsmExtract
 from trace_dag.roads.from_osm.carriageways import Carriageways
+from trace_dag.roads.from_osm.marks import LEGAL_EDGE, NOT_CROSSED
 from trace_dag.roads.from_osm.shoulders import shoulders_along
 from trace_dag.roads.from_osm.street_graph import StreetGraph
 from trace_dag.roads.from_osm.street_roads import StreetRoads
@@ -27,14 +28,12 @@ from trace_dag.roads.from_osm.strips import STEP_M, Strip, Strips, strips_along
 from trace_dag.roads.map.arcs import along_arcs
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanView
-from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road, RoadMark
+from trace_dag.roads.map.model import Cubic, Lane, LaneType, Road
 
 _END_M: Final = 1.0  # length over which a sidewalk begins and ends
 _LEAST_M: Final = 8.0  # a shorter one is left out
 _SHOULDER_STEP_M: Final = 2 * STEP_M
 _TO_JUNCTION_M: Final = 8.0  # a strip that ends this near to a junction goes on to it
-_NO_MARK: Final = RoadMark("none", "standard", "none")
-_EDGE: Final = RoadMark("solid", "white", "none")
 
 
 def with_lanes_beside(
@@ -233,7 +232,7 @@ class _Outside:
                 if before and before._reaches_end(each) and new.start_m
                 else None,
                 successor=after._id_of_new.get(each) if after and after._reaches_start(each) and new.end_m else None,
-                mark=_EDGE if new.type is LaneType.BIKING else _NO_MARK,
+                mark=LEGAL_EDGE if new.type is LaneType.BIKING else NOT_CROSSED,
             )
 
     def _reaches_end(self, key: str) -> bool:

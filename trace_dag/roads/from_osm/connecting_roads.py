@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from trace_dag.roads.from_osm.marks import UNMARKED
 from trace_dag.roads.from_osm.movements import ArmLane, Movement
 from trace_dag.roads.from_osm.polyline_fit import fit_plan
 from trace_dag.roads.from_osm.turn_curves import CORNER_RADIUS_M, TIGHTEST_RADIUS_M, drivable_turn, tightest_radius_m
@@ -34,10 +35,8 @@ from trace_dag.roads.map.model import (
     LaneType,
     Road,
     RoadLink,
-    RoadMark,
 )
 
-_NO_MARK: Final = RoadMark("none", "standard", "both")
 _STRAIGHT_RADIUS_M: Final = 25.0
 _MOST_CURVED: Final = 0.19  # lane offset over radius
 _STRAIGHT_PATH_RAD: Final = 1.2
@@ -248,7 +247,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
     plan = without_slivers(link.plan)
     length = plan.length_m
     origin, target = movement.origin, movement.target
-    lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=_NO_MARK)]
+    lanes: list[Lane] = [Lane(0, LaneType.NONE, (), mark=UNMARKED)]
     for index, (lane_in, lane_out) in enumerate(link.lanes):
         lanes.append(
             Lane(
@@ -257,7 +256,7 @@ def _road(link: _Link, road_id: str, junction_id: str) -> Road:
                 widths=(_ease(lane_in.width_m, lane_out.width_m, length),),
                 predecessor=lane_in.id,
                 successor=lane_out.id,
-                mark=_NO_MARK,
+                mark=UNMARKED,
             )
         )
     return Road(

@@ -17,6 +17,7 @@ import numpy as np
 
 from trace_dag.geometry import hermite
 from trace_dag.roads.from_osm.carriageways import Carriageways
+from trace_dag.roads.from_osm.marks import NOT_CROSSED
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.curves import PlanPose, PlanView, connect, element_pose, plan_pose, without_slivers
 from trace_dag.roads.map.model import (
@@ -29,11 +30,9 @@ from trace_dag.roads.map.model import (
     LaneType,
     Road,
     RoadLink,
-    RoadMark,
 )
 from trace_dag.roads.map.network import RoadNetwork
 
-_NO_MARK: Final = RoadMark("none", "standard", "none")
 _LEAST_WIDTH_M: Final = 0.5  # a lane that has closed before the junction does not go on
 _LEAST_M: Final = 0.1
 _FARTHEST_M: Final = 60.0  # farthest distance of a corner's ends: as large as the largest junctions
@@ -230,9 +229,9 @@ def _road(path: _Path, road_id: str, junction_id: str) -> Road:
         widths=(Cubic(0.0, *(2 * value for value in half)),),
         predecessor=path.origin_lane.lane_id,
         successor=path.target_lane.lane_id,
-        mark=_NO_MARK,
+        mark=NOT_CROSSED,
     )
-    centre = Lane(0, LaneType.NONE, (), mark=_NO_MARK)
+    centre = Lane(0, LaneType.NONE, (), mark=NOT_CROSSED)
     return Road(
         id=road_id,
         length_m=length_m,

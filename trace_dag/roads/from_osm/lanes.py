@@ -13,6 +13,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from trace_dag.roads.from_osm.marks import (
+    BROKEN,
+    EDGE,
+    LEGAL_CENTRE_TURN,
+    LEGAL_EDGE,
+    UNMARKED,
+    YELLOW_BROKEN,
+    YELLOW_DOUBLE,
+    YELLOW_EDGE,
+)
 from trace_dag.roads.from_osm.tags import LEFT_TURNS, CrossSection, LaneSpec, WayProfile
 from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, RoadMark
 
@@ -309,37 +319,26 @@ def _end_lanes(
     return tuple(lanes)
 
 
-_BROKEN = RoadMark("broken", "white", "both")
-_EDGE = RoadMark("solid", "white", "both")
-_LEGAL_EDGE = RoadMark("solid", "white", "none")
-_CENTRE_TURN = RoadMark("broken", "yellow", "both")
-_LEGAL_CENTRE_TURN = RoadMark("solid broken", "yellow", "both")
-_YELLOW_BROKEN = RoadMark("broken", "yellow", "both")
-_YELLOW_DOUBLE = RoadMark("solid solid", "yellow", "none")
-_YELLOW_EDGE = RoadMark("solid", "yellow", "none")
-_NO_MARK = RoadMark("none", "standard", "both")
-
-
 def _marks(specs: Sequence[LaneSpec], index: int, outermost: bool) -> tuple[RoadMark, RoadMark | None]:
     """Mark of a lane's outer border: as written for reconstruction, and as the law has it if that differs.
 
     After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B.
     """
     if outermost or not specs[index + 1].type.drivable:
-        return _EDGE, _LEGAL_EDGE
+        return EDGE, LEGAL_EDGE
     if specs[index].type == LaneType.BIDIRECTIONAL:
-        return _CENTRE_TURN, _LEGAL_CENTRE_TURN
+        return YELLOW_BROKEN, LEGAL_CENTRE_TURN
     if specs[index].type == LaneType.MEDIAN:
-        return _CENTRE_TURN, _YELLOW_DOUBLE
-    return _BROKEN, None
+        return YELLOW_BROKEN, YELLOW_DOUBLE
+    return BROKEN, None
 
 
 def _centre_marks(profile: WayProfile) -> tuple[RoadMark, RoadMark]:
     if profile.oneway:
-        return _YELLOW_BROKEN, _YELLOW_EDGE
+        return YELLOW_BROKEN, YELLOW_EDGE
     centre = profile.section.centre
     if centre is not None and centre.type == LaneType.BIDIRECTIONAL:
-        return _YELLOW_BROKEN, _LEGAL_CENTRE_TURN
+        return YELLOW_BROKEN, LEGAL_CENTRE_TURN
     if profile.rank >= 5:  # unclassified, residential, service: commonly unmarked
-        return _YELLOW_BROKEN, _NO_MARK
-    return _YELLOW_BROKEN, _YELLOW_DOUBLE
+        return YELLOW_BROKEN, UNMARKED
+    return YELLOW_BROKEN, YELLOW_DOUBLE

@@ -24,6 +24,7 @@ from trace_dag.errors import Failure, Reason, Rejection, UserError
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.xml import write_osm
 from trace_dag.roads.from_osm.converter import MapLimits, WayHints
+from trace_dag.roads.from_osm.marks import YELLOW_BROKEN, YELLOW_DOUBLE
 from trace_dag.roads.from_osm.tags import read_profile
 from trace_dag.roads.map.model import (
     Connection,
@@ -34,7 +35,6 @@ from trace_dag.roads.map.model import (
     LaneType,
     Road,
     RoadLink,
-    RoadMark,
     Signal,
 )
 from trace_dag.roads.map.network import RoadNetwork
@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 _TIME_LIMIT_S: Final = 120.0
 _SAME_LINE_M: Final = 0.5  # two directions of one street share their reference line this closely
 _ON_WAY_M: Final = 4.0
-_CENTRE_MARK: Final = RoadMark("broken", "yellow", "both")
-_LEGAL_CENTRE_MARK: Final = RoadMark("solid solid", "yellow", "none")
 
 
 _LIMITS: Final = MapLimits(
@@ -267,7 +265,7 @@ def _joined(road: Road, gone: Road) -> Road:
         for lane in gone.lane_sections[0].lanes
         if lane.id
     )
-    centre = Lane(0, LaneType.NONE, (), mark=_CENTRE_MARK, legal_mark=_LEGAL_CENTRE_MARK)
+    centre = Lane(0, LaneType.NONE, (), mark=YELLOW_BROKEN, legal_mark=YELLOW_DOUBLE)
     right = tuple(lane for lane in road.lane_sections[0].lanes if lane.id)
     lanes = tuple(sorted((*left, centre, *right), key=lambda lane: -lane.id))
     signals = road.signals + tuple(_mirrored(signal, road.length_m) for signal in gone.signals)

@@ -18,14 +18,13 @@ from trace_dag.scenario.solid.shapes import ball, box, joined, turned_body
 from trace_dag.scenario.solid.tracks import body_turns, rolling_keys
 from trace_dag.scenario.solid.two_wheelers import bicycle_parts, bicycle_wheel_parts, conveyance_parts
 from trace_dag.scenario.solid.vehicle_shapes import Parts
-from trace_dag.sim.figures import LANDMARKS, RIDDEN_LANDMARKS, RIDING, Posture, root_height, walking
+from trace_dag.sim.figures import PLACE_OF_LANDMARK, RIDDEN_LANDMARKS, RIDING, Posture, root_height, walking
 from trace_dag.sim.types import Body, BodyKind, VehicleLog
 
 _SKIN: Final = Material("#B98A6A")
 _HAIR: Final = Material("#3B2A20")
 _TROUSERS: Final = Material("#2F3642")
 _SHOES: Final = Material("#1B1C1E")
-_PLACE: Final = {name: k for k, name in enumerate((*LANDMARKS, *RIDDEN_LANDMARKS))}
 _HIP_ASIDE, _SHOULDER_ASIDE, _SHOULDER_BELOW = 0.050, 0.120, 0.025  # of the stature, as the simulation's figures
 _HIP, _KNEE, _NECK, _SHOULDER, _ARM, _SOLE = 0.530, 0.285, 0.825, 0.800, 0.36, 0.03
 
@@ -76,8 +75,8 @@ def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     if log.landmarks_m.shape[1]:
         points = log.landmarks_m.reshape(len(log.time_s), -1, 3)
-        names = [name for name, k in _PLACE.items() if k < points.shape[1]]
-        return {name: place + points[:, _PLACE[name]] for name in names}
+        names = [name for name, k in PLACE_OF_LANDMARK.items() if k < points.shape[1]]
+        return {name: place + points[:, PLACE_OF_LANDMARK[name]] for name in names}
     speed = np.hypot(log.velocity_x_mps, log.velocity_y_mps)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(log.x_m), np.diff(log.y_m)))])
     rides = body.kind is BodyKind.CYCLIST

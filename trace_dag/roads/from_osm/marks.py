@@ -1,0 +1,22 @@
+"""The lane markings that roads are given, as OpenDRIVE has them: shape, colour and who may change lanes across.
+
+After the US Manual on Uniform Traffic Control Devices (MUTCD), chapter 3B. A ``LEGAL`` mark is what the law has where
+the road as driven in crashes is written with another: drivers cross centre lines and edges.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trace_dag.roads.map.model import RoadMark
+
+BROKEN: Final = RoadMark("broken", "white", "both")
+EDGE: Final = RoadMark("solid", "white", "both")
+LEGAL_EDGE: Final = RoadMark("solid", "white", "none")
+YELLOW_BROKEN: Final = RoadMark("broken", "yellow", "both")
+LEGAL_CENTRE_TURN: Final = RoadMark("solid broken", "yellow", "both")
+YELLOW_DOUBLE: Final = RoadMark("solid solid", "yellow", "none")
+YELLOW_EDGE: Final = RoadMark("solid", "yellow", "none")
+UNMARKED: Final = RoadMark("none", "standard", "both")
+NOT_CROSSED: Final = RoadMark("none", "standard", "none")
+"""Nothing is painted, and nobody changes lanes: beside sidewalks."""
