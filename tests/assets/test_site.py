@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from trace_dag.definitions.site import Site
+from trace_dag.definitions.site import BenchmarkSite
 from trace_dag.storage import Storage
 
 
@@ -34,7 +34,7 @@ def asked(storage: Storage, path: str, method: str = "GET") -> tuple[int, dict[s
     async def send(message: Any) -> None:
         sent.append(message)
 
-    asyncio.run(Site(_dagster, storage)({"type": "http", "path": path, "method": method}, None, send))
+    asyncio.run(BenchmarkSite(_dagster, storage)({"type": "http", "path": path, "method": method}, None, send))
     headers = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
     return sent[0]["status"], headers, sent[1]["body"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.sim.motions import CAR, TRUCK, driven, log_of, participant, straight
-from tests.verdict.crashes import STREET, record, vehicle
+from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.errors import UserError
 from trace_dag.roads.map.model import Cubic
 from trace_dag.roads.map.network import RoadNetwork
@@ -28,7 +28,7 @@ RECORD = record(vehicle(1, 12), vehicle(2, 9))
 
 def crash(*trajectories: Trajectory, bodies: tuple[Body, ...] = (CAR, CAR)) -> tuple[Hypothesis, SimulationLog]:
     """A hypothesis as planned, and its simulation with bodies of these sizes on a plane."""
-    hypothesis, _ = log_of(*trajectories)
+    hypothesis, _ = simulated(*trajectories)
     states = tuple(
         replace(
             state,

@@ -11,7 +11,7 @@ import pytest
 from tests.sim.motions import CAR, log_of, participant, straight
 from tests.states.test_departures import PLACE
 from tests.states.test_strikes import with_animal
-from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, vehicle
+from tests.verdict.crashes import LANE_WIDTH_M, STREET, area, estimate, record, simulated, vehicle
 from trace_dag.crash.aftermath import aftermath_of
 from trace_dag.crash.departures import DepartureSide
 from trace_dag.crash.parties import thing_party
@@ -50,7 +50,7 @@ def followed(crash: CrashRecord, *things: MappedThing) -> tuple[StateEstimate, S
     meets_s = 3.0
     fast = straight(-CAR.length_m - 30.0 * meets_s, -1.75, 0.0, 30.0, until_s=6.0)
     slow = straight(-20.0 * meets_s, -1.75, 0.0, 20.0, until_s=6.0)
-    hypothesis, _ = log_of(fast, slow, impact_time_s=meets_s)
+    hypothesis, _ = simulated(fast, slow, impact_time_s=meets_s)
     report = replace(PLACE, things=things)
     made = with_aftermath(estimate(hypothesis, key=crash.key), crash, STREET, report)
     logs = simulate(EmbeddedBackend(SimSettings()), STREET, b"", made, SimSettings(), record=crash)

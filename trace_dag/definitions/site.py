@@ -24,7 +24,7 @@ _SERVED: Final = (FOLDER, "pictures", Stage.ROAD_MAP.value, Stage.VERDICT.value)
 _SANDBOX: Final = b"sandbox allow-scripts allow-popups allow-popups-to-escape-sandbox allow-downloads"
 
 
-class Site:
+class BenchmarkSite:
     """An ASGI application in front of another: it answers what is below ``/site``, from files of a root."""
 
     def __init__(self, app: App, storage: Storage) -> None:

@@ -25,7 +25,7 @@ from urllib.parse import parse_qs, urlsplit
 import click
 
 from trace_dag.definitions.asgi import App, Message, Receive, Send, again, read_body, send_bytes
-from trace_dag.definitions.site import PREFIX, Site
+from trace_dag.definitions.site import PREFIX, BenchmarkSite
 from trace_dag.storage import Storage
 
 _LOCAL: Final = ("localhost", "127.0.0.1", "::1")
@@ -126,7 +126,7 @@ def serve(root: str, host: str, port: int, *, allowed: tuple[str, ...] = (), rea
     unguarded = cli.create_app_from_workspace_process_context
 
     def guarded(*arguments: Any, **options: Any) -> Guard:
-        return Guard(Site(unguarded(*arguments, **options), Storage(root)), hosts)
+        return Guard(BenchmarkSite(unguarded(*arguments, **options), Storage(root)), hosts)
 
     cli.create_app_from_workspace_process_context = guarded
     daemon = None if read_only else _start_daemon()

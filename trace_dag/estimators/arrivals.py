@@ -50,7 +50,7 @@ _LEAST_CLOSING_MPS: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SimulatedMotion:
     """Where a body is over time, as simulated: arrays of equal length, headings unwrapped."""
 
     number: int
@@ -62,7 +62,7 @@ class Motion:
     heading_rad: FloatArray
 
     @classmethod
-    def of(cls, log: VehicleLog, length_m: float, width_m: float) -> Motion:
+    def of(cls, log: VehicleLog, length_m: float, width_m: float) -> SimulatedMotion:
         """That of a party of a simulation."""
         return cls(log.number, length_m, width_m, log.time_s, log.x_m, log.y_m, np.unwrap(log.heading_rad))
 
@@ -109,7 +109,7 @@ class _Way:
 
 
 def arrivals(
-    scene: Scene, contact: VehicleContact, newcomer: int, there: Sequence[Motion], *, after_s: float
+    scene: Scene, contact: VehicleContact, newcomer: int, there: Sequence[SimulatedMotion], *, after_s: float
 ) -> list[Arrival]:
     """Every way for a vehicle to have this contact first, with whom it is with, after a time; likeliest first.
 
@@ -161,7 +161,12 @@ def _beside(option: Option, speed: TravelSpeed, profile: SpeedProfile, score: fl
 
 # --- contacts --------------------------------------------------------------------------------------------------------
 def _best(
-    way: _Way, who: Party, contact: VehicleContact, target: Motion, others: Sequence[Motion], after_s: float
+    way: _Way,
+    who: Party,
+    contact: VehicleContact,
+    target: SimulatedMotion,
+    others: Sequence[SimulatedMotion],
+    after_s: float,
 ) -> Arrival | None:
     """The likeliest timing, or standing place, of one way; None if it never has the contact first."""
     size = (who.vehicle.length_m, who.vehicle.width_m)
@@ -210,13 +215,13 @@ def _best(
     return Arrival(who, placed, way.speed, way.profile, float(touch_s[best]), way.score + float(score[best]))
 
 
-def _stood(target: Motion, until_s: float) -> bool:
+def _stood(target: SimulatedMotion, until_s: float) -> bool:
     """Whether the other party stood from the beginning until just before a time."""
     (x0, x1), (y0, y1), _ = target.at(np.array([0.0, until_s - _STEP_S]))
     return math.hypot(x1 - x0, y1 - y0) < _LEAST_APART_M
 
 
-def _left_free_m(way: _Way, target: Motion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
+def _left_free_m(way: _Way, target: SimulatedMotion, size_m: tuple[float, float], stations: FloatArray) -> FloatArray:
     """How much more than a queue's usual gap is between a vehicle that stands at each station and one that stood."""
     x, y, _ = target.at(np.zeros(1))
     station_m, _ = way.path.project(float(x[0]), float(y[0]))
@@ -225,7 +230,7 @@ def _left_free_m(way: _Way, target: Motion, size_m: tuple[float, float], station
 
 
 def _placings(
-    way: _Way, target: Motion, size_m: tuple[float, float], meets_s: FloatArray
+    way: _Way, target: SimulatedMotion, size_m: tuple[float, float], meets_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Stations, and the times at which the vehicle is there: beside the other party then, or standing near its way."""
     reach = (math.hypot(*size_m) + math.hypot(*target.size_m)) / 2
@@ -254,7 +259,7 @@ def _travelled(profile: SpeedProfile, since_s: FloatArray) -> FloatArray:
     return np.asarray(distance)
 
 
-def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: Motion, time_s: FloatArray) -> FloatArray:
+def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: SimulatedMotion, time_s: FloatArray) -> FloatArray:
     """Gaps between each row of the newcomer's motion and another body; infinite where they are far from each other."""
     x, y, heading = other.at(time_s)
     reach = (math.hypot(*size_m) + math.hypot(*other.size_m)) / 2 + _QUEUE_GAP_M
@@ -280,7 +285,7 @@ def _steadied(score: FloatArray, places: NDArray[np.intp]) -> FloatArray:
     return np.asarray(0.5 * score + 0.25 * (before + after))
 
 
-def _closing(way: _Way, target: Motion, bodies: tuple[FloatArray, ...], time_s: FloatArray) -> FloatArray:
+def _closing(way: _Way, target: SimulatedMotion, bodies: tuple[FloatArray, ...], time_s: FloatArray) -> FloatArray:
     """Speed at which the two centres move against each other."""
     sense = -1.0 if way.option.backing else 1.0
     own = sense * way.profile.impact_mps

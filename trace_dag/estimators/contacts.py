@@ -14,7 +14,7 @@ from typing import Final
 from trace_dag.crash.contacts import VehicleContact, contacts_of, order_is_told, untold_contact
 from trace_dag.crash.record import CrashRecord
 from trace_dag.errors import Reason, Rejection
-from trace_dag.estimators.arrivals import LONGEST_WAIT_S, Arrival, Motion, arrivals
+from trace_dag.estimators.arrivals import LONGEST_WAIT_S, Arrival, SimulatedMotion, arrivals
 from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
@@ -185,8 +185,11 @@ def _last_contact_s(chain: _Chain, place: int, told: bool) -> float:
     return (max(times) if told else min(times)) if times else chain.participants[0].trajectory.time_s[0]
 
 
-def _motions(log: SimulationLog) -> list[Motion]:
-    return [Motion.of(each, log.bodies[each.number].length_m, log.bodies[each.number].width_m) for each in log.vehicles]
+def _motions(log: SimulationLog) -> list[SimulatedMotion]:
+    return [
+        SimulatedMotion.of(each, log.bodies[each.number].length_m, log.bodies[each.number].width_m)
+        for each in log.vehicles
+    ]
 
 
 def _joined(crash: _Crash, chain: _Chain, arrival: Arrival, planned: int) -> _Chain:

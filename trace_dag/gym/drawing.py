@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trace_dag.evaluation.cases import Case
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.geometry import Pose, rectangle_corners
-from trace_dag.gym.episode import Moment
+from trace_dag.gym.episode import EpisodeMoment
 from trace_dag.gym.pool import Track
 from trace_dag.scenario.animation import View
 from trace_dag.scenario.colours import body_colour
@@ -30,7 +30,7 @@ class Camera:
         self._view = View(case.network, replay_windows(case.recorded).overview, _SIZE_PX)
         self._bodies = case.bodies
 
-    def picture(self, moment: Moment) -> NDArray[np.uint8]:
+    def picture(self, moment: EpisodeMoment) -> NDArray[np.uint8]:
         """The bodies at a moment, shape (480, 480, 3)."""
         from PIL import Image, ImageDraw
 

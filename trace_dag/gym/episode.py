@@ -30,7 +30,7 @@ States = Mapping[int, BodyState]
 
 
 @dataclass(frozen=True)
-class Moment:
+class EpisodeMoment:
     """The time since the scenario began (s), and the true state of everybody by number."""
 
     time_s: float
@@ -51,12 +51,12 @@ class _Seat:
 
     def drive(self, time_s: float, states: States) -> Pedals | None:
         """See :class:`trace_dag.sim.driving.Driver`."""
-        act = self._episode.asked(Moment(time_s, dict(states)))[self._number]
+        act = self._episode.asked(EpisodeMoment(time_s, dict(states)))[self._number]
         if isinstance(act, Recorded):
             return None
-        return self._controller.pedals(act, self.observe(Moment(time_s, states)).own)
+        return self._controller.pedals(act, self.observe(EpisodeMoment(time_s, states)).own)
 
-    def observe(self, moment: Moment) -> Observation:
+    def observe(self, moment: EpisodeMoment) -> Observation:
         """What is seen at a moment, once: a sensor's noise is drawn once for each."""
         if self.seen is None or self.seen[0] != moment.time_s:
             self.seen = moment.time_s, self.sensor.observe(moment.time_s, moment.states)
@@ -83,7 +83,7 @@ class Episode:
     ) -> None:
         self.case = case
         self.log: SimulationLog | None = None
-        self.moment: Moment | None = None
+        self.moment: EpisodeMoment | None = None
         self._simulation = simulation
         self._acts: Mapping[int, Act] = {}
         self._seats = {
@@ -127,7 +127,7 @@ class Episode:
             self._running.parent = getcurrent()
             self._running.throw(GreenletExit)
 
-    def asked(self, moment: Moment) -> Mapping[int, Act]:
+    def asked(self, moment: EpisodeMoment) -> Mapping[int, Act]:
         """Called by a seat, in the run: the acts for a moment. The first seat asked hands over."""
         if self.moment is None or moment.time_s != self.moment.time_s:
             self.moment = moment
@@ -151,7 +151,7 @@ class Episode:
         )
 
 
-def _last_moment(log: SimulationLog) -> Moment:
+def _last_moment(log: SimulationLog) -> EpisodeMoment:
     states = {
         each.number: BodyState(
             each.number,
@@ -170,4 +170,4 @@ def _last_moment(log: SimulationLog) -> Moment:
         )
         for each in log.vehicles
     }
-    return Moment(log.duration_s, states)
+    return EpisodeMoment(log.duration_s, states)

@@ -17,7 +17,7 @@ from trace_dag.gym.episode import Episode
 from trace_dag.gym.observing import Seen, observation_space
 from trace_dag.gym.pool import Place, tracks
 from trace_dag.gym.rewards import Reward
-from trace_dag.gym.single import Driver, chosen, drivers_of
+from trace_dag.gym.single import EpisodeDriver, chosen, drivers_of
 
 _SEEDS = 2**31
 
@@ -62,7 +62,7 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
         self._reward = reward or Reward()
         self._random = np.random.default_rng()
         self._episode: Episode | None = None
-        self._drivers: dict[str, Driver] = {}
+        self._drivers: dict[str, EpisodeDriver] = {}
         self._camera: Camera | None = None
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space[Any]:
@@ -92,7 +92,8 @@ class ParallelCrashEnv(ParallelEnv[str, Seen, Any]):  # type: ignore[misc] # Pet
             seed=int(self._random.integers(_SEEDS)),
         )
         self._drivers = {
-            f"V{number}": Driver(self._episode, number, track.lanes, self._actions, self._reward) for number in numbers
+            f"V{number}": EpisodeDriver(self._episode, number, track.lanes, self._actions, self._reward)
+            for number in numbers
         }
         self.agents = list(self._drivers)
         about = {agent: {"case_id": track.case_id, "ego": driver.ego} for agent, driver in self._drivers.items()}

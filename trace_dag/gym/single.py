@@ -26,7 +26,7 @@ RenderMode = Literal["rgb_array", "human"]
 _SEEDS = 2**31
 
 
-class Driver:
+class EpisodeDriver:
     """One driver of an episode: eyes, hands, and how far it has driven of what was recorded."""
 
     def __init__(self, episode: Episode, ego: int, lanes: LanePoints, actions: ActionKind, reward: Reward) -> None:
@@ -141,7 +141,7 @@ class CrashEnv(gymnasium.Env[Seen, Any]):
             seed=int(self.np_random.integers(_SEEDS)),
             traffic=self._traffic,
         )
-        self._driver = Driver(self._episode, ego, track.lanes, self._actions, self._reward)
+        self._driver = EpisodeDriver(self._episode, ego, track.lanes, self._actions, self._reward)
         return self._driver.look(), {"case_id": track.case_id, "ego": ego}
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:

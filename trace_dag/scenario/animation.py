@@ -19,7 +19,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.geometry import FloatArray, Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour
-from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.figure_shapes import WHEEL_M, FigureShape, logged_shape
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import Window
@@ -56,7 +56,7 @@ def write_animation(
     log: SimulationLog,
     verdict: Verdict | None = None,
     *,
-    drive: Drive | None = None,
+    drive: AgentDrive | None = None,
     surroundings: Sequence[OsmFeature] = (),
     image_format: MovingFormat = "webp",
     panel_px: int = 420,
@@ -160,7 +160,7 @@ def _frame(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
-    drive: Drive | None,
+    drive: AgentDrive | None,
     views: list[View],
     time_s: float,
     rate: float,
@@ -244,7 +244,7 @@ def _draw_header(
     record: CrashRecord,
     log: SimulationLog,
     verdict: Verdict | None,
-    drive: Drive | None,
+    drive: AgentDrive | None,
     time_s: float,
     rate: float,
 ) -> None:

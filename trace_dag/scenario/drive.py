@@ -12,7 +12,7 @@ from trace_dag.sim.types import Body, SimulationLog
 
 
 @dataclass(frozen=True)
-class Drive:
+class AgentDrive:
     """An agent by name in the place of participant ``number``; ``outcome`` in words, ``recorded`` the crash itself."""
 
     agent: str

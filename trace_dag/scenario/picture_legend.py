@@ -39,7 +39,7 @@ _STROKE_IN, _TEXT_IN = 0.2, 0.28
 _PATH_COLOUR: Final = "#555555"
 
 
-class Column(NamedTuple):
+class LegendColumn(NamedTuple):
     """How entries of the legend are set: how many rows, from where down and how far apart, and how wide (inches)."""
 
     rows: int
@@ -50,11 +50,11 @@ class Column(NamedTuple):
 
 Signs = Sequence[tuple[dict[str, Any], str]]
 """How signs look, as options of a line of matplotlib's, and what they mean."""
-_VEHICLES: Final = Column(2, 0.11, 0.15, 3.2)
-_MANY_VEHICLES: Final = Column(3, 0.065, 0.115, 3.2)
-_CROWD: Final = Column(3, 0.065, 0.115, 1.6)
-_SIGNS: Final = Column(2, 0.11, 0.15, 2.3)
-_MANY_SIGNS: Final = Column(3, 0.065, 0.115, 2.3)
+_VEHICLES: Final = LegendColumn(2, 0.11, 0.15, 3.2)
+_MANY_VEHICLES: Final = LegendColumn(3, 0.065, 0.115, 3.2)
+_CROWD: Final = LegendColumn(3, 0.065, 0.115, 1.6)
+_SIGNS: Final = LegendColumn(2, 0.11, 0.15, 2.3)
+_MANY_SIGNS: Final = LegendColumn(3, 0.065, 0.115, 2.3)
 
 
 class Words(NamedTuple):
@@ -147,7 +147,7 @@ def headline(record: CrashRecord, verdict: Verdict | None) -> list[Words]:
     return lines
 
 
-def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Column, Signs]]) -> list[Words]:
+def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, LegendColumn, Signs]]) -> list[Words]:
     """Draw signs below the panels, in columns that begin so far from the left; what is written beside them.
 
     >>> from matplotlib.figure import Figure
@@ -166,7 +166,7 @@ def draw_legend(figure: Figure, top_in: float, entries: Sequence[tuple[float, Co
     return words
 
 
-def vehicle_column(entries: Signs) -> Column:
+def vehicle_column(entries: Signs) -> LegendColumn:
     """The column for a number of vehicles.
 
     >>> vehicle_column(vehicle_entries(record, None)) is _VEHICLES
@@ -175,7 +175,7 @@ def vehicle_column(entries: Signs) -> Column:
     return next(each for each in (_VEHICLES, _MANY_VEHICLES, _CROWD) if len(entries) <= 2 * each.rows or each is _CROWD)
 
 
-def sign_column(entries: Signs) -> Column:
+def sign_column(entries: Signs) -> LegendColumn:
     """The column for a number of signs.
 
     >>> sign_column([]) is _SIGNS

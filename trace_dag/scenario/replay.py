@@ -15,7 +15,7 @@ import numpy as np
 
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.page_templates import packed, templates
 from trace_dag.scenario.replay_columns import with_columns
@@ -97,7 +97,7 @@ def write_html_player(
     network: RoadNetwork,
     log: SimulationLog,
     verdict: Verdict | None = None,
-    drive: Drive | None = None,
+    drive: AgentDrive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
@@ -121,13 +121,13 @@ def _around(windows: Sequence[Window]) -> Window:
 def write_html_pair(
     record: CrashRecord,
     network: RoadNetwork,
-    driven: Sequence[tuple[Drive, SimulationLog]],
+    driven: Sequence[tuple[AgentDrive, SimulationLog]],
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
     """The drives of several agents in the same crash, beside each other on one page with one time line and one view.
 
-    >>> drives = [(Drive(agent, 1, "avoided", log), log) for agent in ("brake", "idm")]
+    >>> drives = [(AgentDrive(agent, 1, "avoided", log), log) for agent in ("brake", "idm")]
     >>> page = write_html_pair(record, network, drives)
     >>> b"brake drives" in page and b"idm drives" in page
     True

@@ -18,7 +18,7 @@ from trace_dag.crash.summary import classes_in_words
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
-from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_svg import SvgPanel
@@ -93,7 +93,7 @@ def replay_content(
     network: RoadNetwork,
     log: SimulationLog,
     verdict: Verdict | None = None,
-    drive: Drive | None = None,
+    drive: AgentDrive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
     sampled: SampledRuns | None = None,
@@ -137,7 +137,7 @@ def replay_content(
     )
 
 
-def shown_windows(log: SimulationLog, drive: Drive | None) -> ReplayWindows:
+def shown_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
     """What to look at; where an agent drives, at what it was to avoid.
 
     >>> shown_windows(log, None) == replay_windows(log)  # no agent drives
@@ -224,7 +224,7 @@ def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows
     }
 
 
-def _ghost(drive: Drive | None, log: SimulationLog) -> dict[str, Any]:
+def _ghost(drive: AgentDrive | None, log: SimulationLog) -> dict[str, Any]:
     """The recorded vehicle, in the place of which an agent drove."""
     if drive is None:
         return {"ghost": None}

@@ -31,7 +31,7 @@ _TREE_RADIUS_M: Final = 2.0
 _TREE: Final = "#A3BE96"
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """How an area or a line is drawn: from the lowest ``z`` up, lines ``width_m`` wide."""
 
     z: float
@@ -42,25 +42,25 @@ class Look(NamedTuple):
 
 _WATER: Final = "#A9CBE0"
 _LOOKS: Final = {
-    ("landuse", "farmland"): Look(0.1, "#EDE8CF"),
-    ("landuse", "meadow"): Look(0.1, "#DFE8CB"),
-    ("landuse", "grass"): Look(0.2, "#DCE7C9"),
-    ("natural", "grassland"): Look(0.1, "#DFE8CB"),
-    ("landuse", "orchard"): Look(0.2, "#D3E2BC"),
-    ("landuse", "vineyard"): Look(0.2, "#D3E2BC"),
-    ("natural", "scrub"): Look(0.3, "#CFDDB8"),
-    ("landuse", "forest"): Look(0.3, "#C2D7B0"),
-    ("natural", "wood"): Look(0.3, "#C2D7B0"),
-    ("natural", "wetland"): Look(0.3, "#CBDFD6"),
-    ("natural", "tree_row"): Look(0.4, _TREE, width_m=3.0),
-    ("natural", "water"): Look(0.4, _WATER),
-    ("landuse", "basin"): Look(0.4, _WATER),
-    ("landuse", "reservoir"): Look(0.4, _WATER),
-    ("waterway", ""): Look(0.4, _WATER, width_m=3.0),
-    ("amenity", "parking"): Look(0.5, "#DAD7D1", "#C6C2BA"),
-    ("railway", ""): Look(0.7, "#8C8680", width_m=1.8),
-    ("barrier", ""): Look(0.75, "#A89F90", width_m=0.4),
-    ("building", ""): Look(0.8, "#D2C5B4", "#B0A18D"),
+    ("landuse", "farmland"): Appearance(0.1, "#EDE8CF"),
+    ("landuse", "meadow"): Appearance(0.1, "#DFE8CB"),
+    ("landuse", "grass"): Appearance(0.2, "#DCE7C9"),
+    ("natural", "grassland"): Appearance(0.1, "#DFE8CB"),
+    ("landuse", "orchard"): Appearance(0.2, "#D3E2BC"),
+    ("landuse", "vineyard"): Appearance(0.2, "#D3E2BC"),
+    ("natural", "scrub"): Appearance(0.3, "#CFDDB8"),
+    ("landuse", "forest"): Appearance(0.3, "#C2D7B0"),
+    ("natural", "wood"): Appearance(0.3, "#C2D7B0"),
+    ("natural", "wetland"): Appearance(0.3, "#CBDFD6"),
+    ("natural", "tree_row"): Appearance(0.4, _TREE, width_m=3.0),
+    ("natural", "water"): Appearance(0.4, _WATER),
+    ("landuse", "basin"): Appearance(0.4, _WATER),
+    ("landuse", "reservoir"): Appearance(0.4, _WATER),
+    ("waterway", ""): Appearance(0.4, _WATER, width_m=3.0),
+    ("amenity", "parking"): Appearance(0.5, "#DAD7D1", "#C6C2BA"),
+    ("railway", ""): Appearance(0.7, "#8C8680", width_m=1.8),
+    ("barrier", ""): Appearance(0.75, "#A89F90", width_m=0.4),
+    ("building", ""): Appearance(0.8, "#D2C5B4", "#B0A18D"),
 }
 """By key and value of a tag; a value of "" is any other one. The first that fits, from above."""
 
@@ -69,8 +69,8 @@ class Scenery:
     """What is beside the roads, ready to be drawn in any windows inside an extent (m, local frame)."""
 
     def __init__(self, features: Sequence[OsmFeature], frame: LocalFrame, extent_m: Window) -> None:
-        areas: dict[Look, list[FloatArray]] = {}
-        lines: dict[Look, list[FloatArray]] = {}
+        areas: dict[Appearance, list[FloatArray]] = {}
+        lines: dict[Appearance, list[FloatArray]] = {}
         trees: list[tuple[float, float]] = []
         for feature in features:
             look = look_of(feature)
@@ -118,7 +118,7 @@ class Scenery:
             panel.add(trees)
 
 
-def look_of(feature: OsmFeature) -> Look | None:
+def look_of(feature: OsmFeature) -> Appearance | None:
     """How something beside the roads is drawn, if it is.
 
     >>> from trace_dag.osm.types import OsmFeature

@@ -18,7 +18,7 @@ from trace_dag.sim.people import Person
 from trace_dag.sim.plan import resample
 from trace_dag.sim.recorder import BodyMotion, ContactEpisode, Pulled, begin_strike, of_combinations
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleRun
-from trace_dag.sim.scene import Scene
+from trace_dag.sim.scene import FigureBodies
 from trace_dag.sim.towing import Towed
 from trace_dag.sim.types import AfterStriking, party_name
 from trace_dag.sim.vehicles import vehicle_model
@@ -35,7 +35,7 @@ _NEAR_M = 0.1  # a figure's hands and feet may reach so far out of its outline
 class PeopleRun(VehicleRun):
     """A run of motor vehicles and people, or animals."""
 
-    _bodies: Scene
+    _bodies: FigureBodies
 
     def _make_people(self) -> list[Person]:
         self._everybody = "participants"
@@ -62,9 +62,9 @@ class PeopleRun(VehicleRun):
             people.append(Person(participant, plan, self._step_s))
         return people
 
-    def _make_bodies(self) -> Scene:
+    def _make_bodies(self) -> FigureBodies:
         settings = self._settings
-        scene = Scene(
+        scene = FigureBodies(
             [v.model for v in self._vehicles],
             self._people,
             person_friction=min(settings.person_friction, self._friction / settings.friction),

@@ -56,7 +56,7 @@ inertia m h^2/12 of a body that lies flat."""
 _LIMBS_MPS = 1.0  # an impulse of the road of so much per mass stops the limbs to 1/e
 
 
-class Scene(RigidBodies):
+class FigureBodies(RigidBodies):
     """Vehicles and people. The bodies' numbers are the vehicles', then the people's."""
 
     def __init__(

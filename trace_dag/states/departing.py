@@ -28,7 +28,7 @@ _CLOCKWISE, _COUNTER_CLOCKWISE = 3, 4  # PCRASH4
 
 
 @dataclass(frozen=True)
-class Course:
+class LeavingCourse:
     """One way of leaving: lateral acceleration (m/s2), how far the body is turned from its course at the impact (rad,
     counter-clockwise), and its log-likelihood."""
 
@@ -38,7 +38,7 @@ class Course:
     log_prior: float
 
 
-def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[Course]:
+def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[LeavingCourse]:
     """The ways of leaving that the manner, the curve and the area of impact allow.
 
     >>> [course.name for course in courses_of(departure, way_past_the_tree, 20.0)]  # it drifted off, and did not skid
@@ -47,17 +47,17 @@ def courses_of(departure: Departure, option: Option, speed_mps: float) -> list[C
     manner, side = departure.manner, departure.side
     slip = _slip(departure)
     if side is DepartureSide.AHEAD:
-        return [Course("straight on" if not slip else "skidding", 0.0, slip, 0.0)]
+        return [LeavingCourse("straight on" if not slip else "skidding", 0.0, slip, 0.0)]
     if slip:
-        return [Course(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
-    found = [Course(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
+        return [LeavingCourse(f"skidding, {name}", g * GRAVITY_MPS2, slip, prior) for name, g, prior in _LOST]
+    found = [LeavingCourse(name, g * GRAVITY_MPS2, 0.0, prior) for name, g, prior in _OF_MANNER[manner]]
     sign = SIGN[side] if side is not None else 0.0
     if option.stream.curve_rad * sign < -abs(_CURVE_RAD) and departure.vehicle.movement is _CURVE:
         here = np.abs(option.stream.path.s_m - option.station_m) < 20.0
         sharpest = float(np.abs(option.stream.path.curvature_1pm[here]).max(initial=0.0))
         lateral = min(sharpest * speed_mps**2, 0.5 * GRAVITY_MPS2)
         if lateral > 0.05 * GRAVITY_MPS2:
-            found.insert(0, Course("straight on in the curve", lateral, 0.0, 0.3))
+            found.insert(0, LeavingCourse("straight on in the curve", lateral, 0.0, 0.3))
     return found
 
 

@@ -40,7 +40,7 @@ from trace_dag.settings import StateSettings
 from trace_dag.states import evidence
 from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
-from trace_dag.states.departing import Course, courses_of
+from trace_dag.states.departing import LeavingCourse, courses_of
 from trace_dag.states.encounters import Party, party
 from trace_dag.states.leaving import (
     FLATTEST,
@@ -90,7 +90,7 @@ class DeparturePlan(Scored):
 
     departure: Departure
     option: Option
-    course: Course
+    course: LeavingCourse
     path: Path
     station_m: float
     speed: TravelSpeed
@@ -149,7 +149,7 @@ def _plan(
     option: Option,
     speed: TravelSpeed,
     terms: dict[str, float],
-    course: Course,
+    course: LeavingCourse,
 ) -> DeparturePlan | None:
     profile = skid_profile(who, speed.speed_mps, course.slip_rad)
     if profile.impact_mps < 1.0 or not departure.objects:
@@ -190,7 +190,7 @@ def _lanes_crossed(side: DepartureSide | None, option: Option) -> int:
 
 
 def _aside_to_object(
-    scene: Scene, departure: Departure, base: Path, place_m: float, course: Course, impact_mps: float
+    scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse, impact_mps: float
 ) -> tuple[Led, tuple[FixedObject, ...], PlannedContacts]:
     """The way off the road to the left or right, and the objects along it. The first object is the map's, if the map
     has one of that kind where the vehicle left the road."""
@@ -221,7 +221,7 @@ def _aside(
     base: Path,
     place_m: float,
     face_m: float,
-    course: Course,
+    course: LeavingCourse,
     impact_mps: float,
     along_rad: float | None,
 ) -> Led:
@@ -241,7 +241,7 @@ def _aside(
     return Led(path, station_m, here.heading_rad if along_rad is None else along_rad, ended=False)
 
 
-def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: Course) -> Led:
+def _straight_on(scene: Scene, departure: Departure, base: Path, place_m: float, course: LeavingCourse) -> Led:
     """The way straight on: to the end of the road if it ends there, else to an object ahead."""
     first = departure.objects[0]
     half_width_m = departure.vehicle.width_m / 2

@@ -12,7 +12,7 @@ from trace_dag.crash.departures import Departure, ObjectStruck
 from trace_dag.crash.record import VehicleClass, VehicleRecord
 from trace_dag.geometry import Pose
 from trace_dag.roads.report import MappedThing
-from trace_dag.states.departing import Course
+from trace_dag.states.departing import LeavingCourse
 from trace_dag.states.leaving import GOES_ON_M, turned_by
 from trace_dag.states.objects import KINDS, FixedObject, ObjectForm, PlacedBy, Resistance
 from trace_dag.states.paths import Path
@@ -74,13 +74,13 @@ def touching(vehicle: VehicleRecord, struck: ObjectStruck, slip_rad: float, outw
 
 
 def objects_along(
-    departure: Departure, led: Led, course: Course, impact_mps: float
+    departure: Departure, led: Led, course: LeavingCourse, impact_mps: float
 ) -> tuple[tuple[FixedObject, ...], PlannedContacts]:
     """The objects along the course, as far as the vehicle gets, each placed at its area of impact; and when and where
     each is struck.
 
     >>> straight_on = Led(way_past_the_tree.path(), station_m=100.0, along_rad=0.0, ended=False)
-    >>> objects, planned = objects_along(departure, straight_on, Course("drifting", 0.8, 0.0, 0.0), 20.0)
+    >>> objects, planned = objects_along(departure, straight_on, LeavingCourse("drifting", 0.8, 0.0, 0.0), 20.0)
     >>> [(item.name, after_s) for item, (after_s, _) in zip(objects, planned, strict=True)]  # struck first, at 0 s
     [('tree', 0.0)]
     """

@@ -67,7 +67,7 @@ _MANOEUVRES: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class StrikingDrive:
     """The vehicle's part: its path, where along it the strike is, and its speed before."""
 
     party: Party
@@ -116,7 +116,7 @@ class StrikePlan(Scored):
     """One way one strike can have happened. ``terms`` are log-likelihoods."""
 
     strike: Strike
-    drive: Drive
+    drive: StrikingDrive
     walk: Walk
     contact_xy_m: tuple[float, float]
     terms: dict[str, float] = field(default_factory=dict)
@@ -238,7 +238,7 @@ def _plan(
     pose = path.pose(station_m)
     if option.backing:
         pose = Pose(pose.x_m, pose.y_m, math.remainder(pose.heading_rad + math.pi, math.tau), pose.z_m)
-    drive = Drive(who, option, path, station_m, pose, speed, profile)
+    drive = StrikingDrive(who, option, path, station_m, pose, speed, profile)
     walk = _walk(scene, drive, spot, reading, gait, speed_mps, person)
     contact = pose.to_world(np.array([spot.ahead_m, spot.left_m]))
     contact_xy_m = (float(contact[0]), float(contact[1]))
@@ -302,7 +302,7 @@ def edge_of(area: Area, here: Pose, side: float) -> float:
 # --- the way of the person -------------------------------------------------------------------------------------------
 def _walk(
     scene: Scene,
-    drive: Drive,
+    drive: StrikingDrive,
     spot: Spot,
     reading: CourseReading,
     gait: Gait,
@@ -332,7 +332,7 @@ def _size(person: NonMotorist, kind: PartyKind) -> PersonSize:
     return person_size(kind, person.age_years, female={1: False, 2: True}.get(person.sex_code or 0))
 
 
-def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
+def _heading(drive: StrikingDrive, course: Course, person: NonMotorist) -> float:
     """Heading of the person at the strike. Across a road means at right angles to it. If the vehicle turns, that is the
     road it came from or the one it turns into, whichever the person crossed."""
     backing = math.pi if drive.option.backing else 0.0
@@ -347,7 +347,7 @@ def _heading(drive: Drive, course: Course, person: NonMotorist) -> float:
     return road + math.radians(RELATIVE_DEG[course])
 
 
-def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path, float]:
+def _line(scene: Scene, drive: StrikingDrive, pose: Pose, course: Course) -> tuple[Path, float]:
     """The path of the person, straight across or along the road, and the station of the strike on it."""
     back_m = 60.0
     if course in (Course.ALONG, Course.TOWARDS) and drive.option.turn is None and not drive.option.backing:
@@ -361,7 +361,9 @@ def _line(scene: Scene, drive: Drive, pose: Pose, course: Course) -> tuple[Path,
 
 
 # --- evidence ----------------------------------------------------------------------------------------------
-def _contact_terms(scene: Scene, strike: Strike, drive: Drive, contact_xy_m: tuple[float, float]) -> dict[str, float]:
+def _contact_terms(
+    scene: Scene, strike: Strike, drive: StrikingDrive, contact_xy_m: tuple[float, float]
+) -> dict[str, float]:
     x, y = contact_xy_m[0] - scene.place_xy_m[0], contact_xy_m[1] - scene.place_xy_m[1]
     along, across = drive.option.stream.path.pose(drive.station_m).forward @ np.array([x, y]), 0.0
     if drive.option.manoeuvre is not Manoeuvre.LEAVE_ROAD:

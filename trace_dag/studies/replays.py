@@ -16,7 +16,7 @@ from trace_dag.evaluation.registry import resolve
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.artefacts import RECORD, ROAD_MAP, SAMPLED, VERDICT, CrashArtefacts, surroundings_of
 from trace_dag.flow.workspace import Workspace
-from trace_dag.scenario.drive import Drive
+from trace_dag.scenario.drive import AgentDrive
 from trace_dag.sim.backends import backend
 from trace_dag.sim.types import Simulation, SimulationLog
 from trace_dag.studies.cases import AgentRole, load_case, number_of, verified_cases
@@ -101,7 +101,9 @@ def replay_with(
     )
 
 
-def _driven(case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simulation) -> tuple[Drive, SimulationLog]:
+def _driven(
+    case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simulation
+) -> tuple[AgentDrive, SimulationLog]:
     driver = AgentProcess(resolve(agent), AgentLimits())
     try:
         log = run(case, ego, driver, Conditions(traffic=traffic), simulation)
@@ -109,7 +111,7 @@ def _driven(case: Case, ego: int, agent: str, traffic: Traffic, simulation: Simu
         raise UserError(f"--agent {agent} is faulty in {case.key}: {fault}") from fault
     finally:
         driver.close()
-    return Drive(agent, ego, _outcome(case, ego, log), case.recorded), log
+    return AgentDrive(agent, ego, _outcome(case, ego, log), case.recorded), log
 
 
 def _outcome(case: Case, ego: int, log: SimulationLog) -> str:

@@ -225,7 +225,7 @@ def _turn_error_deg(seen: ObservedVehicle, reported: VehicleRecord, topology: Ro
 
 
 @dataclass(frozen=True)
-class Side:
+class ContactSide:
     """One body of a contact: its pose and the other body's, its velocity before it and its change of velocity."""
 
     number: int
@@ -235,7 +235,7 @@ class Side:
     delta_v_mps: tuple[float, float]
 
 
-def sides_of(contact: Contact) -> tuple[Side, Side]:
+def sides_of(contact: Contact) -> tuple[ContactSide, ContactSide]:
     """Both bodies of a contact, the first one first.
 
     >>> [side.number for side in sides_of(log.meetings[0])]
@@ -243,13 +243,18 @@ def sides_of(contact: Contact) -> tuple[Side, Side]:
     """
     c = contact
     return (
-        Side(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
-        Side(c.number_2, c.pose_2, c.pose_1, c.velocity_2_mps, c.delta_v_2_mps),
+        ContactSide(c.number_1, c.pose_1, c.pose_2, c.velocity_1_mps, c.delta_v_1_mps),
+        ContactSide(c.number_2, c.pose_2, c.pose_1, c.velocity_2_mps, c.delta_v_2_mps),
     )
 
 
 def observed_vehicle(
-    network: RoadNetwork, side: Side, state: ParticipantState, driven: VehicleLog, log: SimulationLog, contact: Contact
+    network: RoadNetwork,
+    side: ContactSide,
+    state: ParticipantState,
+    driven: VehicleLog,
+    log: SimulationLog,
+    contact: Contact,
 ) -> ObservedVehicle:
     """What one body of a contact did up to it, by its own log of the simulation's.
 
@@ -292,7 +297,7 @@ class StruckSide:
     pdof_deg: float
 
 
-def struck_side(side: Side, log: SimulationLog, contact: Contact) -> StruckSide:
+def struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> StruckSide:
     """Where a body was struck in a contact, how fast it was, and what that did to it.
 
     >>> side, _ = sides_of(log.meetings[0])

@@ -29,7 +29,7 @@ class RouteSystem(StrEnum):
 
 
 @dataclass(frozen=True)
-class Route:
+class NumberedRoute:
     """A numbered route. ``variant`` is "business", "alternate", ..., or empty for the route itself."""
 
     system: RouteSystem
@@ -50,7 +50,7 @@ class PlainName:
 class StreetName:
     """All routes and names of one text."""
 
-    routes: tuple[Route, ...]
+    routes: tuple[NumberedRoute, ...]
     names: tuple[PlainName, ...]
     ramp: bool = False
 
@@ -199,7 +199,7 @@ def parse_street(text: str) -> StreetName:
     """
     upper = text.upper().replace("½", " 1/2").replace("U.S.", "US").replace("&AMP;", "&")
     upper = re.sub(r"(?<=\d) ?1/2", " HALF", upper)
-    routes: dict[Route, None] = {}
+    routes: dict[NumberedRoute, None] = {}
     names: dict[PlainName, None] = {}
     ramp = bool(_RAMP.search(upper))
     for part in re.split(r"[/;,()@|]", _RAMP.sub(" ", upper)):
@@ -239,7 +239,7 @@ def _similarity(a: StreetName, b: StreetName) -> float | None:
     return max(values, default=None)
 
 
-def _route_similarity(a: Route, b: Route) -> float:
+def _route_similarity(a: NumberedRoute, b: NumberedRoute) -> float:
     if a.number != b.number:
         return 0.0
     if a.system == b.system:
@@ -278,10 +278,10 @@ def _core_similarity(a: tuple[str, ...], b: tuple[str, ...]) -> float:
     return 0.8 * share if share > 0.5 else 0.0  # "George Washington Memorial" and "George Washington"
 
 
-def _route(match: re.Match[str]) -> Route:
+def _route(match: re.Match[str]) -> NumberedRoute:
     word = re.sub(r"[\s-]+", " ", match["system"])
     variant = _VARIANTS.get(match["variant"] or "", "")
-    return Route(_SYSTEMS.get(word, RouteSystem.STATE), match["number"] + match["letter"], variant)
+    return NumberedRoute(_SYSTEMS.get(word, RouteSystem.STATE), match["number"] + match["letter"], variant)
 
 
 def _plain_name(text: str) -> PlainName | None:

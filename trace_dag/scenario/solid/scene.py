@@ -36,7 +36,7 @@ from trace_dag.states.objects import Resistance
 if TYPE_CHECKING:
     from trace_dag.osm.types import OsmFeature
     from trace_dag.roads.map.network import RoadNetwork
-    from trace_dag.scenario.drive import Drive
+    from trace_dag.scenario.drive import AgentDrive
     from trace_dag.sim.types import Body, Contact, SimulationLog, VehicleLog
     from trace_dag.states.objects import FixedObject
 
@@ -52,7 +52,7 @@ def crash_glb(
     key: str,
     network: RoadNetwork,
     log: SimulationLog,
-    drive: Drive | None = None,
+    drive: AgentDrive | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
 ) -> bytes:
@@ -127,7 +127,7 @@ def _vehicle(log: SimulationLog, vehicle: VehicleLog, body: Body, colour: str) -
     return node
 
 
-def _ghost(drive: Drive) -> Node:
+def _ghost(drive: AgentDrive) -> Node:
     """The recorded vehicle in the place of which an agent drove: its shape, to be seen through."""
     index, vehicle = next((k, v) for k, v in enumerate(drive.recorded.vehicles) if v.number == drive.number)
     rides = drive.body.vehicle_class is VehicleClass.MOTORCYCLE

@@ -19,7 +19,7 @@ from trace_dag.states.llm.choices import Choices
 from trace_dag.states.llm.client import REFUSED, LlmClient
 from trace_dag.states.llm.ledger import SharedFiles, SpendingLedger
 from trace_dag.states.llm.prompt import Prompt, ask_again
-from trace_dag.states.llm.store import AnswerStore, Files, StoredAnswer
+from trace_dag.states.llm.store import AnswerFiles, AnswerStore, StoredAnswer
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 from trace_dag.wording import counted
 
@@ -29,7 +29,7 @@ _TRUNCATED = "length"
 _MOST_CHECKS = 4
 
 
-class LlmFiles(Files, SharedFiles, Protocol):
+class LlmFiles(AnswerFiles, SharedFiles, Protocol):
     """Where answers and ledgers are kept; :class:`trace_dag.storage.Storage` is one."""
 
 

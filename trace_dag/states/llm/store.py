@@ -18,7 +18,7 @@ from trace_dag.sealing import sealed, unsealed
 FOLDER = "llm_answers"
 
 
-class Files(Protocol):
+class AnswerFiles(Protocol):
     """Named files; :class:`trace_dag.storage.Storage` is one."""
 
     def read(self, name: str) -> bytes:
@@ -47,7 +47,7 @@ _answers = TypeAdapter(StoredAnswer)
 class AnswerStore:
     """Answers below one storage root; if none is given, in memory for this process alone."""
 
-    def __init__(self, files: Files | None = None) -> None:
+    def __init__(self, files: AnswerFiles | None = None) -> None:
         self._files = files
         self._memory: dict[str, StoredAnswer] = {}
 
