@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.evaluation.cases import BACKEND, RIGHT_M, crossing, drive, rear_end
-from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, CautiousLaneKeeper, IdmLaneKeeper, ReplayAgent
+from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, CautiousLaneKeeper, IdmLaneKeeper, Replay
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome
 
@@ -14,7 +14,7 @@ from trace_dag.evaluation.metrics import DriveOutcome
 @pytest.mark.parametrize("ego", [1, 2])
 @pytest.mark.parametrize("of", [rear_end, crossing])
 def test_replay_is_the_recorded_crash(of, ego):
-    found = drive(of(), ReplayAgent(), ego)
+    found = drive(of(), Replay(), ego)
     assert found.outcome is DriveOutcome.SAME
     assert found.metrics is not None
     assert found.metrics.contact_shift_s == 0.0

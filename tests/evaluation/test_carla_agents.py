@@ -8,7 +8,7 @@ pytest.importorskip("carla", reason="the carla extra is not installed")
 
 from tests.evaluation.cases import rear_end
 from tests.sim.carla_stand_in import StandIn
-from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, ReplayAgent
+from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, Replay
 from trace_dag.evaluation.evaluate import Conditions, evaluate
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.settings import SimSettings
@@ -18,12 +18,12 @@ from trace_dag.sim.carla_backend import CarlaBackend
 def test_an_agent_brakes_in_carla_as_in_the_embedded_back_end() -> None:
     of = rear_end(12.0)
     outcomes, brakes = {}, {}
-    for agent in (ReplayAgent(), BrakeOnTimeToCollision()):
+    for agent in (Replay(), BrakeOnTimeToCollision()):
         world = StandIn()
         simulation = CarlaBackend(SimSettings(backend="carla"), world).load(of.network, b"<OpenDRIVE/>", friction=0.75)
         outcomes[type(agent)] = evaluate(of, 1, agent, Conditions(), simulation).outcome
         calls = [call.arguments[0] for call in world.named("apply_control")]
         brakes[type(agent)] = sum(control.brake == 1.0 and not control.hand_brake for control in calls)
     assert outcomes[BrakeOnTimeToCollision] is DriveOutcome.AVOIDED
-    assert outcomes[ReplayAgent] is not DriveOutcome.AVOIDED
-    assert brakes[BrakeOnTimeToCollision] > brakes[ReplayAgent]
+    assert outcomes[Replay] is not DriveOutcome.AVOIDED
+    assert brakes[BrakeOnTimeToCollision] > brakes[Replay]

@@ -12,7 +12,7 @@ from tests.evaluation.cases import BACKEND, FRICTION, RIGHT_M, drive
 from tests.sim.motions import participant
 from tests.sim.test_objects import TREE, item
 from tests.verdict.crashes import STREET
-from trace_dag.evaluation.baselines import IdmLaneKeeper, ReplayAgent
+from trace_dag.evaluation.baselines import IdmLaneKeeper, Replay
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.metrics import DriveOutcome, Metrics, outcome_of
 from trace_dag.states.types import Trajectory
@@ -45,7 +45,7 @@ def leaving(*, skids_from_s: float = math.inf) -> Case:
 
 @pytest.mark.parametrize("skids_from_s", [math.inf, 2.0])
 def test_who_drives_as_recorded_leaves_the_road_as_recorded(skids_from_s: float) -> None:
-    result = drive(leaving(skids_from_s=skids_from_s), ReplayAgent())
+    result = drive(leaving(skids_from_s=skids_from_s), Replay())
     assert (result.role, result.outcome) == ("departing", DriveOutcome.SAME)
     assert result.metrics is not None
     assert result.metrics.contact_shift_s == pytest.approx(0.0, abs=1e-6)

@@ -11,7 +11,7 @@ from tests.evaluation.test_loop import Answers
 from tests.sim.motions import CAR, participant, straight
 from tests.verdict.crashes import STREET
 from trace_dag.evaluation.agents import Recorded
-from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, CautiousLaneKeeper, ReplayAgent
+from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, CautiousLaneKeeper, Replay
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.metrics import DriveOutcome
 from trace_dag.evaluation.observation import Sensing, Sensor
@@ -74,7 +74,7 @@ def test_a_vehicle_hides_a_person_and_a_person_nobody() -> None:
 def test_who_drives_as_recorded_strikes_the_person_again(of) -> None:
     crash = of()
     assert crash.contact is not None
-    found = drive(crash, ReplayAgent())
+    found = drive(crash, Replay())
     assert found.outcome is DriveOutcome.SAME
     assert found.metrics is not None
     assert found.metrics.contact_time_s == pytest.approx(crash.contact.time_s, abs=0.05)

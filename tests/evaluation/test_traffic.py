@@ -9,7 +9,7 @@ from tests.evaluation.cases import BACKEND, RIGHT_M, case, crossing, drive, rear
 from tests.sim.motions import participant, straight
 from tests.verdict.crashes import STREET
 from trace_dag.evaluation.agents import Action, Motion, Observation, Scenario
-from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, ReplayAgent
+from trace_dag.evaluation.baselines import BrakeOnTimeToCollision, Replay
 from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, run
 from trace_dag.evaluation.metrics import DriveOutcome
@@ -38,8 +38,8 @@ def followed() -> Case:
 @pytest.mark.parametrize("ego", [1, 2])
 @pytest.mark.parametrize("of", [rear_end, crossing, followed])
 def test_who_drives_as_recorded_has_the_recorded_crash(of, ego) -> None:
-    found = drive(of(), ReplayAgent(), ego, REACTIVE)
-    assert found == drive(of(), ReplayAgent(), ego)
+    found = drive(of(), Replay(), ego, REACTIVE)
+    assert found == drive(of(), Replay(), ego)
     assert found.outcome is DriveOutcome.SAME
     assert found.metrics.contact_shift_m == 0.0
 
@@ -60,5 +60,5 @@ def test_the_others_keep_to_their_courses() -> None:
 
 
 def test_striking_is_who_closes_in_faster() -> None:
-    assert drive(rear_end(), ReplayAgent(), 1).role == "striking"
-    assert drive(rear_end(), ReplayAgent(), 2).role == "struck"
+    assert drive(rear_end(), Replay(), 1).role == "striking"
+    assert drive(rear_end(), Replay(), 2).role == "struck"

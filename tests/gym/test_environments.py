@@ -15,7 +15,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 import trace_dag
 import trace_dag.gym
 from trace_dag.errors import UserError
-from trace_dag.evaluation.baselines import ReplayAgent
+from trace_dag.evaluation.baselines import Replay
 from trace_dag.evaluation.evaluate import Conditions, evaluate
 from trace_dag.evaluation.observation import Sensing
 from trace_dag.gym.acting import MANOEUVRES
@@ -65,7 +65,7 @@ def test_the_recorded_driver_has_the_recorded_crash(home):
     *_, (_, _, terminated, truncated, info) = driven(env, RECORDED, seed=1)
     track = env.unwrapped.tracks[KEY]
     assert (terminated, truncated, info["outcome"]) == (True, False, "same")
-    same = evaluate(track.case, info["ego"], ReplayAgent(), Conditions(), track.simulation)
+    same = evaluate(track.case, info["ego"], Replay(), Conditions(), track.simulation)
     assert info["metrics"]["contact_time_s"] == same.metrics.contact_time_s
     assert info["metrics"]["contact_shift_m"] == pytest.approx(0.0, abs=1e-6)
 

@@ -26,7 +26,7 @@ _LEAST_LIMIT_MPS = 5.0
 _LEAST_GAP_M = 0.1
 
 
-class ReplayAgent:
+class Replay:
     """Drives as was recorded. What it scores is the crash itself."""
 
     def reset(self, scenario: Scenario) -> None:

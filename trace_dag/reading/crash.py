@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Replay:
+class CrashReplay:
     """A crash to watch. A notebook shows it; ``save`` writes it to a file."""
 
     content: bytes
@@ -294,13 +294,13 @@ class Crash:
             raise self._missing("road_map")
         return picture
 
-    def replay(self, replay_format: ReplayFormat = "html") -> Replay:
+    def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
         """The simulated crash to watch: a page with a time slider, a moving picture, or glTF in three dimensions."""
         from trace_dag.studies.replays import replay
 
         if self._stored.shown_log() is None:
             raise self._missing("log")
-        return Replay(replay(self._stored, replay_format), replay_format, f"Replay of crash {self.key}")
+        return CrashReplay(replay(self._stored, replay_format), replay_format, f"Replay of crash {self.key}")
 
     def __repr__(self) -> str:
         return f"<Crash {self.key}>"
