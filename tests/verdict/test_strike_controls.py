@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from tests.sim.motions import log_of
 from tests.states.test_strikes import estimated, rider, struck, walker
 from tests.verdict.crashes import STREET, record, vehicle
-from tests.verdict.test_strikes import FROM_RIGHT, crossing, simulated
+from tests.verdict.test_strikes import FROM_RIGHT, crossing
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.strikes import strikes_of
 from trace_dag.settings import VerdictSettings
+from trace_dag.sim.run import participants
 from trace_dag.states.types import Manoeuvre
 from trace_dag.verdict.controls import JudgedCrash, against_other_reports, of_same_kind, shifted_row
 from trace_dag.verdict.strike_controls import (
@@ -84,7 +86,10 @@ def shifted(crash: CrashRecord) -> tuple[bool | None, float | None]:
     shift = late_person(hypothesis)
     assert shift is not None
     row = shifted_row(
-        JudgedCrash(crash, STREET, hypothesis, simulated(hypothesis)), shift, simulated(shift.hypothesis), SETTINGS
+        JudgedCrash(crash, STREET, hypothesis, log_of(participants(hypothesis))),
+        shift,
+        log_of(participants(shift.hypothesis)),
+        SETTINGS,
     )
     return row.accepted, row.shift_s
 
@@ -118,7 +123,7 @@ def test_a_person_from_the_other_side_is_refused() -> None:
     street_y = was.impact_pose.y_m  # the street runs east: mirrored is north for south
     assert person.initial_pose.y_m - street_y == pytest.approx(street_y - was.initial_pose.y_m, abs=1e-3)
     assert person.initial_pose.x_m == pytest.approx(was.initial_pose.x_m, abs=1e-3)
-    row = shifted_row(crash, other_side, simulated(other_side.hypothesis), SETTINGS)
+    row = shifted_row(crash, other_side, log_of(participants(other_side.hypothesis)), SETTINGS)
     assert row.accepted is False
 
 
