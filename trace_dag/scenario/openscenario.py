@@ -31,7 +31,7 @@ from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.openscenario_environment import environment
-from trace_dag.scenario.openscenario_motion import SAME_TIME_S, Motion, TimedPoses
+from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
 from trace_dag.scenario.openscenario_vehicles import rear_axle_ahead_m, vehicle
@@ -69,7 +69,7 @@ class OpenScenarios:
         self._log = log
         paths = np.concatenate([np.stack([each.x_m, each.y_m], axis=-1) for each in log.vehicles])
         self._surface = NetworkSurface(network).around(paths)
-        self._motions: dict[int, Motion] = {}
+        self._motions: dict[int, PlayedMotion] = {}
         self._driven: dict[tuple[int, float], _Driven] = {}  # by vehicle and reference point
 
     def write(self, flavour: Flavour | None = None, *, map_file: str = "map.xodr") -> bytes:
@@ -121,7 +121,7 @@ class OpenScenarios:
         place = vehicle.number, _reference_ahead_m(self._log, vehicle.number, flavour)
         if place not in self._driven:
             if vehicle.number not in self._motions:
-                self._motions[vehicle.number] = Motion.of(self._log, vehicle, self._surface)
+                self._motions[vehicle.number] = PlayedMotion.of(self._log, vehicle, self._surface)
             driven = self._motions[vehicle.number].of_point(place[1])
             self._driven[place] = _Driven([round(time_s, 6) for time_s in driven.time_s.tolist()], _poses(driven))
         whole = self._driven[place]

@@ -57,7 +57,7 @@ class TimedPoses:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PlayedMotion:
     """A vehicle's motion, from which the poses of any point of its body follow: rows of time, x, y and z of the centre,
     heading, grade and bank, shape (n, 7), and of each contact the moments (s) that players are to keep."""
 
@@ -67,7 +67,7 @@ class Motion:
     seen_s: Sequence[tuple[float, ...]]
 
     @classmethod
-    def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> Motion:
+    def of(cls, log: SimulationLog, vehicle: VehicleLog, surface: Surface) -> PlayedMotion:
         """That of a log; ``surface`` gives the grade it stands on."""
         centres, seen_s = _with_contacts(log, vehicle)
         time, x, y, z, heading = centres.T
