@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import SETTINGS, cases
+from motion_judge import judge_geometry
 
 from tests.verdict.crashes import acceptance_rate
 from trace_dag.crash.parse import read_report
-from trace_dag.errors import Rejection
-from trace_dag.osm.xml import read_osm
-from trace_dag.roads.build import build_road_map
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.settings import Settings
 from trace_dag.sim.embedded import EmbeddedBackend
 from trace_dag.sim.plan import tracking_errors
 from trace_dag.sim.published import published_estimate, read_published
@@ -36,7 +34,6 @@ from trace_dag.verdict.judge import judge
 from trace_dag.verdict.peer import compare
 from trace_dag.verdict.types import Verdict
 
-SETTINGS = Settings()
 PEER_SIM = SETTINGS.sim.model_copy(update={"time_limit_s": 45.0})  # its slowest vehicle takes half a minute
 
 
@@ -54,25 +51,35 @@ def cohort(shared_data: Path) -> list[Ours]:
     data = shared_data / "va-2023"
     backend = EmbeddedBackend(SETTINGS.sim)
     crashes = []
-    for file in sorted((data / "osm").glob("map_*.osm")):
-        case = file.stem.removeprefix("map_")
-        record = read_report((data / "reports" / f"crash_{case}.xml").read_bytes(), name=case, settings=SETTINGS.crash)
-        try:
-            road_map = build_road_map(read_osm(file.read_bytes(), name=file.name), record, SETTINGS.roads)
-            states = estimate(record, road_map.network, road_map.report, SETTINGS.states)
-        except Rejection:
-            continue
-        logs = simulate(backend, road_map.network, b"", states, SETTINGS.sim, record=record)
-        verdict = judge(record, road_map.network, road_map.report, states, logs, SETTINGS.verdict)
+    reports = {path.name: path.read_bytes() for path in (data / "reports").glob("*.xml")}
+    for case in cases(reports, data / "osm"):
+        states = estimate(case.record, case.network, case.report, SETTINGS.states)
+        logs = simulate(backend, case.network, case.xodr, states, SETTINGS.sim, record=case.record)
+        verdict = judge(case.record, case.network, case.report, states, logs, SETTINGS.verdict)
         chosen = verdict.hypothesis
-        judged = JudgedCrash(record, road_map.network, states.hypotheses[chosen], logs[chosen])
+        judged = JudgedCrash(case.record, case.network, states.hypotheses[chosen], logs[chosen])
         crashes.append(Ours(states, logs, verdict, judged))
     return crashes
+
+
+def of_two_vehicles(cohort: list[Ours]) -> list[Ours]:
+    """Those whose vehicles met each other."""
+    return [crash for crash in cohort if crash.judged.record.colliding_vehicles is not None]
 
 
 def test_nearly_every_crash_is_verified(cohort: list[Ours]) -> None:
     assert len(cohort) >= 29  # of the 35 with a map, five are of vehicles that never touched
     assert sum(crash.verdict.accepted for crash in cohort) >= 0.9 * len(cohort)
+
+
+def test_estimates_of_two_vehicles_pass_every_check_and_are_accepted(cohort: list[Ours]) -> None:
+    crashes = of_two_vehicles(cohort)
+    assert len(crashes) >= 30
+    for crash in crashes:
+        judge_geometry(crash.estimate.best)
+        failed = [f"{check.name}: {check.detail}" for check in crash.estimate.best.checks if not check.passed]
+        assert not failed, crash.estimate.key
+    assert sum(crash.verdict.accepted for crash in crashes) >= 0.95 * len(crashes)
 
 
 def test_every_run_ends_for_a_reason_and_nothing_diverges(cohort: list[Ours]) -> None:
@@ -120,8 +127,7 @@ def test_reported_speeds_are_driven(cohort: list[Ours]) -> None:
 
 
 def test_negative_controls(cohort: list[Ours]) -> None:
-    collided = [crash for crash in cohort if crash.judged.record.colliding_vehicles is not None]
-    crashes = [crash.judged for crash in collided if crash.verdict.accepted]
+    crashes = [crash.judged for crash in of_two_vehicles(cohort) if crash.verdict.accepted]
     true = [true_pairing(crash, SETTINGS.verdict) for crash in crashes]
     assert acceptance_rate(true) == 1.0
     of_two = (SETTINGS.verdict, renumbered, reports_differ)

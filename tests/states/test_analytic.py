@@ -1,4 +1,4 @@
-"""The analytic estimator on the bundled sample, whose truth is known, and on real crashes."""
+"""The analytic estimator on the bundled sample, whose truth is known; ``sim/test_real_crashes.py`` has real crashes."""
 
 from __future__ import annotations
 
@@ -6,31 +6,25 @@ import contextlib
 import dataclasses
 import math
 import os
-import statistics
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-import shapely
-from cases import SAMPLE, SETTINGS, Case, cases, sample_case, sample_cases
+from cases import SAMPLE, SETTINGS, Case, sample_case, sample_cases
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from motion_judge import judge_geometry
 
 from trace_dag.crash.crash_types import CRASH_TYPES
 from trace_dag.crash.record import ImpactArea, PreCrashMovement, VehicleClass
 from trace_dag.errors import Failure, Reason, Rejection
-from trace_dag.geometry import rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.sim.embedded import EmbeddedBackend
-from trace_dag.sim.run import simulate
 from trace_dag.states.estimate import estimate
 from trace_dag.states.json_io import estimate_from_json, estimate_to_json
-from trace_dag.states.types import EstimateCheck, Hypothesis, ParticipantState, SpeedSource, StateEstimate
+from trace_dag.states.types import SpeedSource, StateEstimate
 from trace_dag.studies.truth import SampleTruth, load_truth
 from trace_dag.units import clock_to_bearing_rad
-from trace_dag.verdict.judge import judge
 
 
 def estimated(case: Case) -> StateEstimate:
@@ -79,55 +73,6 @@ def test_reported_speeds_are_kept_exactly(sample):
                 else:
                     assert state.speed_source is SpeedSource.REPORTED
                     assert abs(state.initial_speed_mps) == pytest.approx(reported[state.vehicle_number], abs=1e-6)
-
-
-def outline(state, index: int) -> shapely.Geometry:
-    """A vehicle's rectangle, and that of its trailer, which is hinged where the vehicle is coupled."""
-    from trace_dag.geometry import Pose
-
-    t, trailer = state.trajectory, state.trailer
-    pose = Pose(float(t.x_m[index]), float(t.y_m[index]), float(t.heading_rad[index]))
-    own = shapely.Polygon(rectangle_corners(pose, state.length_m, state.width_m))
-    if trailer is None:
-        return own
-    hitch_x, hitch_y = pose.to_world(np.array([state.length_m / 2 - trailer.hitch_m, 0.0]))
-    hinged = Pose(float(hitch_x), float(hitch_y), float(state.trailer_heading_rad[index]))
-    centre_x, centre_y = hinged.to_world(np.array([trailer.coupling_m - trailer.length_m / 2, 0.0]))
-    behind = Pose(float(centre_x), float(centre_y), hinged.heading_rad)
-    return own.union(shapely.Polygon(rectangle_corners(behind, trailer.length_m, trailer.width_m)))
-
-
-TIGHTEST_TURN_M = 2.0  # no lane of a map turns tighter: the gate of maps sees to it
-
-
-def named_check(hypothesis: Hypothesis, name: str, state: ParticipantState) -> EstimateCheck:
-    (found,) = (check for check in hypothesis.checks if check.name == f"{name} (vehicle {state.vehicle_number})")
-    return found
-
-
-def judge_geometry(hypothesis: Hypothesis) -> None:
-    """Bodies touch at the impact and never before, motion is smooth and consistent; by shapely and differences."""
-    one, two = hypothesis.participants
-    impact = int(np.argmin(np.abs(one.trajectory.time_s - hypothesis.impact_time_s)))
-    for index in range(0, impact, 3):
-        assert not outline(one, index).intersects(outline(two, index))
-    assert outline(one, impact).distance(outline(two, impact)) <= 0.03
-    assert outline(one, impact).intersection(outline(two, impact)).area <= 0.05
-    for state in (one, two):
-        t = state.trajectory
-        step = np.diff(t.time_s)
-        assert step == pytest.approx(step[0], abs=1e-5)
-        travelled = np.hypot(np.diff(t.x_m), np.diff(t.y_m))
-        mean_speed = np.abs(t.speed_mps[1:] + t.speed_mps[:-1]) / 2
-        assert travelled == pytest.approx(mean_speed * step, rel=0.02, abs=2e-3)
-        turned = np.abs(np.diff(t.heading_rad))
-        assert (turned <= travelled / TIGHTEST_TURN_M + 1e-3).all()
-        if named_check(hypothesis, "lateral acceleration", state).passed:
-            assert turned.max() < 0.05
-        moving = mean_speed > 1
-        course = np.arctan2(np.diff(t.y_m), np.diff(t.x_m)) + np.where(t.speed_mps[:-1] < 0, np.pi, 0)
-        apart = np.abs(np.remainder(course - t.heading_rad[:-1] + np.pi, 2 * np.pi) - np.pi)
-        assert apart[moving].max(initial=0) < 0.06
 
 
 def test_motion_of_every_kept_hypothesis_holds_before_independent_judges(sample):
@@ -271,24 +216,3 @@ def test_a_map_without_roads_is_a_rejection():
         record = dataclasses.replace(case.record, vehicles=vehicles)
         with pytest.raises(Rejection, match="no lane of the map passes the crash"):
             estimate(record, empty, case.report, SETTINGS.states)
-
-
-def accepted(case: Case, made: StateEstimate, backend: EmbeddedBackend) -> bool:
-    logs = simulate(backend, case.network, case.xodr, made, SETTINGS.sim, record=case.record)
-    return judge(case.record, case.network, case.report, made, logs, SETTINGS.verdict).accepted
-
-
-def test_real_crashes_pass_every_check_and_are_accepted(shared_data):
-    folder = shared_data / "va-2023"
-    reports = {path.name: path.read_bytes() for path in (folder / "reports").glob("*.xml")}
-    found = [case for case in cases(reports, folder / "osm") if case.record.colliding_vehicles is not None]
-    assert len(found) >= 30
-    backend = EmbeddedBackend(SETTINGS.sim)
-    verdicts, failed = [], {}
-    for case in found:
-        made = estimated(case)
-        judge_geometry(made.best)
-        failed[case.key] = [f"{check.name}: {check.detail}" for check in made.best.checks if not check.passed]
-        verdicts.append(accepted(case, made, backend))
-    assert not {key: checks for key, checks in failed.items() if checks}
-    assert statistics.mean(verdicts) >= 0.95
