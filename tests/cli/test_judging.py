@@ -136,24 +136,26 @@ def test_changed_reports_go_through_all_stages_again(root: Path, verified: list[
         return {str(path): path.read_bytes() for folder in folders for path in (root / folder).iterdir()}
 
     before, kinds = stored(), ("nothing", "clocks_6h", "clocks_random", "names_made_up", "foreign_site", "moved_30m_n")
-    asking = ("controls", "--perturbed", "--only", *verified[:2], "--kinds", *kinds, "--json", "--workers")
-    found = []
-    for workers in ("1", "2"):
-        done = trace_dag(root, *asking, workers)
-        assert done.returncode == 0, done.stderr
-        found.append(json.loads(done.stdout))
-    assert found[0] == found[1]
+    asking = ("controls", "--perturbed", "--only", *verified[:2], "--json", "--kinds")
+    drawn = trace_dag(root, *asking, "clocks_random", "names_made_up", "--executor", "processes", "--workers", "2")
+    assert drawn.returncode == 0, drawn.stderr
+    done = trace_dag(root, *asking, *kinds)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    rows = {(row["key"], row["perturbation"]): row for row in found}
+    elsewhere = {(row["key"], row["perturbation"]): row for row in json.loads(drawn.stdout)}
+    assert elsewhere == {name: rows[name] for name in elsewhere}, "what is drawn is the same in two processes"
+    assert {kind for _, kind in elsewhere} == {"clocks_random", "names_made_up"}
     assert stored() == before
-    rows = {(row["key"], row["perturbation"]): row for row in found[0]}
     for key in verified[:2]:
         same = rows[key, "nothing"]
         assert (same["final_state"], same["own_accepted"], same["moved_m"]) == ("verified", True, 0.0)
         assert not rows[key, "clocks_6h"]["own_accepted"]
         assert rows[key, "moved_30m_n"]["moved_m"] == pytest.approx(30.0, abs=0.01)
         assert rows[key, "foreign_site"]["other_key"] in set(verified) - {key}
-    assert {row["final_state"] for row in found[0]} <= {"verified", "rejected"}
+    assert {row["final_state"] for row in found} <= {"verified", "rejected"}
     (count,) = asked(root, "SELECT count(*) AS n FROM perturbed_controls")
-    assert count["n"] == len(found[0])
+    assert count["n"] == len(found)
 
 
 def test_a_perturbation_there_is_not_is_said(root: Path) -> None:

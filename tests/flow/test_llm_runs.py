@@ -82,9 +82,10 @@ def questions(server: Loopback) -> list[Request]:
 
 
 def opened(root: Path, *, workers: int = 1, **states: object) -> Workspace:
+    """One worker is this process, which has read what a model is asked with; two are processes of their own."""
     overrides = {
         "execution": {
-            "executor": "processes",
+            "executor": "processes" if workers > 1 else "in_process",
             "workers": workers,
             "chunk_size": 1,
             "retry_wait_s": 0.0,

@@ -30,14 +30,15 @@ def documents():
 
 def test_lanes_lie_where_the_map_has_them_and_lead_into_each_other(documents, crash):
     lanes = {lane["id"]: lane for lane in documents["lanes.json"]["lanes"]}
-    drivable = [ref for ref in crash.lanes.index if crash.road_map.is_drivable(ref)]
+    of_the_map = crash.lanes
+    drivable = [ref for ref in of_the_map.index if crash.road_map.is_drivable(ref)]
     assert sorted(lanes) == sorted(map(lane_id, drivable))
     for ref in drivable:
         lane = lanes[lane_id(ref)]
-        surface = crash.lanes.loc[[ref], "surface"].iloc[0]
+        surface = of_the_map.loc[[ref], "surface"].iloc[0]
         drawn = shapely.Polygon([*lane["left_m"], *lane["right_m"][::-1]])
         assert len(lane["left_m"]) == len(lane["right_m"]) == len(lane["z_m"])
-        assert drawn.symmetric_difference(surface).area < 0.1 * crash.lanes.loc[[ref], "length_m"].iloc[0]
+        assert drawn.symmetric_difference(surface).area < 0.1 * of_the_map.loc[[ref], "length_m"].iloc[0]
         for after in lane["successors"]:
             assert np.hypot(*np.subtract(lanes[after]["left_m"][0], lane["left_m"][-1])) < 0.6
         for side, other in (("left", "right"), ("right", "left")):

@@ -96,7 +96,7 @@ def test_two_batches_write_while_it_is_read_and_rebuilt(tmp_path):
         thread.start()
     try:
         with open_warehouse(tmp_path / "warehouse.duckdb") as reader:
-            for _ in range(5):
+            for _ in range(2):
                 build_warehouse(storage, tmp_path)
                 assert reader.execute("SELECT count(*) FROM crashes").fetchall() == [(len(KEYS),)]
                 verdicts = {row["key"]: row for row in rows(tmp_path / "warehouse.duckdb", "verdicts")}
