@@ -167,14 +167,18 @@ def test_events_are_stored_as_dagster_stores_them_one_by_one(waiting, tmp_path, 
     ours.dispose()
 
 
+VERDICT = AssetKey("verdict")
+
+
+def materialized(partition: str) -> EventLogEntry:
+    data = StepMaterializationData(AssetMaterialization(VERDICT, partition=partition))
+    event = DagsterEvent("ASSET_MATERIALIZATION", "job", step_key="crashes", event_specific_data=data)
+    return EventLogEntry(None, 10, "", "run", 1e9, "crashes", "job", event)
+
+
 def test_an_event_that_waits_for_others_is_found_at_once_and_outlasts_an_error(tmp_path, monkeypatch):
     monkeypatch.setenv("DAGSTER_HOME", str(tmp_path / "home"))
-    key, log = AssetKey("verdict"), EventLog()
-
-    def materialized(partition: str) -> EventLogEntry:
-        data = StepMaterializationData(AssetMaterialization(key, partition=partition))
-        event = DagsterEvent("ASSET_MATERIALIZATION", "job", step_key="crashes", event_specific_data=data)
-        return EventLogEntry(None, 10, "", "run", 1e9, "crashes", "job", event)
+    key, log = VERDICT, EventLog()
 
     def stop() -> None:
         with log.together():
@@ -187,6 +191,20 @@ def test_an_event_that_waits_for_others_is_found_at_once_and_outlasts_an_error(t
         stop()
     log.dispose()
     assert EventLog().get_materialized_partitions(key) == {"2023-510179", "2023-510180"}
+
+
+def test_where_a_crash_takes_long_other_processes_see_it_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("DAGSTER_HOME", str(tmp_path / "home"))
+    log, seconds = EventLog(), iter([0.0, 1.0, 60.0, 60.0, 120.0, 120.0])
+    monkeypatch.setattr("trace_dag.assets.event_log.monotonic", lambda: next(seconds))
+    with log.together():
+        log.store_event(materialized("2023-510179"))
+        assert EventLog().get_materialized_partitions(VERDICT) == set()  # a second later: it waits
+        log.store_event(materialized("2023-510180"))
+        assert EventLog().get_materialized_partitions(VERDICT) == {"2023-510179", "2023-510180"}
+        log.store_event(materialized("2023-510181"))
+        assert len(EventLog().get_materialized_partitions(VERDICT)) == 3
+    log.dispose()
 
 
 def test_what_a_run_plans_is_written_as_one_batch(instance, monkeypatch):

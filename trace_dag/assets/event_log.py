@@ -21,6 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from dagster import DagsterEventType, EventLogEntry, Field, StringSource
@@ -41,6 +42,7 @@ _WAIT_FOR_OTHERS_S = 60.0
 _AT_ONCE = {DagsterEventType.ASSET_MATERIALIZATION_PLANNED, DagsterEventType.ASSET_MATERIALIZATION}
 _FILES_OPEN = 8  # the index, and the runs last written to or looked at
 _WAIT_FOR_EACH_OTHER = 100  # materializations, those of some fifteen crashes
+_WAIT_S = 2.0  # where crashes take minutes, as in CARLA, each is seen in the UI when it is done
 
 # All columns that hold events, of tables that are one for all databases: packed where the engine is ours.
 for _column in (
@@ -58,6 +60,7 @@ class EventLog(SqliteEventLogStorage):
         self._engines: OrderedDict[str, Engine] = OrderedDict()
         self._tables: set[str] = set()
         self._waiting: list[EventLogEntry] | None = None  # None: nothing waits
+        self._last_written_s = 0.0
         super().__init__(str(Path(os.environ["DAGSTER_HOME"]) / folder), inst_data)
 
     @classmethod
@@ -78,21 +81,22 @@ class EventLog(SqliteEventLogStorage):
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Within it, materializations wait until there are some to be written at once.
+        """Within it, materializations wait until there are some to be written at once, or two seconds have gone by.
 
         Whatever else is stored or looked up here meanwhile writes them first, so that only other processes see them
         later, and all events come in their order.
         """
-        self._waiting = []
+        self._waiting, self._last_written_s = [], monotonic()
         try:
             yield
         finally:
-            self._write_waiting()
-            self._waiting = None
+            waiting, self._waiting = self._waiting, None
+            self.store_event_batch(waiting or [])
 
     def _write_waiting(self) -> None:
         if self._waiting:
             waiting, self._waiting = self._waiting, []
+            self._last_written_s = monotonic()
             self.store_event_batch(waiting)
 
     def dispose(self) -> None:
@@ -108,7 +112,7 @@ class EventLog(SqliteEventLogStorage):
             self.store_event_batch([event])
             return
         self._waiting.append(event)
-        if len(self._waiting) >= _WAIT_FOR_EACH_OTHER:
+        if len(self._waiting) >= _WAIT_FOR_EACH_OTHER or monotonic() - self._last_written_s > _WAIT_S:
             self._write_waiting()
 
     def store_event_batch(self, events: Sequence[EventLogEntry]) -> None:
