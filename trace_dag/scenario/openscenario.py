@@ -30,7 +30,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.openscenario_environment import environment
+from trace_dag.scenario.openscenario_environment import environment, use_version
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
@@ -84,8 +84,7 @@ class OpenScenarios:
             raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
         if flavour.free is not None and log.bodies[flavour.free].is_figure:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
-        minor_version = 0 if flavour.carla else 2
-        xosc.VersionBase().setVersion(minor=minor_version)  # of the process: what is built next asks for it
+        minor_version = use_version(carla=flavour.carla)
         shown = _shown_bodies(log, flavour)
         logged = [each for each in log.vehicles if each.number in shown]
         driven = {party_label(each.number): self._followed(each, flavour) for each in logged}

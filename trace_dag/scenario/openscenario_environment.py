@@ -48,6 +48,21 @@ _WEATHERS: Final = {
 }
 
 
+def use_version(*, carla: bool) -> int:
+    """Tell scenariogeneration the minor version of OpenSCENARIO 1 to write: 0 for ScenarioRunner, else 2.
+
+    The library keeps it for the whole process, and asks for it whenever an element is made.
+
+    >>> use_version(carla=False)
+    2
+    """
+    from scenariogeneration import xosc
+
+    minor = 0 if carla else 2
+    xosc.VersionBase().setVersion(minor=minor)
+    return minor
+
+
 def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction | None:
     """The environment of a crash; None if the report has neither time nor light nor weather.
 
@@ -58,6 +73,7 @@ def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction |
     """
     from scenariogeneration import xosc
 
+    use_version(carla=carla)
     when = _when(record)
     sun = _sun(record, when)
     weather = _WEATHERS.get(record.weather_code) if record.weather_code is not None else None
