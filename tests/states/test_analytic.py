@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from cases import SAMPLE, SETTINGS, Case, sample_case, sample_cases
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from motion_judge import judge_geometry
 
@@ -164,6 +164,11 @@ vehicles = st.tuples(
 
 @settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 @given(vehicles, vehicles, st.integers(0, 2))
+@example(  # backs at 87 mph; the turn that it comes to lies beyond the impact
+    (0, PreCrashMovement.NO_DRIVER, None, None, (VehicleClass.MOTORCYCLE, 2.2, 0.8), None, None),
+    (0, PreCrashMovement.BACKING, 1, 39.0, (VehicleClass.TRACTOR_TRAILER, 21.0, 2.6), None, None),
+    1,
+)
 def test_whatever_the_record_says_the_motion_holds_or_the_crash_is_rejected(one, two, place):
     case = sample_cases()[place]
     changed = []
