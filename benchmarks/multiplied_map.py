@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trace_dag.osm.extraction import read_header
+from trace_dag.osm.segments import varint
 from trace_dag.osm.types import BoundingBox
 
 _WIDEST_GAP = 64  # between ids
@@ -104,7 +105,7 @@ def _all_ids(fields: Sequence[_Field]) -> Iterator[_Ids]:
             for kind, _, value in _fields(_content(group)):
                 for field, wire, of_it in _fields(_content(value)):
                     if field == _ID:
-                        yield _differences(_content(of_it)).cumsum() if wire == 2 else np.array([_varint(of_it, 0)[0]])
+                        yield _differences(_content(of_it)).cumsum() if wire == 2 else np.array([varint(of_it, 0)[0]])
                     elif field == _REFS.get(kind):
                         yield _differences(_content(of_it)).cumsum()
 
@@ -132,7 +133,7 @@ def _kind(fields: Sequence[_Field]) -> int:
 
 def _moving(fields: Sequence[_Field], closer: Callable[[_Ids], _Ids]) -> _Moving:
     groups = [_content(value) for number, _, value in fields if number == _PRIMITIVE_GROUP]
-    offsets = {number: _varint(value, 0)[0] for number, _, value in fields if number in (_LAT_OFFSET, _LON_OFFSET)}
+    offsets = {number: varint(value, 0)[0] for number, _, value in fields if number in (_LAT_OFFSET, _LON_OFFSET)}
     others = b"".join(
         _tag(number, wire) + value
         for number, wire, value in fields
@@ -165,7 +166,7 @@ def _template(kind: int, message: bytes, closer: Callable[[_Ids], _Ids]) -> Call
     if kind == _DENSE:
         others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number != _ID)
         return lambda ids: _long(_ID, _written(_zigzag(first + ids)) + packed) + others
-    own = int(closer(np.array([_varint(value, 0)[0] for number, _, value in fields if number == _ID]))[0])
+    own = int(closer(np.array([varint(value, 0)[0] for number, _, value in fields if number == _ID]))[0])
     others = b"".join(_tag(number, wire) + value for number, wire, value in fields if number not in (_ID, refs_field))
     if not refs:
         return lambda ids: _tag(_ID, 0) + _written(own + ids) + others
@@ -199,7 +200,7 @@ def _data_blobs(file: Path) -> Iterator[bytes]:
     with file.open("rb") as stream:
         while size := stream.read(4):
             header = {number: value for number, _, value in _fields(stream.read(struct.unpack(">I", size)[0]))}
-            blob = {number: value for number, _, value in _fields(stream.read(_varint(header[3], 0)[0]))}
+            blob = {number: value for number, _, value in _fields(stream.read(varint(header[3], 0)[0]))}
             if _content(header[1]) == b"OSMData":
                 yield zlib.decompress(_content(blob[3])) if 3 in blob else _content(blob[1])
 
@@ -208,16 +209,16 @@ def _data_blobs(file: Path) -> Iterator[bytes]:
 def _fields(message: bytes) -> Iterator[_Field]:
     at = 0
     while at < len(message):
-        tag, at = _varint(message, at)
+        tag, at = varint(message, at)
         start = at
-        value, at = _varint(message, at)
+        value, at = varint(message, at)
         if tag & 7 == 2:
             at += value
         yield tag >> 3, tag & 7, message[start:at]
 
 
 def _content(value: bytes) -> bytes:
-    return value[_varint(value, 0)[1] :]
+    return value[varint(value, 0)[1] :]
 
 
 def _long(number: int, content: bytes) -> bytes:
@@ -226,18 +227,6 @@ def _long(number: int, content: bytes) -> bytes:
 
 def _tag(number: int, wire: int) -> bytes:
     return _written(number << 3 | wire)
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """A number and where it ends."""
-    value = shift = 0
-    while True:
-        byte = data[at]
-        at += 1
-        value |= (byte & 127) << shift
-        if byte < 128:
-            return value, at
-        shift += 7
 
 
 def _written(value: int) -> bytes:

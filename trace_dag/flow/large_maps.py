@@ -22,6 +22,7 @@ from trace_dag.errors import Failure, Rejection, UserError
 from trace_dag.flow.batch import first_stale
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
+from trace_dag.flow.products import Figure
 from trace_dag.flow.records import read_records
 from trace_dag.flow.stages.osm_extract import catalog_of
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
@@ -95,7 +96,7 @@ def with_pieces(crashes: Sequence[CrashFiles]) -> dict[str, set[str]]:
     """The crashes whose pieces of large files are stored, by the SHA-256 of each file."""
     found: dict[str, set[str]] = {}
     for crash, registered, file in _large_files(crashes):
-        own = {each.key: _place(each) for each in crashes if registered in each.source.maps}
+        own = _own_places(crashes, registered)
         found[file.digest] = set(own) - {
             each.key for each in _without_piece(file, own, crash.storage, crash.settings.osm)
         }
@@ -118,7 +119,7 @@ def _divisions(workspace: Workspace, crashes: Sequence[CrashFiles], *, all_again
     execution = workspace.settings.execution
     for crash, registered, file in _large_files(crashes):
         storage, settings = workspace.storage, workspace.settings.osm
-        own = {each.key: _place(each) for each in crashes if registered in each.source.maps}
+        own = _own_places(crashes, registered)
         if not _without_piece(file, own, storage, settings):
             continue
         places = {**_places_of_others(workspace, registered, all_again=all_again), **own}
@@ -141,8 +142,12 @@ def _without_piece(
     return tuple(file.kept_in(storage).without_piece(covered, service_roads=settings.service_roads))
 
 
-def _place(crash: CrashFiles) -> tuple[float, float]:
-    figures = crash.figures(Stage.CRASH_RECORD)
+def _own_places(crashes: Sequence[CrashFiles], registered: RegisteredMap) -> dict[str, tuple[float, float]]:
+    """Where those of some crashes are that a file is for."""
+    return {each.key: _place(each.figures(Stage.CRASH_RECORD)) for each in crashes if registered in each.source.maps}
+
+
+def _place(figures: Mapping[str, Figure]) -> tuple[float, float]:
     return float(figures["latitude_deg"] or 0), float(figures["longitude_deg"] or 0)
 
 
@@ -161,8 +166,7 @@ def _places_of_others(
     for key, of_crash in records.items():
         record = of_crash.get(Stage.CRASH_RECORD)
         if record is not None and "latitude_deg" in record.figures:
-            figures = record.figures
-            places[key] = float(figures["latitude_deg"] or 0), float(figures["longitude_deg"] or 0)
+            places[key] = _place(record.figures)
     unread = {key: reports[key] for key in stale if key not in places}
     for key, listing in listings_of(workspace.storage, unread).items():
         try:
@@ -174,19 +178,12 @@ def _places_of_others(
 
 def _divide(task: _Division) -> str:
     """Cut the pieces of a file, in a worker; what is wrong, in words."""
-    crash = task.crash
-    settings = crash.settings.osm
+    service_roads = task.crash.settings.osm.service_roads
     try:
-        catalog = catalog_of(crash.source.maps, crash.services)
-        file = next(each for each in catalog.files if each.digest == task.file.sha256)
-        large = file.kept_in(crash.storage)
+        large = _large_of(task)
         tell = _Noting(large)
-        what = f"reading {file.path.name}"
-        within(
-            task.limit_s,
-            what,
-            lambda: divide(large, task.sites, service_roads=settings.service_roads, tell=tell),
-        )
+        what = f"reading {large.path.name}"
+        within(task.limit_s, what, lambda: divide(large, task.sites, service_roads=service_roads, tell=tell))
     except (UserError, Failure) as error:
         return str(error)
     return ""

@@ -87,8 +87,8 @@ def _blob_size(header: bytes) -> int | None:
     at, found = 0, None
     try:
         while at < len(header):
-            tag, at = _varint(header, at)
-            value, at = _varint(header, at)
+            tag, at = varint(header, at)
+            value, at = varint(header, at)
             if tag & 7 == 2:
                 at += value
             elif tag & 7 != 0:
@@ -100,8 +100,12 @@ def _blob_size(header: bytes) -> int | None:
     return found
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """A number, and where it ends."""
+def varint(data: bytes, at: int) -> tuple[int, int]:
+    """A number as Protocol Buffers writes it, and where it ends.
+
+    >>> varint(bytes([0x96, 0x01]), 0)
+    (150, 2)
+    """
     value = shift = 0
     while True:
         byte = data[at]
