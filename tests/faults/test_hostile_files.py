@@ -61,16 +61,22 @@ def town(tmp_path: Path) -> Path:
     return tmp_path / "osm"
 
 
+def damaged(content: bytes) -> bytes:
+    """As long as it was, and its first half comes twice."""
+    half = len(content) // 2
+    return content[:half] + content[: len(content) - half]
+
+
 def test_a_damaged_map_costs_the_crashes_it_covers_and_its_remedies_work(tmp_path: Path, town: Path):
     root, reports = tmp_path / "root", reports_of(tmp_path / "reports", (KEY,))
     arguments = ("ingest", "--reports", str(reports), "--cohort", "town", "--maps")
     assert trace_dag(root, *arguments, str(town)).returncode == 0
     whole = (town / "quill.osm").read_bytes()
-    (town / "quill.osm").write_bytes(whole[: len(whole) // 2])
+    (town / "quill.osm").write_bytes(damaged(whole))
     assert trace_dag(root, "run").returncode == 0, "the other map covers it"
 
     whole = (town / "merrow.osm").read_bytes()
-    (town / "merrow.osm").write_bytes(whole[: len(whole) // 2])
+    (town / "merrow.osm").write_bytes(damaged(whole))
     done = trace_dag(root, "run", "--from", "osm_extract")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
@@ -95,6 +101,21 @@ def test_a_damaged_map_costs_the_crashes_it_covers_and_its_remedies_work(tmp_pat
 
     (town / "merrow.osm").write_bytes(whole)
     assert trace_dag(root, *arguments, str(town / "merrow.osm")).returncode == 0
+    done = trace_dag(root, "run")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_map_file_that_was_replaced_is_not_taken_for_the_one_that_was_ingested(tmp_path: Path, town: Path):
+    root, reports = tmp_path / "root", reports_of(tmp_path / "reports", (KEY,))
+    file = town / "merrow.osm"
+    arguments = ("ingest", "--cohort", "town", "--maps", str(file))
+    assert trace_dag(root, *arguments, "--reports", str(reports)).returncode == 0
+    size = file.stat().st_size
+    file.write_bytes(file.read_bytes() + b"\n")
+    assert trace_dag(root, "run").returncode == 1
+    (failure,) = json.loads(trace_dag(root, "sql", "SELECT message FROM failures", "--format", "json").stdout)
+    assert f"it has {size + 1:,} bytes, and had {size:,}" in failure["message"]
+    assert trace_dag(root, *arguments).returncode == 0
     done = trace_dag(root, "run")
     assert done.returncode == 0, done.stderr
 

@@ -104,6 +104,21 @@ def test_a_crash_in_one_sentence():
         "On January 15, 2023 on MAIN ST, Virginia, a car that was going straight at 55 mph struck a pedestrian"
         "; one more vehicle was involved."
     )
+    both = (EventRecord(1, 8, 1, None, walker.party, None), EventRecord(2, 8, 2, None, walker.party, None))
+    assert in_one_sentence(on_main_street(events=both, non_motorists=(walker,))).endswith(
+        "struck a pedestrian; one more vehicle struck the same person."
+    )
+
+
+def test_a_standing_vehicle_has_no_speed_in_the_sentence():
+    crashed = on_main_street()
+    for movement, words in (
+        (PreCrashMovement.STOPPED, "a car that was stopped on the roadway and a car"),
+        (PreCrashMovement.NO_DRIVER, "a car that had no driver and stood still and a car"),
+        (PreCrashMovement.GOING_STRAIGHT, "a car that was going straight at 0 mph and a car"),
+    ):
+        first = replace(crashed.vehicles[0], movement=movement, travel_speed_mps=0.0)
+        assert words in in_one_sentence(replace(crashed, vehicles=(first, crashed.vehicles[1])))
 
 
 def test_who_struck_a_person_is_left_open_where_no_event_tells():

@@ -56,10 +56,14 @@ class Services:
         """A map file where it can be read from disk; one kept in storage is fetched once per machine."""
         if not file.stored:
             path = Path(file.location)
+            leave_out = f"leave it out: trace-dag cohort maps --drop {shlex.quote(str(path))}"
             if not path.is_file():
+                raise Failure(f"{path}: the map file is no longer there; put it back, or {leave_out}")
+            if (size := path.stat().st_size) != file.size:
                 raise Failure(
-                    f"{path}: the map file is no longer there; put it back, or leave it out: "
-                    f"trace-dag cohort maps --drop {shlex.quote(str(path))}"
+                    f"{path}: not the map file that was ingested: it has {size:,} bytes, and had {file.size:,}; "
+                    f"put that one back, ingest this one (trace-dag ingest --maps {shlex.quote(str(path))} --cohort "
+                    f"and its name), or {leave_out}"
                 )
             return path
         cache = map_copies(self.storage)

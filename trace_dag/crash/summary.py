@@ -7,6 +7,7 @@ US police reports (miles per hour); SI values are in the record.
 from __future__ import annotations
 
 from calendar import month_name
+from collections.abc import Set
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
 from trace_dag.crash.codes import crash as crash_codes
@@ -46,6 +47,8 @@ _TOPOLOGIES = {
     RoadTopology.L: "L intersection",
     RoadTopology.FIVE_POINT_OR_MORE: "intersection of five or more roads",
 }
+_STANDING = (PreCrashMovement.NO_DRIVER, PreCrashMovement.STOPPED, PreCrashMovement.PARKED_IN_LANE)
+"""Movements of vehicles that can stand: that they did so needs no speed."""
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 
@@ -84,8 +87,7 @@ def in_one_sentence(record: CrashRecord) -> str:
         what = HARM_EV.meaning(code) or "crashed"
         if len(involved or record.vehicles) > 1:  # nothing tells which of them it was
             who, what = f"{_count(len(record.vehicles), 'motor vehicle')} crashed", f"(one of them {what})"
-    others = len(record.vehicles) - len(involved) if involved else 0
-    more = f"; {_count(others, 'more vehicle')} {'was' if others == 1 else 'were'} involved" if others else ""
+    more = _others_involved(record, event, {vehicle.number for vehicle in involved}) if event and involved else ""
     sentence = f"{_when(record)}{place}, {who} {what}{more}.".strip(" ,")
     return sentence[0].upper() + sentence[1:]
 
@@ -113,7 +115,26 @@ def _driving(vehicle: VehicleRecord) -> str:
         return f"a parked or working {kind}"
     movement = codes.P_CRASH1.meaning(vehicle.movement)
     speed = _speed(vehicle).split(" (")[0] if vehicle.travel_speed_mps is not None else ""
+    if vehicle.travel_speed_mps == 0.0 and vehicle.movement in _STANDING:
+        speed = " and stood still" if vehicle.movement is PreCrashMovement.NO_DRIVER else ""
     return f"{article} {kind}" + (f" that {movement}{speed}" if movement else speed)
+
+
+def _others_involved(record: CrashRecord, event: EventRecord, involved: Set[int]) -> str:
+    """The vehicles that the event does not name: how many of them struck the same person, and how many are left."""
+    others = {vehicle.number for vehicle in record.vehicles} - involved
+    struck_too = {
+        each.party_1
+        for each in record.events
+        if each.kind is EventKind.PERSON_STRUCK and each.party_2 is not None and each.party_2 == event.party_2
+    } & others
+    left = len(others - struck_too)
+    return "".join(
+        (
+            f"; {_count(len(struck_too), 'more vehicle')} struck the same person" if struck_too else "",
+            f"; {_count(left, 'more vehicle')} {'was' if left == 1 else 'were'} involved" if left else "",
+        )
+    )
 
 
 def _scene(record: CrashRecord) -> str:

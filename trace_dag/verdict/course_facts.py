@@ -249,5 +249,5 @@ def speed_fact(vehicle: VehicleRecord, seen: ObservedVehicle) -> Fact | None:
     if error is None or vehicle.travel_speed_mps is None:
         return None
     agreement = Agreement.of(abs(error) <= _KEPT_REL)
-    reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:.1f} m/s"
+    reported, found = f"{vehicle.travel_speed_mps:.1f} m/s", f"{seen.initial_speed_mps:z.1f} m/s"
     return Fact("travel speed", ComparedWith.COURSE, agreement, reported, found, vehicle_number=vehicle.number)
