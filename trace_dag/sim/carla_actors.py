@@ -154,11 +154,11 @@ class CarlaActor:
 
     def plan_is_over(self, tick: int) -> bool:
         """Whether the plan has ended at a tick."""
-        return tick >= len(self.plan.rows) and self.plan.end_s > 0
+        return tick >= len(self.plan) and self.plan.end_s > 0
 
     def at_rest(self, tick: int) -> bool:
         """Whether it stands still and no plan will move it again."""
-        undriven = self.crashed or tick >= min(len(self.plan.rows), self.brakes_from_tick)
+        undriven = self.crashed or tick >= min(len(self.plan), self.brakes_from_tick)
         return undriven and math.hypot(*self.velocity(-1)) < _REST_MPS
 
     # --- control ---------------------------------------------------------------------------------------------
@@ -188,20 +188,20 @@ class CarlaActor:
 
     def _climb_mps(self, tick: int) -> float:
         """Vertical speed of the planned position from a tick to the next, m/s, positive uphill."""
-        last = len(self.plan.rows) - 1
+        last = len(self.plan) - 1
         here, there = min(tick, last), min(tick + 1, last)
-        return (self.plan.rows[there][9] - self.plan.rows[here][9]) / self.step_s
+        return (self.plan.row(there)[9] - self.plan.row(here)[9]) / self.step_s
 
     def carry(self, tick: int) -> None:
         """Set the target velocities of the plan at a tick, and steer the wheels to match them.
 
         The vertical one is the road's: a target velocity without it would hold the vehicle up where the road falls.
         """
-        last = len(self.plan.rows) - 1
-        _, _, vx, vy, _, _, speed, curvature, _, _ = self.plan.rows[min(tick, last)]
+        last = len(self.plan) - 1
+        _, _, vx, vy, _, _, speed, curvature, _, _ = self.plan.row(min(tick, last))
         off_x = off_y = turn = 0.0
         if self.rows:
-            before = self.plan.rows[min(max(tick - 1, 0), last)]
+            before = self.plan.row(min(max(tick - 1, 0), last))
             off_x, off_y = before[0] - self.rows[-1][0], before[1] - self.rows[-1][1]
             turn = math.remainder(before[8] - self.rows[-1][3], math.tau)
         x, y = location_to_carla(vx + POSITION_GAIN * off_x, vy + POSITION_GAIN * off_y)

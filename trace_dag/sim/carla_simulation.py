@@ -175,7 +175,7 @@ class CarlaSimulation:
     ) -> SimulationLog:
         first_frame = self._world.get_snapshot().frame
         by_id = {actor.actor.id: actor for actor in actors}
-        last_plan_tick = max(len(actor.plan.rows) for actor in actors)
+        last_plan_tick = max(len(actor.plan) for actor in actors)
         contacts: dict[tuple[int, int], CarlaContact] = {}
         termination, reason = Termination.TIME_LIMIT, f"still moving after {time_limit_s:g} s"
         wanted: dict[int, Pedals | None] = {}

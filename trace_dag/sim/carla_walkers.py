@@ -75,11 +75,11 @@ class CarlaWalker(CarlaActor):
 
     def carry(self, tick: int) -> None:
         """Walk to the planned place of a tick, at the planned speed; stand at the plan's end."""
-        last = len(self.plan.rows) - 1
-        here = self.plan.rows[min(tick, last)]
+        last = len(self.plan) - 1
+        here = self.plan.row(min(tick, last))
         vx, vy = (here[2], here[3]) if tick < last else (0.0, 0.0)
         if self.rows:
-            before = self.plan.rows[min(max(tick - 1, 0), last)]
+            before = self.plan.row(min(max(tick - 1, 0), last))
             vx += POSITION_GAIN * (before[0] - self.rows[-1][0])
             vy += POSITION_GAIN * (before[1] - self.rows[-1][1])
         speed = math.hypot(vx, vy)

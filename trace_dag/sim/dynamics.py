@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 
 from trace_dag.crash.record import VehicleClass
 from trace_dag.sim.after_strike import DriverAfterStrike
@@ -64,10 +65,10 @@ class Vehicle:
         "_mass",
         "_outline",
         "_outline_place",
+        "_plan",
         "_planned_steps",
         "_rear_floor_2",
         "_rear_grip_2",
-        "_rows",
         "_toppled",
         "_traction_n",
         "_turned_rad",
@@ -115,7 +116,7 @@ class Vehicle:
         self.heading = pose.heading_rad
         self._outline_place = self.x, self.y, self.heading
         self._outline = self.outline_at(*self._outline_place)
-        self.yaw_rate = plan.rows[0][7] * speed  # it starts in the bend it is in
+        self.yaw_rate = plan.row(0)[7] * speed  # it starts in the bend it is in
         self.vx = speed * c - model.cg_ahead_m * self.yaw_rate * s
         self.vy = speed * s + model.cg_ahead_m * self.yaw_rate * c
         self.steer = 0.0
@@ -123,9 +124,9 @@ class Vehicle:
         self.roll: Roll | None = None  # of one that can overturn
         self.side_grip = 1.0  # across, of who is out of control: more where wheels dig in
         self.ground = Ground(math.inf, math.inf, pose.z_m, 0.0, 0.0)  # not looked at yet
-        self._rows = plan.rows
+        self._plan = plan
         self._after_strike: DriverAfterStrike | None = None
-        self._planned_steps = len(plan.rows) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
+        self._planned_steps = len(plan) if plan.end_s > 0 else sys.maxsize  # one point: it stands there for good
         self.held_mps2: tuple[float, float] | None = None  # what a trailer did to it in the last step
         self._friction = -1.0
         self._locked_wheels = locked_wheels
@@ -160,16 +161,16 @@ class Vehicle:
 
     def carry(self, time_s: float, step_s: float) -> None:
         """Be where the plan has the vehicle at a time, and move as there."""
-        at = min(time_s / step_s, len(self._rows) - 1.001)
+        at = min(time_s / step_s, len(self._plan) - 1.001)
         k = int(at)
-        before, after, share = self._rows[k], self._rows[k + 1], at - k
+        before, after, share = self._plan.row(k), self._plan.row(k + 1), at - k
         x, y, vx, vy, _, _, _, _, heading, _ = (a + share * (b - a) for a, b in zip(before, after, strict=True))
         self.x, self.y, self.vx, self.vy, self.heading = x, y, vx, vy, heading
         self.yaw_rate = (after[8] - before[8]) / step_s
 
     def from_plan_m(self, time_s: float, step_s: float) -> float:
         """How far the vehicle is from where the plan has it at a time."""
-        x, y = self._rows[min(int(time_s / step_s), len(self._rows) - 1)][:2]
+        x, y, *_ = self._plan.row(min(int(time_s / step_s), len(self._plan) - 1))
         return math.hypot(self.x - x, self.y - y)
 
     @property
@@ -245,7 +246,7 @@ class Vehicle:
     def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
         """From now on the driver has struck a person; of several the first is what the driver answers."""
         if self._after_strike is None:
-            self._after_strike = DriverAfterStrike(self._rows, step, response, step_s)
+            self._after_strike = DriverAfterStrike(self._plan, step, response, step_s)
 
     @property
     def stops(self) -> bool:
@@ -263,10 +264,10 @@ class Vehicle:
             ahead_v = self.vx * math.cos(self.heading) + self.vy * math.sin(self.heading)
             return self._driven(self._after_strike.row(step, self.x, self.y, ahead_v))
         if step < self._planned_steps:
-            return self._driven(self._rows[step] if step < len(self._rows) else self._rows[-1])
+            return self._driven(self._plan.row(step if step < len(self._plan) else -1))
         return self._free(1.0)
 
-    def _driven(self, row: tuple[float, ...]) -> tuple[float, float, float]:
+    def _driven(self, row: Sequence[float]) -> tuple[float, float, float]:
         # The loop spends most of its time here: locals and comparisons instead of attributes, min and max.
         rx, ry, rvx, rvy, rax, ray, planned_speed, curvature, course, _ = row
         if self.held_mps2 is not None:  # what a trailer takes, the driver adds

@@ -71,16 +71,30 @@ class EmbeddedSimulation:
         objects: tuple[FixedObject, ...] = (),
     ) -> SimulationLog:
         """Simulate until rest or ``time_limit_s``; :class:`trace_dag.errors.Failure` for a plan nobody can drive."""
+        run = self.begin(participants, time_limit_s=time_limit_s, drivers=drivers, objects=objects)
+        log = run.log(after_contact_s=math.inf if after_contact_s is None else after_contact_s)
+        run.release()
+        return log
+
+    def begin(
+        self,
+        participants: tuple[Participant, ...],
+        *,
+        time_limit_s: float,
+        drivers: Mapping[int, Driver] | None = None,
+        objects: tuple[FixedObject, ...] = (),
+    ) -> VehicleRun:
+        """A run at its start, for who looks at it before it has come to rest and goes on afterwards."""
         check_participants(participants)
         paths = [np.stack([p.trajectory.x_m, p.trajectory.y_m], axis=-1) for p in participants]
         surface = self._surface.around(np.concatenate(paths)) if paths else Surface()
         people = any(p.body.is_figure for p in participants)
-        what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {}, after_contact_s)
+        what = (self._settings, surface, self._friction, participants, time_limit_s, drivers or {})
         # Who strikes an animal often leaves the road or falls afterwards.
         leaves = any(
             p.beyond_edge or p.body.kind is BodyKind.ANIMAL or not math.isinf(p.skids_from_s) for p in participants
         )
         if not objects and not leaves:
-            return (PeopleRun if people else VehicleRun)(*what).log()
+            return (PeopleRun if people else VehicleRun)(*what)
         run = RoadsidePeopleRun if people else RoadsideRun
-        return run(*what, objects=objects, network=self._network).log()
+        return run(*what, objects=objects, network=self._network)

@@ -63,9 +63,9 @@ class Person:
         self.x = self.y = self.heading = self.vx = self.vy = 0.0
         self.posture: tuple[float, ...] = ()
         """Height of the centre above the road (m), pitch and roll (rad), landmarks (m), as of the last look."""
-        self._rows = plan.rows
+        self._plan = plan
         self._step_s = step_s
-        self._travelled = _travelled(plan.rows)
+        self._travelled = _travelled(plan)
         self._still_since_s = math.inf
         self._looked_s = 0.0
         self.walk(0.0)
@@ -81,10 +81,10 @@ class Person:
     def walk(self, time_s: float) -> None:
         """Move along the plan to a time."""
         at = time_s / self._step_s
-        k = min(int(at + 1e-9), len(self._rows) - 1)
-        x, y, vx, vy, _, _, _, _, heading, _ = self._rows[k]
+        k = min(int(at + 1e-9), len(self._plan) - 1)
+        x, y, vx, vy, _, _, _, _, heading, _ = self._plan.row(k)
         into_s = (at - k) * self._step_s
-        if k == len(self._rows) - 1:
+        if k == len(self._plan) - 1:
             vx = vy = into_s = 0.0  # the plan is over: it stands
         self.x, self.y, self.vx, self.vy, self.heading = x + vx * into_s, y + vy * into_s, vx, vy, heading
 
@@ -95,7 +95,7 @@ class Person:
             return RIDING
         if body.kind is BodyKind.CONVEYANCE:
             return Posture()
-        k = min(int(time_s / self._step_s + 1e-9), len(self._rows) - 1)
+        k = min(int(time_s / self._step_s + 1e-9), len(self._plan) - 1)
         gait = trotting if body.kind is BodyKind.ANIMAL else walking
         return gait(body.height_m, math.hypot(self.vx, self.vy), self._travelled[k])
 
@@ -136,10 +136,10 @@ class Person:
         return (*state, *self.posture)
 
 
-def _travelled(rows: list[tuple[float, ...]]) -> list[float]:
+def _travelled(plan: SampledTrajectory) -> list[float]:
     """Distance along the plan at each of its rows."""
     total, found = 0.0, [0.0]
-    for one, two in pairwise(rows):
-        total += math.hypot(two[0] - one[0], two[1] - one[1])
+    for (x, y), (then_x, then_y) in pairwise(plan.table[:, :2].tolist()):
+        total += math.hypot(then_x - x, then_y - y)
         found.append(total)
     return found

@@ -24,12 +24,20 @@ _AT_A_TIME = 32  # points whose distance from a path is measured together
 class SampledTrajectory:
     """A trajectory sampled at every step from 0 to its end, for the body's centre of gravity.
 
-    ``rows[k]``: x, y (m), velocity x, y (m/s), acceleration x, y (m/s2), speed along the body (m/s, negative
+    ``table[k]``: x, y (m), velocity x, y (m/s), acceleration x, y (m/s2), speed along the body (m/s, negative
     backward), curvature of the path (1/m), heading of the body (rad), z of the surface (m).
     """
 
-    rows: list[tuple[float, ...]]
+    table: FloatArray
     end_s: float
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def row(self, step: int) -> list[float]:
+        """A row as numbers of Python. They are made when they are asked for: much of a plan lies beyond the impact."""
+        numbers: list[float] = self.table[step].tolist()
+        return numbers
 
 
 def check_participants(participants: Sequence[Participant]) -> None:
@@ -111,7 +119,7 @@ def resample(
     head the way it goes: its velocity is then that of its positions.
 
     >>> plan = hypothesis.participants[1].trajectory
-    >>> len(resample(plan, 0.01, 1.0, 0.0).rows)  # a second in steps of 0.01 s, both ends included
+    >>> len(resample(plan, 0.01, 1.0, 0.0))  # a second in steps of 0.01 s, both ends included
     101
     """
     t = trajectory
@@ -121,7 +129,7 @@ def resample(
         stands = float(t.heading_rad[0])
         x = float(t.x_m[0]) + cg_ahead_m * math.cos(stands)
         y = float(t.y_m[0]) + cg_ahead_m * math.sin(stands)
-        return SampledTrajectory([(x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, stands, float(t.z_m[0]))], 0.0)
+        return SampledTrajectory(np.array([[x, y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, stands, t.z_m[0]]]), 0.0)
     heading = np.unwrap(t.heading_rad)
     at = np.interp(times, t.time_s, np.arange(len(t.time_s)))
     index = np.clip(at.astype(int), 0, len(t.time_s) - 2)
@@ -130,19 +138,16 @@ def resample(
     xy = np.stack([t.x_m, t.y_m], axis=-1)
     velocity = t.speed_mps[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     skids = t.time_s >= skids_from_s
-    velocity[skids] = np.gradient(xy, t.time_s, axis=0)[skids]
+    if skids.any():
+        velocity[skids] = np.gradient(xy, t.time_s, axis=0)[skids]
     p0, p1, v0, v1 = xy[index], xy[index + 1], velocity[index], velocity[index + 1]
-    position = (
-        (2 * u**3 - 3 * u**2 + 1) * p0
-        + (u**3 - 2 * u**2 + u) * h * v0
-        + (3 * u**2 - 2 * u**3) * p1
-        + (u**3 - u**2) * h * v1
-    )
+    u2, u3 = u**2, u**3
+    position = (2 * u3 - 3 * u2 + 1) * p0 + (u3 - 2 * u2 + u) * h * v0 + (3 * u2 - 2 * u3) * p1 + (u3 - u2) * h * v1
     speed = np.interp(times, t.time_s, t.speed_mps)
     course = np.interp(times, t.time_s, heading)
     z = np.interp(times, t.time_s, t.z_m)
-    yaw_rate = np.interp(times, t.time_s, np.gradient(heading, t.time_s))
-    tangential = np.interp(times, t.time_s, np.gradient(t.speed_mps, t.time_s))
+    turning, pulling = np.gradient(np.stack([heading, t.speed_mps]), t.time_s, axis=1)
+    yaw_rate, tangential = np.interp(times, t.time_s, turning), np.interp(times, t.time_s, pulling)
     c, s = np.cos(course), np.sin(course)
     moving = np.abs(speed) > 0.3
     curvature = np.where(moving, yaw_rate / np.where(moving, speed, 1.0), 0.0)
@@ -163,7 +168,7 @@ def resample(
         course,
         z,
     )
-    return SampledTrajectory(list(zip(*(column.tolist() for column in columns), strict=True)), end_s)
+    return SampledTrajectory(np.stack(columns, axis=-1), end_s)
 
 
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:

@@ -57,7 +57,6 @@ class VehicleRun:
         participants: tuple[Participant, ...],
         time_limit_s: float,
         drivers: Mapping[int, Driver],
-        after_contact_s: float | None,
     ) -> None:
         self._began = time.perf_counter()
         self._step_s = settings.step_s
@@ -72,7 +71,6 @@ class VehicleRun:
         self._drivers = drivers
         self._bodies_of = {p.number: p.body for p in participants}
         self._everybody = "vehicles"
-        self._after_contact_s = after_contact_s
         self._vehicles: list[Vehicle] = []
         turned_wheels = {p.number: p.turned_wheels for p in participants}
         self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
@@ -99,12 +97,14 @@ class VehicleRun:
         self._people = self._make_people()
         self._movers: Sequence[Vehicle | Person] = [*self._vehicles, *self._people]
         self._bodies = self._make_bodies()
+        self._last_plan_step = round(max((mover.plan_end_s for mover in self._movers), default=0.0) / self._step_s)
         self._recorder = StateRecorder(self._movers)
         self._open: dict[tuple[int, int], ContactEpisode] = {}
         self._closed: list[ContactEpisode] = []
         self._crushed: dict[tuple[int, int], Crush] = {}  # of those that overlap
         self._pressed: dict[tuple[int, int], tuple[float, float]] = {}  # force x, y on the second, in this part
         self._state: BodyStates | None = None  # as MuJoCo has it; None while bodies move by themselves
+        self._step = 0  # so many are taken
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
         self._pairs = self._can_touch()
@@ -147,14 +147,13 @@ class VehicleRun:
         models = [v.model for v in self._vehicles]
         return RigidBodies(models)
 
-    def log(self) -> SimulationLog:
-        self._bodies.set_heights([v.z for v in self._vehicles])
-        self._stand_on_surface()
-        termination, reason, step = self._advance_until_end()
-        duration_s = step * self._step_s
+    def log(self, *, until_s: float = math.inf, after_contact_s: float = math.inf) -> SimulationLog:
+        """Simulate to the end and say what came of it. The run ends early where nothing has touched until a time (s) or
+        so long after the first contact; asked again, it goes on from there."""
+        termination, reason = self._advance_until_end(until_s, after_contact_s)
+        duration_s = self._step * self._step_s
         self._record(duration_s)
         by_number = {logged.number: logged for logged in self._recorder.logs()}
-        self._bodies.release()
         return SimulationLog(
             backend=BACKEND_NAME,
             backend_version=f"{VERSION} (mujoco {self._bodies.version})",
@@ -170,6 +169,10 @@ class VehicleRun:
             trailers={p.number: p.trailer for p in self._participants if p.trailer is not None},
         )
 
+    def release(self) -> None:
+        """The run does not go on: another may use its bodies."""
+        self._bodies.release()
+
     def _contacts(self) -> list[Contact]:
         """Every contact so far."""
         return [episode.contact() for episode in (*self._closed, *self._open.values())]
@@ -182,35 +185,47 @@ class VehicleRun:
         """When two bodies first touched; None if none have."""
         return min((episode.start_s for episode in (*self._closed, *self._open.values())), default=None)
 
-    def _advance_until_end(self) -> tuple[Termination, str, int]:
-        for one, two in self._could_meet():
-            if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= 0:
-                reason = f"{self._names(one.number, two.number)} overlap at the start"
-                return Termination.STARTED_IN_CONTACT, reason, 0
-        vehicles = self._vehicles
-        last_plan_step = round(max((mover.plan_end_s for mover in self._movers), default=0.0) / self._step_s)
-        step = -1
-        while (step := step + 1) < self._steps:
-            if step % self._log_every == 0:
-                self._stand_on_surface()
-                self._record(step * self._step_s)
-                ended = self._ended(step, last_plan_step)
-                if ended is not None:
-                    return *ended, step
-            alone = min(self._alone_until(step), self._steps, step - step % self._log_every + self._log_every)
+    def _advance_until_end(self, until_s: float, after_contact_s: float) -> tuple[Termination, str]:
+        if self._step == 0:
+            self._bodies.set_heights([v.z for v in self._vehicles])
+            self._stand_on_surface()
+            for one, two in self._could_meet():
+                if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= 0:
+                    reason = f"{self._names(one.number, two.number)} overlap at the start"
+                    return Termination.STARTED_IN_CONTACT, reason
+            self._look()
+        while self._step < self._steps:
+            ended = self._ended(until_s, after_contact_s)
+            if ended is not None:
+                return ended
+            self._advance_to(min(self._step + self._log_every, self._steps))
+            if self._step < self._steps:
+                self._look()
+        limit_s = self._steps * self._step_s
+        if self._first_contact_s is None:
+            return Termination.NO_CONTACT, self._no_contact_reason()
+        return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s"
+
+    def _look(self) -> None:
+        """Stand on the ground as it is here, and keep the state."""
+        self._stand_on_surface()
+        self._record(self._step * self._step_s)
+
+    def _advance_to(self, last: int) -> None:
+        """Take the steps up to another one."""
+        while self._step < last:
+            step = self._step
+            alone = min(self._alone_until(step), last)
             if alone > step + 1:
                 self._go_alone(step, alone)
-                step = alone - 1
+                self._step = alone
                 continue
             for driven, driver, every in self._driven:
                 if step % every == 0 and not driven.crashed:
                     states = {mover.number: mover.body_state() for mover in self._movers}
                     driven.command(driver.drive(step * self._step_s, states))
-            self._advance(step, [vehicle.road_force(step) for vehicle in vehicles])
-        limit_s = self._steps * self._step_s
-        if self._first_contact_s is None:
-            return Termination.NO_CONTACT, self._no_contact_reason(), self._steps
-        return Termination.TIME_LIMIT, f"still moving after {limit_s:g} s", self._steps
+            self._advance(step, [vehicle.road_force(step) for vehicle in self._vehicles])
+            self._step = step + 1
 
     def _alone_until(self, step: int) -> int:
         """The step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's steps
@@ -249,22 +264,22 @@ class VehicleRun:
     def _could_meet(self) -> list[tuple[Vehicle, Vehicle | Person]]:
         return [(self._vehicles[i], self._vehicles[j]) for i, j in self._pairs]
 
-    def _ended(self, step: int, last_plan_step: int) -> tuple[Termination, str] | None:
+    def _ended(self, until_s: float, after_contact_s: float) -> tuple[Termination, str] | None:
+        now_s = self._step * self._step_s
         for v in self._movers:
             if not (math.hypot(v.vx, v.vy) < _MAX_SPEED_MPS and math.hypot(v.x, v.y) < _MAX_DISTANCE_M):
                 state = f"x {v.x:.3g} m, y {v.y:.3g} m, speed {math.hypot(v.vx, v.vy):.3g} m/s"
                 who = party_name(self._bodies_of[v.number], v.number)
-                reason = f"{who} left all bounds at {step * self._step_s:.2f} s: {state}"
-                return Termination.DIVERGED, reason
-        first_s = self._first_contact_s
+                return Termination.DIVERGED, f"{who} left all bounds at {now_s:.2f} s: {state}"
+        first_s, planned = self._first_contact_s, self._step <= self._last_plan_step
         if first_s is None:
-            return (Termination.NO_CONTACT, self._no_contact_reason()) if step > last_plan_step else None
-        if self._after_contact_s is not None and step * self._step_s >= first_s + self._after_contact_s:
-            return Termination.TIME_LIMIT, f"ended {self._after_contact_s:g} s after the first contact, as asked"
-        if any(step * self._step_s < episode.ends_s for episode in self._open.values()):
+            return None if planned and now_s <= until_s else (Termination.NO_CONTACT, self._no_contact_reason())
+        if now_s >= first_s + after_contact_s:
+            return Termination.TIME_LIMIT, f"ended {after_contact_s:g} s after the first contact, as asked"
+        if any(now_s < episode.ends_s for episode in self._open.values()):
             return None  # bodies that stand still at their deepest crush come back
-        if all(v.at_rest and (v.crashed or v.stops or step > last_plan_step) for v in self._movers):
-            return Termination.AT_REST, f"all {self._everybody} at rest after {step * self._step_s:.2f} s"
+        if all(v.at_rest and (v.crashed or v.stops or not planned) for v in self._movers):
+            return Termination.AT_REST, f"all {self._everybody} at rest after {now_s:.2f} s"
         return None
 
     def _no_contact_reason(self) -> str:

@@ -50,12 +50,11 @@ class RoadsideRun(VehicleRun):
         participants: tuple[Participant, ...],
         time_limit_s: float,
         drivers: Mapping[int, Driver],
-        after_contact_s: float | None,
         *,
         objects: tuple[FixedObject, ...],
         network: RoadNetwork | None,
     ) -> None:
-        super().__init__(settings, surface, friction, participants, time_limit_s, drivers, after_contact_s)
+        super().__init__(settings, surface, friction, participants, time_limit_s, drivers)
         self._items = objects
         self._obstacles = [Obstacle.of(item) for item in objects]
         self._touching: dict[tuple[int, int], Struck] = {}
@@ -87,8 +86,8 @@ class RoadsideRun(VehicleRun):
         firsts = [self._struck[0].contact().time_s if self._struck else None, super()._first_contact_s]
         return min((first for first in (*firsts, self._overturned_s) if first is not None), default=None)
 
-    def _ended(self, step: int, last_plan_step: int) -> tuple[Termination, str] | None:
-        ended = super()._ended(step, last_plan_step)
+    def _ended(self, until_s: float, after_contact_s: float) -> tuple[Termination, str] | None:
+        ended = super()._ended(until_s, after_contact_s)
         slides = any(vehicle.crashed and not vehicle.at_rest for vehicle in self._vehicles)
         if ended is not None and ended[0] is Termination.NO_CONTACT and slides:
             return None  # it may strike something yet, or overturn

@@ -2,8 +2,8 @@
 
 Every draw (:mod:`trace_dag.states.samples`) is run from shortly before its first contact to the end of that contact's
 pulse. A run counts as much as its contact is likely by the report: the areas that were struck, the manner of collision
-and the place, as :mod:`trace_dag.states.evidence` weighs them; one without a contact does not count. The draws that
-weigh most are run once more, to rest, for their courses. Draws are always run by the embedded back-end, on the crash's
+and the place, as :mod:`trace_dag.states.evidence` weighs them; one without a contact does not count. The runs that
+weigh most go on, to rest, for their courses. Draws are always run by the embedded back-end, on the crash's
 own map.
 """
 
@@ -27,6 +27,7 @@ from trace_dag.sim.drawn import LONGEST_BACK_S, DrawnCrash
 from trace_dag.sim.drawn_courses import DrawnCourse, course_of
 from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import surface_friction
+from trace_dag.sim.run_of_vehicles import VehicleRun
 from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import PULSE_S, Contact, SimulationLog
 from trace_dag.states.evidence import impact_area_log_likelihood, manner_log_likelihood, place_log_likelihood
@@ -34,7 +35,7 @@ from trace_dag.states.types import Sample, StateEstimate
 
 LOW, HIGH = 0.1, 0.9
 """Ends of the intervals: four in five draws are within."""
-_AFTER_S: Final = 1.5
+_LATEST_S: Final = 1.5  # after the planned impact: who touches nobody until then never does
 _COURSES: Final = 3
 _COURSE_AFTER_S: Final = 6.0
 _LEAST_WEIGHT: Final = 1e-6
@@ -110,29 +111,36 @@ def simulate_samples(
     """
     surface, friction = NetworkSurface(network), surface_friction(settings, record)
 
-    def run(drawn: DrawnCrash, sample: Sample, after_s: float, until_s: float) -> SimulationLog:
+    def begun(drawn: DrawnCrash, sample: Sample) -> VehicleRun:
         simulation = EmbeddedSimulation(settings, surface, friction * sample.friction, network)
-        return simulation.run(
-            drawn.participants(after_s),
-            time_limit_s=LONGEST_BACK_S + after_s,
-            after_contact_s=until_s,
-            objects=drawn.objects,
-        )
+        parties = drawn.participants(_COURSE_AFTER_S)
+        return simulation.begin(parties, time_limit_s=LONGEST_BACK_S + _COURSE_AFTER_S, objects=drawn.objects)
 
-    crashes = [DrawnCrash.of(estimate.hypotheses[sample.hypothesis], sample) for sample in estimate.samples]
     weighed: list[tuple[SampledContact, float]] = []
-    for k, (drawn, sample) in enumerate(zip(crashes, estimate.samples, strict=True)):
-        log = run(drawn, sample, _AFTER_S, PULSE_S) if drawn is not None else None
-        if log is not None and log.first_contact is not None:
-            seen = _contact(log, log.first_contact, k)
-            weighed.append((seen, _log_likelihood(record, seen, place_xy_m)))
+    heaviest: list[tuple[float, int, DrawnCrash, VehicleRun]] = []  # the likeliest so far, which may go on
+    for k, sample in enumerate(estimate.samples):
+        drawn = DrawnCrash.of(estimate.hypotheses[sample.hypothesis], sample)
+        if drawn is None:
+            continue
+        run = begun(drawn, sample)
+        log = run.log(until_s=drawn.back_s + _LATEST_S, after_contact_s=PULSE_S)
+        if log.first_contact is None:
+            run.release()
+            continue
+        seen = _contact(log, log.first_contact, k)
+        log_likelihood = _log_likelihood(record, seen, place_xy_m)
+        weighed.append((seen, log_likelihood))
+        heaviest = sorted([*heaviest, (-log_likelihood, k, drawn, run)], key=lambda each: each[:2])
+        if len(heaviest) > _COURSES:
+            *_, over = heaviest.pop()
+            over.release()
     contacts = _with_weights(weighed)
+    weigh_something = {contact.sample for contact in contacts}
     courses: list[DrawnCourse] = []
-    for each in sorted(contacts, key=lambda contact: (-contact.weight, contact.sample))[:_COURSES]:
-        drawn = crashes[each.sample]
-        assert drawn is not None  # it came to a contact
-        log = run(drawn, estimate.samples[each.sample], _COURSE_AFTER_S, _COURSE_AFTER_S)
-        courses += filter(None, [course_of(each.sample, drawn, log)])
+    for _, k, drawn, run in heaviest:
+        if k in weigh_something:
+            courses += filter(None, [course_of(k, drawn, run.log(after_contact_s=_COURSE_AFTER_S))])
+        run.release()
     best = next((log for log in logs if log.first_contact is not None), None)
     effective = 1.0 / sum(each.weight**2 for each in contacts) if contacts else 0.0
     return SampledRuns(

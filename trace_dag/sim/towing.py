@@ -64,7 +64,7 @@ class Towed(Vehicle):
         )
         stands = Trajectory(*(np.zeros(1) for _ in range(6)))
         place = Pose(float(x), float(y), heading, pose.z_m)
-        plan = SampledTrajectory([(0.0,) * 10], 0.0)
+        plan = SampledTrajectory(np.zeros((1, 10)), 0.0)
         itself = Participant(trailer_body(participant.number), body, place, 0.0, stands)
         super().__init__(itself, trailer_model(body, trailer), plan, friction=friction, locked_wheels=0.0)
         self._axles = self._axles[1:]
