@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
-from trace_dag.roads.map.lane_geometry import CENTRE_STEP_M
+from trace_dag.roads.map.lane_geometry import LANE_STEP_M
 from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, Window, inside
 
@@ -80,7 +80,7 @@ class Names:
         longest: dict[str, FloatArray] = {}
         for name, line in self._lines:
             shown = line[inside(line, window)]
-            if len(shown) > max(len(longest.get(name, ())), _LEAST_SHARE * span_m / CENTRE_STEP_M):
+            if len(shown) > max(len(longest.get(name, ())), _LEAST_SHARE * span_m / LANE_STEP_M):
                 longest[name] = shown
         centre = np.array([window[0] + window[2], window[1] + window[3]]) / 2
         labels = []

@@ -1,7 +1,8 @@
-"""The part of a road network in a window, sampled once for all views that are drawn of it.
+"""The part of a road network in a window, for what is drawn of it.
 
-Belongs here: which roads are visible, and their lines and borders as points. Does not belong here: how they look
-(:mod:`trace_dag.scenario.maps` and the modules it draws with).
+Belongs here: which stretches of which roads are visible. Does not belong here: lanes as points, which the network keeps
+for all that look at them (:mod:`trace_dag.roads.map.lane_geometry`), and how they look (:mod:`trace_dag.scenario.maps`
+and the modules it draws with).
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from trace_dag.roads.map.lane_geometry import CENTRE_STEP_M
 from trace_dag.roads.map.model import LaneRef
 
 if TYPE_CHECKING:
@@ -85,35 +85,20 @@ class MapScene:
 def _seen(network: RoadNetwork, window: Window) -> Iterator[SeenSection]:
     for road in network.roads_within(window):
         geometry = network.road_geometry(road.id)
-        for index in range(len(road.lane_sections)):
-            begin_m, end_m = geometry.section_span(index)
-            stations = geometry.line.stations(CENTRE_STEP_M, begin_m, end_m)
-            line = geometry.line.sample(stations)
-            shown = np.flatnonzero(inside(line, window, _MARGIN_M))
+        for index, section in enumerate(road.lane_sections):
+            line = geometry.section_line(*geometry.section_span(index))
+            shown = np.flatnonzero(inside(line.line, window, _MARGIN_M))
             if not len(shown):
                 continue
             seen = slice(max(int(shown[0]) - 1, 0), int(shown[-1]) + 2)
-            yield _section(network, road, index, stations[seen], line[seen])
-
-
-def _section(network: RoadNetwork, road: Road, index: int, stations: FloatArray, line: FloatArray) -> SeenSection:
-    geometry = network.road_geometry(road.id)
-    left = np.column_stack([-np.sin(line[:, 2]), np.cos(line[:, 2])])
-    height = geometry.elevation.sample(stations)
-
-    def beside(t_m: FloatArray) -> FloatArray:
-        return np.column_stack([line[:, :2] + t_m[:, None] * left, height])
-
-    lanes = []
-    for each in road.lane_sections[index].lanes:
-        if each.id == 0:
-            continue
-        lane = network.geometry(LaneRef(road.id, index, each.id))
-        centre, half = lane.centre.sample(stations), lane.width.sample(stations) / 2
-        outward = 1 if each.id > 0 else -1
-        lanes.append(SeenLane(lane, road, beside(centre - outward * half), beside(centre + outward * half)))
-    centre_line = beside(geometry.lane_offset.sample(stations))[:, :2]
-    return SeenSection(road, index, line, centre_line, tuple(lanes))
+            lanes = [network.geometry(LaneRef(road.id, index, each.id)) for each in section.lanes if each.id != 0]
+            yield SeenSection(
+                road,
+                index,
+                line.line[seen],
+                line.beside(geometry.lane_offset.sample(line.stations_m))[seen, :2],
+                tuple(SeenLane(lane, road, lane.samples.inner_m[seen], lane.samples.outer_m[seen]) for lane in lanes),
+            )
 
 
 def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:

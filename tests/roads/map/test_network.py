@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.networks import FRAME, crossroads, curvy_road, one_road, plans, ring
-from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import (
     ContactPoint,
     Cubic,
@@ -111,12 +110,19 @@ def test_nearest_lane_agrees_with_the_lanes_surfaces(plan: tuple[PlanElement, ..
     assert matches == sorted(matches, key=lambda match: match.outside_m)
     found = {match.lane: match.outside_m for match in matches}
     for ref in network.drivable_lanes():
-        distance = polygon(network.geometry(ref), 0.25).distance(shapely.Point(x, y))
+        distance = _surface(network, ref).distance(shapely.Point(x, y))
         if distance < 29.9:
             # Outside a bend, beside the road's end, the foot on the centre is not the nearest border point.
             assert found[ref] == pytest.approx(distance, abs=0.3)
         elif distance > 30.3:
             assert ref not in found
+
+
+def _surface(network: RoadNetwork, ref: LaneRef) -> shapely.Polygon:
+    begin_m, end_m = network.lane_span(ref)
+    stations = np.linspace(begin_m, end_m, math.ceil((end_m - begin_m) / 0.25) + 1)
+    left, right = (network.poses(ref, stations, side_m)[:, :2] for side_m in (1.75, -1.75))
+    return shapely.Polygon(np.concatenate([left, right[::-1]]))
 
 
 def test_height_tells_lanes_above_each_other_apart() -> None:

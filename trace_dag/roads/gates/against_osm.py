@@ -130,7 +130,7 @@ class MapComparison:
             junction_id = self.network.road_by_id[ref.road_id].junction_id
             if junction_id is not None and junction_id not in folds:
                 geometry = self.network.geometry(ref)
-                points[junction_id] += geometry.borders()
+                points[junction_id] += [line[:, :2] for line in geometry.borders()]
         for junction_id, inner in self._inner_ways().items():
             points[junction_id].append(inner)
         hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in points.values()]

@@ -45,7 +45,7 @@ class LaneAreas:
         known = list(lanes)
         for ref, geometry in known:
             if ref not in self._surfaces:
-                self._surfaces[ref] = polygon(geometry, 2.0)
+                self._surfaces[ref] = polygon(geometry)
         surfaces = np.array([self._surfaces[ref] for ref, _ in known], dtype=object)
         if known and reach_m < math.inf:
             near = shapely.dwithin(surfaces, shapely.box(*box), reach_m)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.model import Lane, LaneSection, Road
 
-CENTRE_STEP_M = 2.0
-"""Spacing of the samples in which the nearest lane is searched; the result itself is exact."""
+LANE_STEP_M = 2.0
+"""Points of a sampled lane are at most so far apart along the reference line."""
 
 
 class LaneProjection(NamedTuple):
@@ -33,16 +33,27 @@ class LaneProjection(NamedTuple):
 
 
 class SectionLine(NamedTuple):
-    """The reference line along a lane section every :data:`CENTRE_STEP_M`, which all its lanes are laid beside."""
+    """The reference line along a lane section every :data:`LANE_STEP_M`, which all its lanes are laid beside."""
 
     stations_m: FloatArray
     line: FloatArray  # (n, 4): x, y, heading, curvature
+    height_m: FloatArray
     sine: FloatArray
     cosine: FloatArray
 
     def beside(self, t_m: FloatArray) -> FloatArray:
-        """Points ``t_m`` to the left of the line, shape (n, 2)."""
-        return np.stack([self.line[:, 0] - t_m * self.sine, self.line[:, 1] + t_m * self.cosine], axis=1)
+        """Points ``t_m`` to the left of the line, shape (n, 3)."""
+        x, y = self.line[:, 0], self.line[:, 1]
+        return np.stack([x - t_m * self.sine, y + t_m * self.cosine, self.height_m], axis=1)
+
+
+class LaneSamples(NamedTuple):
+    """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line: its centre and its
+    borders next to that line and away from it, shape (n, 3) each, x, y, z."""
+
+    centre_m: FloatArray
+    inner_m: FloatArray
+    outer_m: FloatArray
 
 
 class RoadGeometry:
@@ -59,14 +70,11 @@ class RoadGeometry:
         """The reference line between the ends of a lane section."""
         found = self._section_lines.get((begin_m, end_m))
         if found is None:
-            found = self.line_along(self.line.stations(CENTRE_STEP_M, begin_m, end_m))
+            stations_m = self.line.stations(LANE_STEP_M, begin_m, end_m)
+            line, height_m = self.line.sample(stations_m), self.elevation.sample(stations_m)
+            found = SectionLine(stations_m, line, height_m, np.sin(line[:, 2]), np.cos(line[:, 2]))
             self._section_lines[begin_m, end_m] = found
         return found
-
-    def line_along(self, stations_m: FloatArray) -> SectionLine:
-        """The reference line at some stations."""
-        line = self.line.sample(stations_m)
-        return SectionLine(stations_m, line, np.sin(line[:, 2]), np.cos(line[:, 2]))
 
     def section_span(self, index: int) -> tuple[float, float]:
         """``s_m`` where a lane section begins and ends."""
@@ -165,15 +173,19 @@ class LaneGeometry:
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
-    def borders(self, step_m: float = CENTRE_STEP_M) -> tuple[FloatArray, FloatArray]:
-        """Left and right border as seen in the direction of travel, shape (n, 2) each, in that direction."""
-        if step_m == CENTRE_STEP_M:
-            line = self.road.section_line(self.begin_m, self.end_m)
-        else:
-            line = self.road.line_along(self.road.line.stations(step_m, self.begin_m, self.end_m))
+    @cached_property
+    def samples(self) -> LaneSamples:
+        """The lane as points: sampled once for all that look at it."""
+        line = self.road.section_line(self.begin_m, self.end_m)
         centre_m, half_m = self.centre.sample(line.stations_m), self.width.sample(line.stations_m) / 2
-        left = line.beside(centre_m + self.direction * half_m)
-        right = line.beside(centre_m - self.direction * half_m)
+        outward_m = -self.direction * half_m
+        return LaneSamples(
+            self._search_samples[1], line.beside(centre_m - outward_m), line.beside(centre_m + outward_m)
+        )
+
+    def borders(self) -> tuple[FloatArray, FloatArray]:
+        """Left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
+        _, left, right = self.samples  # traffic keeps to the right: a reference line is to the left of its lanes
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
 
     @cached_property
@@ -184,7 +196,7 @@ class LaneGeometry:
     @property
     def search_line(self) -> FloatArray:
         """Coarse centre along increasing ``s``, shape (n, 2), for spatial indexes."""
-        return self._search_samples[1]
+        return self._search_samples[1][:, :2]
 
     def project(self, x_m: float, y_m: float) -> LaneProjection:
         """The point in the lane's own coordinates, exact; the inverse of :meth:`pose` within the lane's span."""

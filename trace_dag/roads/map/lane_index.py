@@ -85,19 +85,19 @@ class _Lines(NamedTuple):
         return cls(lanes, np.concatenate(lines), first, reach_m)
 
 
-def polygon(geometry: LaneGeometry, step_m: float) -> shapely.Polygon:
+def polygon(geometry: LaneGeometry) -> shapely.Polygon:
     """A lane's surface.
 
     >>> lane = network.geometry(map_report.placement.lane.lane)
     >>> length_m = lane.end_m - lane.begin_m
-    >>> math.isclose(polygon(lane, 1.0).area, lane.width.at(length_m / 2) * length_m, rel_tol=0.1)
+    >>> math.isclose(polygon(lane).area, lane.width.at(length_m / 2) * length_m, rel_tol=0.1)
     True
     """
-    left, right = geometry.borders(step_m)
-    return shapely.Polygon(np.concatenate([left, right[::-1]]))
+    left, right = geometry.borders()
+    return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
 
 
-def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely.MultiPolygon:
+def drivable_area(lanes: Iterable[LaneGeometry]) -> shapely.MultiPolygon:
     """Union of the lanes' surfaces.
 
     >>> import shapely
@@ -105,7 +105,7 @@ def drivable_area(lanes: Iterable[LaneGeometry], step_m: float = 2.0) -> shapely
     >>> bool(shapely.contains_xy(area, map_report.placement.x_m, map_report.placement.y_m))
     True
     """
-    surfaces = np.array([polygon(geometry, step_m) for geometry in lanes], dtype=object)
+    surfaces = np.array([polygon(geometry) for geometry in lanes], dtype=object)
     area = shapely.union_all(shapely.make_valid(surfaces)) if len(surfaces) else shapely.MultiPolygon()
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero here, with a correct result
         closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")

@@ -13,13 +13,11 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.model import LaneRef, LaneType
 from trace_dag.roads.map.network import RoadNetwork
 
-STEP_M = 2.0
-"""Points of a lane are at most so far apart along the reference line."""
-
 
 @dataclass(frozen=True, eq=False)
 class LaneShape:
-    """A lane in its direction of travel: centre and borders, each of shape (n, 3), x, y, z (m, local frame), one n.
+    """A lane in its direction of travel: centre and borders, each of shape (n, 3), x, y, z (m, local frame), one n;
+    points are at most :data:`~trace_dag.roads.map.lane_geometry.LANE_STEP_M` apart along the reference line.
 
     ``left`` and ``right`` are the drivable lanes directly beside it, whichever way their traffic goes;
     ``left_same_way`` and ``right_same_way`` say whether it goes the same way. ``successors`` and ``predecessors`` are
@@ -47,26 +45,26 @@ class LaneShape:
         return float(np.hypot(*np.diff(self.centre_m[:, :2], axis=0).T).sum())
 
 
-def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False, step_m: float = STEP_M) -> tuple[LaneShape, ...]:
+def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False) -> tuple[LaneShape, ...]:
     """The lanes of a map, in its order; with ``drivable_only`` only those for traffic.
 
     >>> len(lane_shapes(network, drivable_only=True)) == len(list(network.drivable_lanes()))
     True
     """
     refs = network.drivable_lanes() if drivable_only else network.lanes()
-    return tuple(_shape(network, ref, step_m) for ref in refs)
+    return tuple(_shape(network, ref) for ref in refs)
 
 
-def _shape(network: RoadNetwork, ref: LaneRef, step_m: float) -> LaneShape:
+def _shape(network: RoadNetwork, ref: LaneRef) -> LaneShape:
     lane, road, geometry = network.lane(ref), network.road_by_id[ref.road_id], network.geometry(ref)
-    centre = network.centreline(ref, step_m)[:, :3]
-    left, right = (np.column_stack([border, centre[:, 2]]) for border in geometry.borders(step_m))
+    centre = geometry.samples.centre_m
+    left, right = geometry.borders()
     beside = network.neighbours(ref) if lane.type.drivable else (None, None)
     same_way = [each is not None and (each.lane_id > 0) == (ref.lane_id > 0) for each in beside]
     return LaneShape(
         ref=ref,
         type=lane.type,
-        centre_m=centre,
+        centre_m=centre if geometry.direction > 0 else centre[::-1],
         left_m=left,
         right_m=right,
         predecessors=network.predecessors(ref),
