@@ -17,6 +17,8 @@ from trace_dag.sim.types import Body, Participant
 from trace_dag.states.types import Trajectory
 from trace_dag.studies.validation.recorded import Damage, RecordedVehicle
 
+OUTWARD: Final = {"F": (1.0, 0.0), "B": (-1.0, 0.0), "L": (0.0, 1.0), "R": (0.0, -1.0)}
+"""Where each side of a vehicle faces, ahead and to the left."""
 _APART_M: Final = 0.3
 _BACK_S: Final = 0.002
 _FARTHEST_S: Final = 5.0

@@ -8,7 +8,7 @@ from typing import Final
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
 from trace_dag.states.objects import FixedObject
-from trace_dag.studies.validation.placing import before_object, damaged_m, struck_side
+from trace_dag.studies.validation.placing import OUTWARD, before_object, damaged_m, struck_side
 from trace_dag.studies.validation.recorded import RecordedEvent, RecordedVehicle
 from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, recorded_by, simulate
 from trace_dag.units import mps_to_kmh
@@ -37,7 +37,6 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
         raise Unusable(f"vehicle {vehicle.number}: its mass is not known")
     if recording.speed_mps is None:
         raise Unusable(f"vehicle {vehicle.number}: its recorder has no speed before the impact")
-    check_recording(vehicle, recording)
     if recording.delta_v_mps > _CONTRADICTION * recording.speed_mps:
         raise Unusable(
             f"vehicle {vehicle.number}: its recorder contradicts itself: {mps_to_kmh(recording.speed_mps):.0f} km/h "
@@ -46,6 +45,7 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
     side = struck_side(damage, event.area)
     if side is None:
         raise Unusable(f"vehicle {vehicle.number}: struck at {event.area!r}, which is not a side of a vehicle")
+    check_recording(vehicle, recording, OUTWARD[side])
     place = damaged_m(vehicle, body, damage, side)
     diameter_m, kind = POSTS[event.object_code]
     on_side = damage is not None and damage.side in "LR"

@@ -258,10 +258,12 @@ def _recordings(values: Mapping[str, Any]) -> tuple[tuple[Recording, ...], dict[
     The modules of a vehicle, and the pages of one, share the impact: where the one with the change has no speed,
     another's of the same event is its.
     """
-    samples = values.get("sp")
-    samples = samples if isinstance(samples, dict) else {}
+    listed = values.get("sp")
+    listed = listed if isinstance(listed, dict) else {}
+    samples = {number: each for key, each in listed.items() if (number := _whole(key)) is not None}
     rows = [row for row in _rows(values.get("edr")) if isinstance(row, dict)]
-    speeds = [_speed_at_impact_mps(samples.get(str(_whole(row.get("no"))))) for row in rows]
+    numbers = [_whole(row.get("no")) for row in rows]
+    speeds = [None if number is None else _speed_at_impact_mps(samples.get(number)) for number in numbers]
     at_event: dict[int, float] = {}
     for row, speed in zip(rows, speeds, strict=True):
         event = _whole(row.get("cdcev"))
@@ -294,15 +296,17 @@ def _speed_at_impact_mps(samples: object) -> float | None:
     average where they slow down, the last sample by +6 (every second) and +4 (every half), going on for the whole
     interval by -4 and -3.
     """
-    known = sorted(
-        (-abs(time_s), speed)
+    found = [
+        (time_s, speed)
         for sample in _rows(samples)
         if isinstance(sample, list) and len(sample) >= 2
         if (time_s := _number(sample[0], low=-60.0, high=60.0)) is not None
         if (speed := _number(sample[1], low=0.0, high=_FASTEST_KMH)) is not None
-    )
-    if not known:
+    ]
+    if not found:
         return None
+    counts_back = all(time_s >= 0.0 for time_s, _ in found)
+    known = sorted((-abs(time_s), speed) for time_s, speed in found if counts_back or time_s <= 0.0)
     (before_s, before_kmh), (last_s, last_kmh) = known[-2:] if len(known) > 1 else (known[0], known[0])
     if last_s > -_STALE_S or last_kmh >= before_kmh:
         return kmh_to_mps(last_kmh)

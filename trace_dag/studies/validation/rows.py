@@ -18,6 +18,7 @@ from trace_dag.studies.validation.recorded import Damage, RecordedVehicle, Recor
 from trace_dag.units import kmh_to_mps, mps_to_kmh
 
 _LEAST_MPS: Final = kmh_to_mps(8.0)  # from which on a recorder has to record: 49 CFR 563.5
+_PULLED: Final = 0.5  # of a delta-v: more cannot come of friction along the side
 _STAYS: Final = 0.85  # of dynamic crush, in NHTSA's frontal barrier tests
 _AFTER_PULSE_S: Final = 0.03
 Vector = tuple[float, float]
@@ -65,12 +66,19 @@ class Unusable(Exception):  # noqa: N818 - no error: data
     """Why a case cannot be set up."""
 
 
-def check_recording(vehicle: RecordedVehicle, recording: Recording) -> None:
-    """:class:`Unusable` for a change that no recorder has to record."""
+def check_recording(vehicle: RecordedVehicle, recording: Recording, outward: Vector) -> None:
+    """:class:`Unusable` for a change that no recorder has to record, and for one toward the side that was struck:
+    what strikes a vehicle pushes. ``outward`` is where that side faces, ahead and to the left."""
     if recording.delta_v_mps < _LEAST_MPS:
         raise Unusable(
             f"vehicle {vehicle.number}: its recorded delta-v of {mps_to_kmh(recording.delta_v_mps):.1f} km/h is below "
             "the 8 km/h from which on a recorder has to record"
+        )
+    pulled_mps = (recording.ahead_mps or 0.0) * outward[0] + (recording.left_mps or 0.0) * outward[1]
+    if pulled_mps > _PULLED * recording.delta_v_mps:
+        raise Unusable(
+            f"vehicle {vehicle.number}: its recorder contradicts its damage: {mps_to_kmh(pulled_mps):.0f} km/h of its "
+            "delta-v are toward the side that was struck"
         )
 
 
