@@ -132,6 +132,8 @@ class Crush:
         again = now_s - self._last_s > _AGAIN_S
         if again:
             self._part(area)
+            if area <= self._dent_m2:
+                return None  # it lies in the dent
         nx, ny = self._normal(polygon, *outlines)
         past_x, past_y = self._past(px, py)
         closing = -(past_x * nx + past_y * ny)

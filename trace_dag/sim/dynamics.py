@@ -368,24 +368,33 @@ class Vehicle:
     def _free(self, locked: float, turned_rad: float = 0.0) -> tuple[float, float, float]:
         """Nobody drives: a share of the load slides on locked wheels, the rest rolls, in front on wheels turned so far
         to the left."""
-        friction = self._friction
+        # As in _driven: locals and comparisons instead of attributes, min and max.
+        friction, yaw_rate = self._friction, self.yaw_rate
         c, s = math.cos(self.heading), math.sin(self.heading)
         ahead_v, left_v = self.vx * c + self.vy * s, self.vy * c - self.vx * s
         if self._toppled:
             friction, locked = friction * _TOPPLED_FRICTION, 1.0
         rolling = 1.0 - locked
-        floor_v = max(abs(ahead_v), _SLIP_FLOOR_MPS)
-        resist = rolling * min(_ROLLING_RESISTANCE, friction) * max(-1.0, min(1.0, ahead_v / _SLIDE_FLOOR_MPS))
+        speed = -ahead_v if ahead_v < 0 else ahead_v
+        floor_v = speed if speed > _SLIP_FLOOR_MPS else _SLIP_FLOOR_MPS
+        resist = rolling * (friction if friction < _ROLLING_RESISTANCE else _ROLLING_RESISTANCE)
+        if speed < _SLIDE_FLOOR_MPS:
+            resist *= speed / _SLIDE_FLOOR_MPS
+        if ahead_v < 0:
+            resist = -resist
         ahead = left = moment = 0.0
         for arm, load, stiffness in self._axles:
-            across_v = left_v + arm * self.yaw_rate
-            slide = friction * load * locked / max(math.hypot(ahead_v, across_v), _SLIDE_FLOOR_MPS)
+            across_v = left_v + arm * yaw_rate
+            past = math.hypot(ahead_v, across_v)
             grip = friction * load
+            slide = grip * locked / (past if past > _SLIDE_FLOOR_MPS else _SLIDE_FLOOR_MPS)
+            slips_n = stiffness * across_v / floor_v
             turned = turned_rad if arm > 0 else 0.0
-            slips_n = stiffness * across_v / floor_v - stiffness * math.copysign(turned, turned * ahead_v)
+            if turned:
+                slips_n -= stiffness * math.copysign(turned, turned * ahead_v)
             rolls = -rolling * grip * math.tanh(slips_n / grip)
             side = (rolls - slide * across_v) * self.side_grip
-            ahead -= slide * ahead_v + load * resist + rolls * math.sin(turned)
+            ahead -= slide * ahead_v + load * resist + (rolls * math.sin(turned) if turned else 0.0)
             left += side
             moment += arm * side
         self.steer = turned_rad
