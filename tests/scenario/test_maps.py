@@ -22,7 +22,7 @@ from trace_dag.roads.map.model import Cubic, Lane, LaneSection, LaneType, PlanEl
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario import maps
 from trace_dag.scenario.map_marks import WHITE
-from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.map_scene import MapScene, Window
 from trace_dag.scenario.map_surfaces import ASPHALT, SURFACES
 
 _PIXELS_PER_M = 8
@@ -39,6 +39,18 @@ def _picture(network: RoadNetwork, **options: bool) -> NDArray[np.uint8]:
     figure.patch.set_facecolor("white")
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[:, :, :3]
+
+
+def test_the_outline_of_a_straight_lane_has_its_corners_alone():
+    network = one_road((PlanElement(0, 0, 0, 0, 60.0),), lanes_left=0, lanes_right=1, width_m=3.5)
+    (lane,) = MapScene(network, (-10.0, -10.0, 70.0, 10.0)).lanes
+    assert {tuple(corner) for corner in lane.outline_m.round(6).tolist()} == {(0, 0), (60, 0), (60, -3.5), (0, -3.5)}
+
+
+def test_the_outline_of_a_lane_in_a_bend_has_a_point_every_two_metres():
+    network = one_road((PlanElement(0, 0, 0, 0, 60.0, curvature_1pm=1 / 50),), lanes_left=0, lanes_right=1, width_m=3.5)
+    (lane,) = MapScene(network, (-80.0, -80.0, 80.0, 80.0)).lanes
+    assert len(lane.outline_m) == 2 * 31 + 1, "a chord of 2 m is 1 cm from an arc of 50 m"
 
 
 def _at(picture: NDArray[np.uint8], x_m: float, y_m: float) -> tuple[float, ...]:

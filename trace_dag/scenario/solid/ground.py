@@ -22,8 +22,9 @@ from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Window
 from trace_dag.scenario.map_surfaces import SURFACES
 from trace_dag.scenario.object_shapes import outline
 from trace_dag.scenario.paving import paved_gaps
+from trace_dag.scenario.polylines import worth_keeping
 from trace_dag.scenario.solid.gltf import Material
-from trace_dag.scenario.solid.shapes import Mesh, flat, joined, prism, ribbon
+from trace_dag.scenario.solid.shapes import Mesh, flat, joined, prism, ribbons
 from trace_dag.sim.beyond_edge import FORE_SLOPE_M
 
 if TYPE_CHECKING:
@@ -156,11 +157,10 @@ class Terrain:
     def _paint(self, sections: list[SeenSection], heights: Heights, covered: shapely.Geometry) -> None:
         strokes = Marks(sections, legal=True).strokes(self._window)
         for colour, lines in strokes.items():
-            self._parts[_paint(colour)] += [_stroke(line, heights, STROKE_M) for line in lines if len(line) > 1]
+            self._parts[_paint(colour)].append(_strokes(lines, heights, STROKE_M))
         turns = Arrows(sections).turns
-        self._parts[_paint(WHITE)] += [
-            _stroke(turns.points_m[number], heights, _TURN_STROKE_M) for number in turns.within(self._window)
-        ]
+        arrows = [turns.points_m[number] for number in turns.within(self._window)]
+        self._parts[_paint(WHITE)].append(_strokes(arrows, heights, _TURN_STROKE_M))
         shapely.prepare(covered)
         for number in self._crossings.bars.within(self._window):
             bar = shapely.Polygon(self._crossings.bars.points_m[number])
@@ -250,9 +250,16 @@ def _paint(colour: str) -> Material:
     return Material(colour, roughness=0.8, layer=1)
 
 
-def _stroke(line: FloatArray, heights: Heights, width_m: float) -> Mesh:
-    """A painted line; where the road bends its points are as dense as the line has them."""
-    return ribbon(np.column_stack([line, heights.at(line) + _ABOVE_M]), width_m)
+def _strokes(lines: Sequence[FloatArray], heights: Heights, width_m: float) -> Mesh:
+    """Painted lines, shape (n, 2) each; where the road bends their points are as dense as the lines have them."""
+    painted = [line for line in lines if len(line) > 1]
+    if not painted:
+        return joined([])
+    points = np.concatenate(painted)
+    raised = np.column_stack([points, heights.at(points) + _ABOVE_M])
+    solid = np.split(raised, np.cumsum([len(line) for line in painted[:-1]]))
+    kept = worth_keeping([[line] for line in solid], _STEP_M)
+    return ribbons([line[numbers] for line, numbers in zip(solid, kept, strict=True)], width_m)
 
 
 def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneType, shapely.Geometry]]:

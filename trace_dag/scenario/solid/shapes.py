@@ -208,16 +208,28 @@ def prism(outline: FloatArray, low_m: FloatArray | float, high_m: FloatArray | f
     return Mesh(points, np.concatenate([np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)]))
 
 
-def ribbon(line: FloatArray, width_m: float) -> Mesh:
-    """A strip along a line of points, shape (n, 3), level across and facing up.
+def ribbons(lines: Sequence[FloatArray], width_m: float) -> Mesh:
+    """Strips along lines of points, shape (n, 3) each, level across and facing up.
 
-    >>> float(np.ptp(ribbon(np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]), 0.2).points_m[:, 1]))
-    0.2
+    >>> line = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    >>> strips = ribbons([line, line + 5.0], 0.2)
+    >>> len(strips.triangles), np.unique(strips.points_m[:, 1].round(6)).tolist()
+    (4, [-0.1, 0.1, 4.9, 5.1])
     """
-    step = np.gradient(line[:, :2], axis=0)
+    if not lines:
+        return joined([])
+    points = np.concatenate(lines)
+    count = len(points)
+    number = np.arange(count)
+    ends = np.cumsum([len(line) for line in lines])
+    after, before = np.minimum(number + 1, count - 1), np.maximum(number - 1, 0)
+    after[ends - 1] = ends - 1
+    before[ends[:-1]] = ends[:-1]
+    step = (points[after] - points[before])[:, :2]
     left = np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
-    beside = np.column_stack([left * width_m / 2, np.zeros(len(line))])
-    n = len(line)
-    a = np.arange(n - 1)
-    triangles = np.concatenate([np.stack([a, a + 1, a + n + 1], axis=1), np.stack([a, a + n + 1, a + n], axis=1)])
-    return Mesh(np.concatenate([line - beside, line + beside]), triangles)
+    beside = np.column_stack([left * width_m / 2, np.zeros(count)])
+    a = np.delete(number, ends - 1)
+    triangles = np.concatenate(
+        [np.stack([a, a + 1, a + count + 1], axis=1), np.stack([a, a + count + 1, a + count], axis=1)]
+    )
+    return Mesh(np.concatenate([points - beside, points + beside]), triangles)
