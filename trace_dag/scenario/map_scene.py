@@ -83,7 +83,7 @@ class MapScene:
 
 class _Stretch(NamedTuple):
     road: Road
-    index: int  # of the section
+    section: int
     points: slice  # of its samples
 
 
@@ -99,25 +99,22 @@ def _seen(network: RoadNetwork, window: Window) -> Iterator[_Stretch]:
 
 
 def _sections(network: RoadNetwork, stretches: Sequence[_Stretch]) -> tuple[SeenSection, ...]:
-    found = [
-        [
-            (
-                lane := network.geometry(LaneRef(road.id, index, each.id)),
-                road,
-                *(side[seen] for side in lane.samples[1:]),
-            )
-            for each in road.lane_sections[index].lanes
-            if each.id != 0
-        ]
-        for road, index, seen in stretches
+    lanes = [
+        [network.geometry(LaneRef(road.id, index, each.id)) for each in road.lane_sections[index].lanes if each.id != 0]
+        for road, index, _ in stretches
     ]
-    outlines = iter(_outlines([(inner, outer) for lanes in found for _, _, inner, outer in lanes]))
+    borders = [
+        (lane.samples.inner_m[seen], lane.samples.outer_m[seen])
+        for (_, _, seen), beside in zip(stretches, lanes, strict=True)
+        for lane in beside
+    ]
+    outlined = ((*sides, ring) for sides, ring in zip(borders, _outlines(borders), strict=True))
     sections = []
-    for (road, index, seen), lanes in zip(stretches, found, strict=True):
+    for (road, index, seen), beside in zip(stretches, lanes, strict=True):
         geometry = network.road_geometry(road.id)
         line = geometry.section_line(*geometry.section_span(index))
         centre = line.beside(geometry.lane_offset.sample(line.stations_m))[seen, :2]
-        seen_lanes = tuple(SeenLane(*lane, next(outlines)) for lane in lanes)
+        seen_lanes = tuple(SeenLane(lane, road, *next(outlined)) for lane in beside)
         sections.append(SeenSection(road, index, line.line[seen], centre, seen_lanes))
     return tuple(sections)
 
