@@ -98,9 +98,10 @@ def test_the_speed_of_who_had_no_recorder_is_fitted_to_the_reconstructed_delta_v
     (crash,) = read_recorded_crashes(write(tmp_path, case))
     (without_rebound, _) = (row.published() for row in compare_crash(crash, SimSettings(restitution=0.0)))
     one, two = rows_of(tmp_path, case)
-    assert without_rebound["simulated_delta_v_kmh"] == pytest.approx(45.0, rel=0.02)
+    # By hand: tyres, half of them locked, hold with up to 0.375 g; in a pulse of 0.1 s that is 1.3 km/h.
+    assert without_rebound["simulated_delta_v_kmh"] == pytest.approx(45.0, abs=1.5)
     assert one["plastic_delta_v_kmh"] == pytest.approx(45.0, rel=0.02)
-    # The reconstruction knows no rebound. At closing speeds of some 20 m/s it is a tenth, less where both turn.
+    # The reconstruction knows no rebound: at closing speeds of some 20 m/s a tenth, less where both turn.
     assert 1.03 < one["simulated_delta_v_kmh"] / 45.0 < 1.15
     assert two["measured_delta_v_kmh"] is None
     assert "no recorded delta-v" in two["reason"]

@@ -1,8 +1,8 @@
 """Two vehicles that met: set up from what was measured of both; a speed that was not recorded is fitted.
 
-It is fitted to the delta-v that investigators reconstructed from crush with WinSMASH, which takes it that nothing
-springs back (Niehoff and Gabler 2006: 23 % below recorders, 1 % in frontal crashes once the rebound is added). So the
-simulator is fitted without rebound, as the plastic peer is, and has its rebound in what is compared.
+It is fitted to the delta-v that investigators reconstructed from crush with WinSMASH, which knows no tyres and takes
+it that nothing springs back (Niehoff and Gabler 2006: 23 % below recorders, 1 % in frontal crashes once the rebound
+is added). So what the contact does is fitted, without rebound, as in the plastic peer; both are in what is compared.
 """
 
 from __future__ import annotations
@@ -172,7 +172,10 @@ def _target(pair: tuple[RecordedVehicle, RecordedVehicle], event: int, free: int
 
 def _simulated_delta_v(ready: _Pair, speeds_mps: tuple[float, float], settings: SimSettings, index: int) -> float:
     log = ready.simulated(speeds_mps, settings)
-    return math.hypot(*recorded_by(log, index)) if log is not None else 0.0
+    if log is None or log.first_contact is None:
+        return 0.0
+    contact = log.first_contact
+    return math.hypot(*(contact.delta_v_1_mps, contact.delta_v_2_mps)[index])
 
 
 def _plastic_delta_v(ready: _Pair, speeds_mps: tuple[float, float], index: int) -> float:
