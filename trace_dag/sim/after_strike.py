@@ -22,9 +22,9 @@ class DriverAfterStrike:
     """The driver's wanted motion, step by step, from the strike on, as a row of the plan."""
 
     def __init__(self, plan: SampledTrajectory, step: int, response: AfterStriking, step_s: float) -> None:
-        self._plan = plan
+        self._rows = plan.table.tolist()  # two of them are looked at in each step
         self._at = min(step, len(plan) - 1)
-        _, _, _, _, ax, ay, speed, _, course, _ = plan.row(self._at)
+        _, _, _, _, ax, ay, speed, _, course, _ = self._rows[self._at]
         planned = ax * math.cos(course) + ay * math.sin(course)
         sense = -1.0 if speed < 0 else 1.0
         self._planned_mps2 = planned
@@ -36,16 +36,16 @@ class DriverAfterStrike:
 
     def row(self, step: int, x_m: float, y_m: float, ahead_mps: float) -> tuple[float, ...]:
         """The plan's row for the vehicle's present place: the nearest point of the path, at the vehicle's own speed."""
-        plan = self._plan
-        here = plan.row(self._at)
-        while self._at + 1 < len(plan):
-            following = plan.row(self._at + 1)
+        rows = self._rows
+        here = rows[self._at]
+        while self._at + 1 < len(rows):
+            following = rows[self._at + 1]
             if math.hypot(following[0] - x_m, following[1] - y_m) > math.hypot(here[0] - x_m, here[1] - y_m):
                 break
             self._at += 1
             here = following
         if not self.stops:
-            path_ends = self._at == len(plan) - 1 and math.isinf(self._brakes_from)
+            path_ends = self._at == len(rows) - 1 and math.isinf(self._brakes_from)
             self.stops = path_ends or step >= self._brakes_from
             self._deceleration_mps2 = _PATH_ENDS_MPS2 if path_ends else self._deceleration_mps2
         x, y, _, _, _, _, _, curvature, course, z = here
