@@ -16,7 +16,7 @@ class StageProduct:
 
     A crash can be rejected and still leave artefacts to look at (a log without a collision, a negative verdict): then
     ``rejection`` says why. Without artefacts a stage raises the :class:`Rejection` instead. ``parsed`` holds, by
-    extension, what the artefact's reader would make of it, where the stage has read it back already.
+    extension, what the artefact's reader would make of it, to the bit, where the stage has it at hand.
     """
 
     files: Mapping[str, bytes]

@@ -34,6 +34,7 @@ def simulation_log(
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
     files = {"parquet": steps, "json.gz": summary}
+    parsed: dict[str, object] = {"parquet": logs}
     collided = [log for log in logs if log.first_contact is not None or any(map(_overturns, log.vehicles))]
     shown = collided[0] if collided else logs[0]
     figures: dict[str, Figure] = {
@@ -46,10 +47,9 @@ def simulation_log(
     if shown.first_contact is not None:
         figures["contact_time_s"] = shown.first_contact.time_s
         figures["closing_speed_mps"] = shown.first_contact.closing_speed_mps
-    sampled = None
     if shown.first_contact is not None and estimate.samples:
         sampled = simulate_samples(road_map, estimate, logs, settings, record, place_of(map_report.placement))
-        files["samples.json.gz"] = samples_to_json(sampled)
+        files["samples.json.gz"], parsed["samples.json.gz"] = samples_to_json(sampled), sampled
         figures["draws"] = f"{sampled.drawn}, worth {sampled.effective:g} of equal weight"
     rejection = None
     if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so
@@ -59,7 +59,7 @@ def simulation_log(
             measured=0.0,
             threshold=1.0,
         )
-    return StageProduct(files, figures, rejection, {"samples.json.gz": sampled} if sampled is not None else {})
+    return StageProduct(files, figures, rejection, parsed)
 
 
 def _overturns(vehicle: VehicleLog) -> bool:

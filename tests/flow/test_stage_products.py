@@ -1,0 +1,35 @@
+"""What a stage hands on in memory is what its files say: a stage after it comes to the same whether it ran in the same
+process or finds the files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import SETTINGS
+from example_objects import REPORTS, made_of, record_of
+
+from trace_dag.cohorts.services import Services
+from trace_dag.flow.stages.simulation_log import simulation_log
+from trace_dag.flow.stages.state_estimate import state_estimate
+from trace_dag.sim.log_io import logs_from_files
+from trace_dag.sim.sampled import samples_from_json
+from trace_dag.states.json_io import estimate_from_json
+from trace_dag.storage import Storage
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_what_is_handed_on_is_what_the_files_say(name: str, tmp_path: Path) -> None:
+    made, record = made_of(name), record_of(name)
+    services = Services(Storage.open(str(tmp_path)), SETTINGS.services, "")
+    estimated = state_estimate(record, made.network, made.map_report, SETTINGS.states, services)
+    estimate = estimate_from_json(estimated.files["json.gz"])
+    np.testing.assert_equal(asdict(estimated.parsed["json.gz"]), asdict(estimate))
+
+    simulated = simulation_log(record, made.network, made.map_report, made.xodr, estimate, SETTINGS.sim)
+    stored = logs_from_files(simulated.files["parquet"], simulated.files["json.gz"])
+    handed_on = [asdict(replace(log, wall_s=0.0)) for log in simulated.parsed["parquet"]]  # the clock is not stored
+    np.testing.assert_equal(handed_on, [asdict(log) for log in stored])
+    assert simulated.parsed["samples.json.gz"] == samples_from_json(simulated.files["samples.json.gz"])
