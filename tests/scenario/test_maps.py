@@ -50,7 +50,7 @@ def test_the_outline_of_a_straight_lane_has_its_corners_alone():
 def test_the_outline_of_a_lane_in_a_bend_has_a_point_every_two_metres():
     network = one_road((PlanElement(0, 0, 0, 0, 60.0, curvature_1pm=1 / 50),), lanes_left=0, lanes_right=1, width_m=3.5)
     (lane,) = MapScene(network, (-80.0, -80.0, 80.0, 80.0)).lanes
-    assert len(lane.outline_m) == 2 * 31 + 1, "a chord of 2 m is 1 cm from an arc of 50 m"
+    assert len(lane.outline_m) == 2 * 31, "a chord of 2 m is 1 cm from an arc of 50 m"
 
 
 def _at(picture: NDArray[np.uint8], x_m: float, y_m: float) -> tuple[float, ...]:

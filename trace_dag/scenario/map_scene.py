@@ -120,14 +120,16 @@ def _sections(network: RoadNetwork, stretches: Sequence[_Stretch]) -> tuple[Seen
 
 
 def _outlines(borders: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """The rings around lanes, all simplified together: that takes a fifth of the time."""
+    """The rings around lanes, the borders of all simplified together: that takes a fifth of the time."""
     if not borders:
         return []
-    rings = [np.concatenate([inner, outer[::-1]])[:, :2] for inner, outer in borders]
-    numbers = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-    simple = shapely.simplify(shapely.linearrings(np.concatenate(rings), indices=numbers), _STRAIGHT_M)
+    lines = [line[:, :2] for inner, outer in borders for line in (inner, outer[::-1])]
+    numbers = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    simple = shapely.simplify(
+        shapely.linestrings(np.concatenate(lines), indices=numbers), _STRAIGHT_M, preserve_topology=False
+    )
     points, numbers = shapely.get_coordinates(simple, return_index=True)
-    return np.split(points, np.flatnonzero(np.diff(numbers)) + 1)
+    return np.split(points, np.flatnonzero(np.diff(numbers // 2)) + 1)
 
 
 def inside(points_m: FloatArray, window: Window, margin_m: float = 0.0) -> FloatArray:
