@@ -9,12 +9,14 @@ look like (:mod:`trace_dag.scenario`).
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import math
 import traceback
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +55,14 @@ _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
 _REPLAYS = "replays"
+_MADE_WITH = (  # modules that take a while to load
+    "scenariogeneration.xosc",
+    "trace_dag.evaluation.drives",
+    "trace_dag.scenario.crash_page",
+    "trace_dag.scenario.package",
+    "trace_dag.scenario.thumbnail",
+    "trace_dag.studies.replays",
+)
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json.gz": VERDICT}
 
@@ -219,6 +229,17 @@ class _Made:
     errors: Mapping[str, str]
 
 
+def get_ready() -> None:
+    """What a worker can do before its first page, while it has nothing else to do: imports.
+
+    What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
+    """
+    for name in _MADE_WITH:
+        import_module(name)
+    gc.collect()
+    gc.freeze()
+
+
 def _make(task: _Task) -> _Made:
     """Packages and pages of some crashes."""
     made: list[StoredFile] = []
@@ -238,7 +259,8 @@ def _make(task: _Task) -> _Made:
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
     from trace_dag.scenario.package import zip_files
-    from trace_dag.scenario.replay import PAGE, replay_script
+    from trace_dag.scenario.replay import replay_script
+    from trace_dag.scenario.replay_library import PAGE
     from trace_dag.scenario.thumbnail import moving_thumbnail
     from trace_dag.studies.replays import content_of
 

@@ -71,7 +71,7 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
-    from trace_dag.benchmark.build import benchmark_is_whole
+    from trace_dag.benchmark.build import benchmark_is_whole, get_ready
     from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
     from trace_dag.flow.run_summary import RunSummary
 
@@ -92,6 +92,8 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
                 watched = replace(workspace, listener=hear, map_listener=tell_map)
                 errors = run_batches(watched, instance, batches, settings=settings).errors
             click.echo(summary.in_words())
+            if workspace.executor is not None:
+                workspace.executor.prepare(get_ready)  # while this process builds the warehouse
         elif selection.exact:
             click.echo("Nothing to run again: none of the crashes is one of those asked for.")
         else:

@@ -144,7 +144,9 @@ class SvgPanel(Panel):
             return ""
         numbers = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
         made = shapely.linestrings(np.concatenate(lines)[:, :2], indices=numbers)
-        points, numbers = shapely.get_coordinates(shapely.simplify(made, _NEEDLESS_M, preserve_topology=False), return_index=True)
+        points, numbers = shapely.get_coordinates(
+            shapely.simplify(made, _NEEDLESS_M, preserve_topology=False), return_index=True
+        )
         places = np.round(self._places(points)).astype(np.int64)
         starts = np.flatnonzero(np.diff(numbers, prepend=-1))
         steps = np.diff(places, axis=0, prepend=places[:1])

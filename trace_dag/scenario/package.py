@@ -12,7 +12,7 @@ import json
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import deflate
@@ -222,7 +222,7 @@ def _results(crash: PackageInput) -> list[_File]:
         sampled=crash.sampled,
         in_3d=False,
     )
-    replay = replay_page(replace(content, solid=None))
+    replay = replay_page(content, in_3d=False)
     files = [
         _File("states.json", _CC0, "hypotheses: initial and impact states, evidence", estimate_to_json(crash.estimate)),
         _File(

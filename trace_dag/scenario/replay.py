@@ -1,15 +1,16 @@
 """A simulated crash to watch: an HTML page with everything in it, to be opened anywhere, from a stick or a mail.
 
 The map is drawn once, as SVG, by the same hand as the pictures; the page moves the bodies of the log over it. No
-network, no library, no CDN. A site has one such page for all of its crashes, and a file with what is shown of each. The
-animated pictures of the same thing are in :mod:`trace_dag.scenario.animation`.
+network, no library, no CDN. A site has one such page for all of its crashes
+(:mod:`trace_dag.scenario.replay_library`), and a file with what is shown of each. The animated pictures of the same
+thing are in :mod:`trace_dag.scenario.animation`.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.page_templates import packed, templates
-from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -37,30 +37,28 @@ if TYPE_CHECKING:
 
     from trace_dag.osm.types import OsmFeature
 
-PAGE: Final = "replay.html"
-"""The page of a site that shows every replay of it: ``replay.html?KEY``."""
 
-
-def replay_page(content: ReplayContent, *, paired: bool = False) -> bytes:
-    """A page that stands alone. Without a third dimension it has the plan alone; one that is ``paired`` has no time
-    line: that is the page's around (:func:`write_html_pair`). The same content gives the same bytes.
+def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = False) -> bytes:
+    """A page that stands alone, with the plan alone if not ``in_3d`` or where the content is not; one that is
+    ``paired`` has no time line: that is the page's around (:func:`write_html_pair`). The same content gives the same
+    bytes.
 
     >>> from trace_dag.scenario.replay_content import replay_content
     >>> replay_page(replay_content(record, network, log, in_3d=False))[:15]
     b'<!DOCTYPE html>'
     """
-    in_3d = content.solid is not None
+    solid = content.solid if in_3d else None
     return (
         templates()
         .get_template("replay.html.jinja")
         .render(
             title=content.said["title"],
             paired=paired,
-            in_3d=in_3d,
-            data=_script_safe(with_columns(content.said)),
-            map_svg=packed(content.map_svg.encode()),
-            solid=packed(packed_glb(content.solid)) if content.solid is not None else "",
-            library=packed_library() if in_3d else "",
+            in_3d=solid is not None,
+            data=_script_safe(content.columns),
+            map_svg=content.packed_map,
+            solid=packed(packed_glb(solid)) if solid is not None else "",
+            library=packed_library() if solid is not None else "",
         )
         .encode()
     )
@@ -73,23 +71,11 @@ def replay_script(content: ReplayContent) -> bytes:
     >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
     b'replay({'
     """
-    said = json.dumps(with_columns(content.said), separators=(",", ":"), allow_nan=False)
-    parts = {"data": said, "map": content.map_svg}
-    kept = {name: packed(text.encode()) for name, text in parts.items()}
+    said = json.dumps(content.columns, separators=(",", ":"), allow_nan=False)
+    kept = {"data": packed(said.encode()), "map": content.packed_map}
     if content.solid is not None:
         kept["solid"] = packed(packed_glb(content.solid))
     return f"replay({json.dumps(kept, separators=(',', ':'))})\n".encode()
-
-
-def site_files() -> dict[str, bytes]:
-    """What a site needs for its replays, but for the library of the third dimension: the page and its script.
-
-    >>> sorted(site_files())
-    ['replay.html', 'replay.js']
-    """
-    shown = {"title": "Replay", "paired": False, "in_3d": True}
-    pages = {PAGE: "site_replay.html.jinja", "replay.js": "replay_main.js.jinja"}
-    return {name: templates().get_template(template).render(shown).encode() for name, template in pages.items()}
 
 
 def write_html_player(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
+from trace_dag.scenario.page_templates import packed
+from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
@@ -86,6 +89,16 @@ class ReplayContent:
     said: Mapping[str, Any]
     map_svg: str
     solid: bytes | None = None
+
+    @cached_property
+    def columns(self) -> Any:
+        """What is said, its long columns in few characters."""
+        return with_columns(self.said)
+
+    @cached_property
+    def packed_map(self) -> str:
+        """The map as pages hold it."""
+        return packed(self.map_svg.encode())
 
 
 def replay_content(

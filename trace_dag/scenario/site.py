@@ -14,8 +14,7 @@ from typing import Any
 
 from trace_dag.osm.rights import Rights
 from trace_dag.scenario.page_templates import read, templates
-from trace_dag.scenario.replay import site_files
-from trace_dag.scenario.replay_library import LIBRARY
+from trace_dag.scenario.replay_library import LIBRARY, site_files
 from trace_dag.version import __version__
 
 Row = Mapping[str, Any]

@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from trace_dag.roads.map.lane_index import united
 from trace_dag.roads.map.model import LaneType
 from trace_dag.scenario.map_arrows import Arrows
 from trace_dag.scenario.map_crosswalks import Crosswalks
@@ -43,7 +44,7 @@ _LIFTED_M: Final = 1.0  # a road that is higher than this above the ground is a 
 _ABOVE_M: Final = 0.02  # paint above pavement
 _STEP_M: Final = 1.0 / 256.0  # points are rounded to this: what repeats compresses
 _WAY_M: Final = 2.5  # to each side of where a body went
-_JOIN_M: Final = 0.02
+_AT_EDGE_M: Final = 0.02  # of that
 _FITS_M: Final = 1e-3  # all points together are this far off at most: rounding
 _BORDER_M: Final = 4.0  # spacing of border points on slopes
 _TURN_STROKE_M: Final = 0.18
@@ -81,7 +82,7 @@ class Heights:
         weights = 1.0 / np.maximum(away, 1e-3) ** 2
         z = np.asarray((self._z[nearest] * weights).sum(axis=1) / weights.sum(axis=1))
         if self._way is not None and self._way_tree is not None:
-            near = self._way_tree.query(places_m)[0] < _WAY_M + _JOIN_M
+            near = self._way_tree.query(places_m)[0] < _WAY_M + _AT_EDGE_M
             z[near] = self._way.at(places_m[near])
         return z
 
@@ -272,10 +273,9 @@ def _areas(scene: MapScene, sections: list[SeenSection]) -> Iterator[tuple[LaneT
                 lanes[LaneType.DRIVING if SURFACES[kind] == SURFACES[LaneType.DRIVING] else kind].append(lane)
     driving = lanes[LaneType.DRIVING]
     if driving:
-        outlines = [*(lane.outline_m for lane in driving), *_gaps(driving)]
-        yield LaneType.DRIVING, _united(outlines)
+        yield LaneType.DRIVING, united(map(shapely.Polygon, [*(lane.outline_m for lane in driving), *_gaps(driving)]))
     for kind in sorted(lanes.keys() - {LaneType.DRIVING}, key=lambda kind: (kind in _RAISED, not kind.drivable, kind)):
-        yield kind, _united(lane.outline_m for lane in lanes[kind])
+        yield kind, united(shapely.Polygon(lane.outline_m) for lane in lanes[kind])
 
 
 def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
@@ -286,12 +286,6 @@ def _gaps(lanes: Sequence[SeenLane]) -> Iterator[FloatArray]:
         through[lane.road.junction_id].append(number)
     for gap in paved_gaps([lane.outline_m for lane in inside], through.values()):
         yield gap.outline_m
-
-
-def _united(outlines: Iterable[FloatArray]) -> shapely.Geometry:
-    rings = [shapely.make_valid(shapely.Polygon(outline)) for outline in outlines if len(outline) > 3]
-    joined_up = shapely.buffer(shapely.union_all(rings), _JOIN_M, join_style="mitre")
-    return shapely.make_valid(shapely.buffer(joined_up, -_JOIN_M, join_style="mitre"))
 
 
 def _clean(area: shapely.Geometry) -> shapely.MultiPolygon:
