@@ -8,12 +8,14 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Final, TypeVar
 
+import numpy as np
+
 from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
 from trace_dag.garbage import no_garbage_collection
+from trace_dag.geometry import FloatArray
 from trace_dag.osm.collecting import FilePass
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.dividing import divide
@@ -312,25 +314,26 @@ def is_on_earth(site: Site) -> bool:
 
 def _road_length_m(extract: OsmExtract) -> float:
     nodes = extract.nodes
-    return sum(
-        _distance_between_m(
-            nodes[a].latitude_deg, nodes[a].longitude_deg, nodes[b].latitude_deg, nodes[b].longitude_deg
-        )
-        for way in extract.ways
-        for a, b in pairwise(way.node_ids)
+    ids = [node_id for way in extract.ways for node_id in way.node_ids]
+    latitudes, longitudes = (
+        np.radians([(nodes[node_id].latitude_deg, nodes[node_id].longitude_deg) for node_id in ids]).reshape(-1, 2).T
     )
+    within = np.ones(max(len(ids) - 1, 0), dtype=bool)  # false from the last node of a way to the first of the next
+    within[np.cumsum([len(way.node_ids) for way in extract.ways], dtype=np.int64)[:-1] - 1] = False
+    return float(_great_circle_m(latitudes[:-1], longitudes[:-1], latitudes[1:], longitudes[1:])[within].sum())
 
 
 def _distance_m(site: Site, box: BoundingBox) -> float:
     """Distance from a site to a box, 0 inside."""
     latitude_deg = min(max(site.latitude_deg, box.south_deg), box.north_deg)
     longitude_deg = min(max(site.longitude_deg, box.west_deg), box.east_deg)
-    return _distance_between_m(site.latitude_deg, site.longitude_deg, latitude_deg, longitude_deg)
+    places = np.radians([site.latitude_deg, site.longitude_deg, latitude_deg, longitude_deg])
+    return float(_great_circle_m(*places))
 
 
-def _distance_between_m(lat_1_deg: float, lon_1_deg: float, lat_2_deg: float, lon_2_deg: float) -> float:
-    """Great circle distance on the sphere (haversine)."""
-    lat_1, lat_2 = math.radians(lat_1_deg), math.radians(lat_2_deg)
-    a = math.sin((lat_2 - lat_1) / 2) ** 2
-    b = math.cos(lat_1) * math.cos(lat_2) * math.sin(math.radians(lon_2_deg - lon_1_deg) / 2) ** 2
-    return 2 * _EARTH_RADIUS_M * math.asin(min(1.0, math.sqrt(a + b)))
+def _great_circle_m(lat_1: FloatArray, lon_1: FloatArray, lat_2: FloatArray, lon_2: FloatArray) -> FloatArray:
+    """Distances on the sphere between places in radians, (n,) (haversine)."""
+    a = np.sin((lat_2 - lat_1) / 2) ** 2
+    b = np.cos(lat_1) * np.cos(lat_2) * np.sin((lon_2 - lon_1) / 2) ** 2
+    distances_m: FloatArray = 2 * _EARTH_RADIUS_M * np.arcsin(np.minimum(1.0, np.sqrt(a + b)))
+    return distances_m

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, NamedTuple
+from typing import BinaryIO, Final
 
 import numpy as np
 import shapely
 
-from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import is_drivable
-from trace_dag.osm.near_lines import IntArray, NearLines, NearWays, in_batches
-from trace_dag.osm.surroundings import feature_of_node, feature_of_way, is_thing
-from trace_dag.osm.types import BoundingBox, OsmFeature, OsmRelation
+from trace_dag.osm.near_lines import NearLines, NearWays
+from trace_dag.osm.surroundings import feature_of_node, features_of_ways, is_thing
+from trace_dag.osm.types import BoundingBox, OsmFeature, OsmRelation, RawWay
 from trace_dag.osm.walkways import is_walkway
 
 # Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
@@ -23,16 +22,6 @@ from trace_dag.osm.walkways import is_walkway
 ROAD_NODE_KEYS: Final = frozenset(
     {"highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele"}
 )
-
-
-class RawWay(NamedTuple):
-    """A way as the file has it: (n,) nodes, WGS84 degrees, NaN where the file lacks the node."""
-
-    id: int
-    node_ids: IntArray
-    longitudes_deg: FloatArray
-    latitudes_deg: FloatArray
-    tags: Mapping[str, str]
 
 
 @dataclass(eq=False)
@@ -54,11 +43,7 @@ class FilePass:
 
     def surroundings(self, index: int) -> tuple[OsmFeature, ...]:
         """What stands and lies beside the roads in one of the nearer boxes."""
-        of_ways = (
-            feature_of_way(way.id, way.longitudes_deg, way.latitudes_deg, way.tags, self.nearer[index])
-            for way in self.things[index].values()
-        )
-        return (*self.points[index], *(feature for feature in of_ways if feature is not None))
+        return (*self.points[index], *features_of_ways([*self.things[index].values()], self.nearer[index]))
 
 
 class Collector:
@@ -86,16 +71,14 @@ class Collector:
         self._things: list[dict[int, RawWay]] = [{} for _ in self._nearer]
         self.near.bounds_deg.clear()
 
-    def read(self, lines: Iterable[bytes]) -> None:
+    def read(self, copied: BinaryIO) -> None:
         """Read the lines of a copy."""
-        for kind, some in in_batches(lines):
-            if kind == "w":
-                for near in self.near.of_ways(some):
-                    self._keep(near)
-            elif kind == "n":  # those in the boxes: a country has tens of millions with tags
-                self._node_lines += [some[number] for number in np.unique(self.near.of_nodes(some)[0]).tolist()]
-            else:
-                self._restriction_lines += some
+        for lines in opl.read_lines(copied):
+            nodes = lines.of_kind("n")  # those in the boxes: a country has tens of millions with tags
+            self._node_lines += nodes.some(np.unique(self.near.of_nodes(nodes)[0]))
+            for near in self.near.of_ways(lines.of_kind("w")):
+                self._keep(near)
+            self._restriction_lines += lines.of_kind("r")
 
     def found(self) -> FilePass:
         """Everything that was read."""
@@ -123,7 +106,7 @@ class Collector:
 
     def _points(self) -> list[list[OsmFeature]]:
         points: list[list[OsmFeature]] = [[] for _ in self._nearer]
-        x_deg, y_deg = opl.read_places([line[line.rindex(b" x") :] for line in self._node_lines])
+        x_deg, y_deg = opl.Lines.of(b"".join(self._node_lines)).node_places()
         near, sites = self.near.nearer_areas.query(shapely.points(x_deg, y_deg))
         for index, site in zip(near.tolist(), sites.tolist(), strict=True):
             line = self._node_lines[index]
@@ -155,9 +138,10 @@ def _read_ways(near: NearWays, is_wanted: Callable[[Mapping[str, str]], bool]) -
     ends = np.cumsum(nodes.counts[wanted])
     starts = ends - nodes.counts[wanted]
     ways = {}
-    for index, start, end in zip(wanted.tolist(), starts.tolist(), ends.tolist(), strict=True):
-        tags = opl.read_tags(near.lines[index])
+    for index, line, start, end in zip(
+        wanted.tolist(), near.lines.some(wanted), starts.tolist(), ends.tolist(), strict=True
+    ):
+        tags = opl.read_tags(line)
         if is_wanted(tags):
-            way_id = opl.read_id(near.lines[index])
-            ways[index] = RawWay(way_id, ids[start:end], x_deg[start:end], y_deg[start:end], tags)
+            ways[index] = RawWay(opl.read_id(line), ids[start:end], x_deg[start:end], y_deg[start:end], tags)
     return ways

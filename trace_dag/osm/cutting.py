@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.collecting import RawWay
-from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay
+from trace_dag.osm.types import NO_TAGS, BoundingBox, OsmMember, OsmNode, OsmRelation, OsmWay, RawWay
 from trace_dag.osm.walkways import is_walkway
 
 _ID: Final = attrgetter("id")
@@ -42,7 +41,7 @@ def cut_roads(
     several times, or has nodes the source lacks, becomes several ways: the first keeps the id, the others get negative
     ones, and restrictions are told which part they mean. All ids made here depend on nothing but the data and the box.
 
-    >>> from trace_dag.osm.collecting import RawWay
+    >>> from trace_dag.osm.types import RawWay
     >>> way = RawWay(7, np.array([1, 2]), np.array([0.5, 1.5]), np.array([0.5, 0.5]), {"highway": "primary"})
     >>> cut = cut_roads(BoundingBox(0.0, 0.0, 1.0, 1.0), [way], {}, [])
     >>> sorted(node.longitude_deg for node in cut.nodes.values())  # the way leaves the box on its east side

@@ -30,8 +30,9 @@ from trace_dag.osm.copying import Filters, copy, locations_in, reading, threads
 from trace_dag.osm.extraction import LOCATED_TO_FILE, check_room
 from trace_dag.osm.large_map import Around, LargeMap
 from trace_dag.osm.long_ways import nodes_of_overlapping
-from trace_dag.osm.near_lines import IntArray, NearLines, in_batches
+from trace_dag.osm.near_lines import NearLines
 from trace_dag.osm.near_nodes import near_node_ids, set_of
+from trace_dag.osm.opl import IntArray, Lines
 from trace_dag.osm.segments import Segments
 from trace_dag.osm.types import BoundingBox
 from trace_dag.osm.work_folder import WorkFolder
@@ -168,17 +169,15 @@ class _Division:
         copied = self._work.path(_COPY)
         with self._segments.reader(index, kinds, threads(os.getpid())) as reader:
             copy(reader, copied, handlers)
-        with copied.open("rb") as lines:
-            for kind, some in in_batches(lines):
-                if kind == "w":
-                    for near in self._near.of_ways(some):
-                        self._keep(near.lines, near.numbers, near.sites)
-                        if near.roads:
-                            self._found[near.sites] = True
-                elif kind == "n":
-                    self._keep(some, *self._near.of_nodes(some))
-                else:
-                    self._work.append(_RESTRICTIONS, b"".join(some))
+        with copied.open("rb") as stream:
+            for lines in opl.read_lines(stream):
+                nodes = lines.of_kind("n")
+                self._keep(nodes, *self._near.of_nodes(nodes))
+                for near in self._near.of_ways(lines.of_kind("w")):
+                    self._keep(near.lines, near.numbers, near.sites)
+                    if near.roads:
+                        self._found[near.sites] = True
+                self._work.append(_RESTRICTIONS, b"".join(lines.of_kind("r")))
         self._tell(
             MapProgress(
                 self._large.path.name,
@@ -189,7 +188,7 @@ class _Division:
             )
         )
 
-    def _keep(self, lines: Sequence[bytes], numbers: IntArray, sites: IntArray) -> None:
+    def _keep(self, lines: Lines, numbers: IntArray, sites: IntArray) -> None:
         kept: dict[int, list[bytes]] = {}
         order = np.lexsort((sites, numbers))
         pairs = zip(numbers[order].tolist(), sites[order].tolist(), strict=True)

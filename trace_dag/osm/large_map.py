@@ -7,6 +7,7 @@ them, so that all workers find them. What is not needed any more is deleted (:fu
 from __future__ import annotations
 
 import hashlib
+import io
 import time
 import zlib
 from collections.abc import Collection, Iterable, Sequence
@@ -107,7 +108,7 @@ def collected(large: LargeMap, sites: Sequence[Around], *, service_roads: bool) 
         measure_bounds=False,
         service_roads=service_roads,
     )
-    collector.read(dict.fromkeys(chain.from_iterable(pieces)))  # neighbours share lines
+    collector.read(io.BytesIO(b"".join(dict.fromkeys(chain.from_iterable(pieces)))))  # neighbours share lines
     return collector.found()
 
 

@@ -6,27 +6,20 @@ that node is near a site.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby, islice
-from operator import itemgetter
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from trace_dag.geometry import FloatArray
 from trace_dag.osm import opl
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, SERVICE_HIGHWAYS
+from trace_dag.osm.opl import IntArray, Lines
 from trace_dag.osm.types import BoundingBox
 from trace_dag.osm.walkways import WALKWAY_TAGS
 
-IntArray = npt.NDArray[np.int64]
-
-_BATCH: Final = 50_000  # lines that are looked at together
 _LONGEST_BUILDING_DEG: Final = 0.004  # 440 m to the north; one that begins farther away than this may be missed
-_FIRST_NODE: Final = 60  # bytes from the last space of a way's line in which its first node ends
 
 
 class NearWays(NamedTuple):
@@ -36,7 +29,7 @@ class NearWays(NamedTuple):
     """
 
     roads: bool
-    lines: Sequence[bytes]
+    lines: Lines
     nodes: opl.WayNodes
     numbers: IntArray
     sites: IntArray
@@ -60,73 +53,46 @@ class NearLines:
         self.nearer_areas = _tree_of(nearer)
         self._begin_areas = _tree_of(nearer, _LONGEST_BUILDING_DEG)
         self._measure_bounds = measure_bounds
-        self._may_be_road = re.compile(
-            rb"[T,](?:"
-            + b"|".join(f"{key}={value}".encode() for key, value in road_tags(service_roads=service_roads))
-            + rb")(?:,|$)"
-        ).search
+        self._values_of_roads: dict[bytes, list[bytes]] = {}
+        for key, value in road_tags(service_roads=service_roads):
+            self._values_of_roads.setdefault(key.encode(), []).append(value.encode())
 
-    def of_nodes(self, lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
+    def of_nodes(self, nodes: Lines) -> tuple[IntArray, IntArray]:
         """Pairs of the number of a line of a node and that of a site, one of whose boxes holds it, (n,) each."""
-        places = shapely.points(*opl.read_places([line[line.rindex(b" x") :] for line in lines]))
+        places = shapely.points(*nodes.node_places())
         pairs = np.concatenate([self._areas.query(places), self.nearer_areas.query(places)], axis=1)
         numbers, sites = np.unique(pairs, axis=1)
         return numbers, sites
 
-    def of_ways(self, lines: Iterable[bytes]) -> Iterator[NearWays]:
+    def of_ways(self, ways: Lines) -> Iterator[NearWays]:
         """Roads, and other things, near sites."""
-        roads: list[bytes] = []
-        things: list[bytes] = []
-        buildings: list[bytes] = []
-        begins: list[bytes] = []
-        for line in lines:
-            end = line.rindex(b" ")
-            tags = line[:end]
-            if b"highway=" in tags:  # the most of them are for people on foot alone
-                if self._may_be_road(tags):
-                    roads.append(line)
-            elif b"building=" in tags:
-                buildings.append(line)
-                begins.append(line[end + 2 : end + _FIRST_NODE].partition(b",")[0])
-            else:
-                things.append(line)
-        found, bounds = self._overlapping(roads, self._areas, roads=True)
+        highways = ways.having(b"highway")
+        roads = highways & np.any([ways.having(*tag) for tag in self._values_of_roads.items()], axis=0)
+        found, bounds = self._overlapping(ways.some(roads), self._areas, roads=True)
         if self._measure_bounds and bounds.size:
             self.bounds_deg.append(np.concatenate([bounds[:2].min(axis=1), bounds[2:].max(axis=1)]))
         yield found
-        things += self._begun_near(buildings, begins)
-        if things:
-            yield self._overlapping(things, self.nearer_areas, roads=False)[0]
+        buildings = ~highways & ways.having(b"building")
+        near = self._begun_near(ways.some(buildings))
+        things = np.concatenate([np.flatnonzero(~highways & ~buildings), np.flatnonzero(buildings)[near]])
+        if len(things):
+            yield self._overlapping(ways.some(things), self.nearer_areas, roads=False)[0]
 
-    def _begun_near(self, buildings: Sequence[bytes], begins: Sequence[bytes]) -> list[bytes]:
-        """Those of many buildings that begin near one of the nearer boxes."""
-        x_deg, y_deg = opl.read_places(begins)
+    def _begun_near(self, buildings: Lines) -> IntArray:
+        """The numbers of those of many buildings that begin near one of the nearer boxes, (n,)."""
+        x_deg, y_deg = buildings.first_places()
         self.incomplete |= bool(np.isnan(x_deg).any())
-        near = np.unique(self._begin_areas.query(shapely.points(x_deg, y_deg))[0])
-        return [buildings[index] for index in near.tolist()]
+        return np.unique(self._begin_areas.query(shapely.points(x_deg, y_deg))[0])
 
-    def _overlapping(
-        self, lines: Sequence[bytes], areas: shapely.STRtree, *, roads: bool
-    ) -> tuple[NearWays, FloatArray]:
+    def _overlapping(self, lines: Lines, areas: shapely.STRtree, *, roads: bool) -> tuple[NearWays, FloatArray]:
         """The pairs, and the bounds of all lines that are located, (4, n)."""
-        nodes = opl.read_way_nodes(lines)
+        nodes = lines.way_nodes()
         missing = np.isnan(nodes.longitudes_deg)
         self.incomplete |= bool(missing.any())
         self.negative |= bool((nodes.ids[missing] < 0).any())
         located, bounds = _bounds_of_ways(nodes)
         near, sites = areas.query(shapely.box(*bounds))
         return NearWays(roads, lines, nodes, located[near], sites), bounds
-
-
-def in_batches(lines: Iterable[bytes]) -> Iterator[tuple[str, list[bytes]]]:
-    """Some lines of one kind after the other: nodes (n), ways (w) and relations (r).
-
-    >>> list(in_batches([b"n1 x1 y1", b"n2 x1 y1", b"w1 Nn1,n2"]))
-    [('n', [b'n1 x1 y1', b'n2 x1 y1']), ('w', [b'w1 Nn1,n2'])]
-    """
-    for kind, run in groupby(lines, key=itemgetter(0)):
-        while some := list(islice(run, _BATCH)):
-            yield chr(kind), some
 
 
 def road_tags(*, service_roads: bool) -> list[tuple[str, str]]:

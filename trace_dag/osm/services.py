@@ -18,11 +18,10 @@ import numpy as np
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
 from trace_dag.http import HttpClient
 from trace_dag.osm.catalog import box_around, is_on_earth
-from trace_dag.osm.collecting import RawWay
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
-from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, feature_of_way, is_thing
-from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, Site
+from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, OsmWay, RawWay, Site
 from trace_dag.osm.walkways import WALKWAY_TAGS, is_walkway
 from trace_dag.osm.xml import read_osm
 from trace_dag.settings import OsmSettings, ServiceSettings
@@ -35,7 +34,6 @@ OVERPASS_ENDPOINTS: Final = (
 OSM_API: Final = "https://api.openstreetmap.org/api/0.6"
 
 _OVERPASS_TIMEOUT_S: Final = 90
-_PLACE: Final = ("longitude_deg", "latitude_deg")
 _REMARK: Final = re.compile(rb"<remark>\s*([^<]*error[^<]*)</remark>", re.IGNORECASE)
 _OSM_ROOT: Final = re.compile(rb"<osm[\s>]")
 _HEAD_BYTES: Final = 2048
@@ -188,23 +186,22 @@ def _extract(site: Site, settings: OsmSettings, download: _Download, name: str) 
 
 
 def _raw_ways(data: OsmExtract, *, service_roads: bool) -> list[RawWay]:
-    ways = []
-    for way in (*data.ways, *data.walkways):
-        if not (is_drivable(way.tags, service_roads=service_roads) or is_walkway(way.tags)):
-            continue
-        x_deg = np.array([data.nodes[node_id].longitude_deg for node_id in way.node_ids])
-        y_deg = np.array([data.nodes[node_id].latitude_deg for node_id in way.node_ids])
-        ways.append(RawWay(way.id, np.array(way.node_ids), x_deg, y_deg, way.tags))
-    return ways
+    return [
+        _raw(way, data)
+        for way in (*data.ways, *data.walkways)
+        if is_drivable(way.tags, service_roads=service_roads) or is_walkway(way.tags)
+    ]
+
+
+def _raw(way: OsmWay, data: OsmExtract) -> RawWay:
+    nodes = [data.nodes[node_id] for node_id in way.node_ids]
+    x_deg, y_deg = np.array([node.longitude_deg for node in nodes]), np.array([node.latitude_deg for node in nodes])
+    return RawWay(way.id, np.array(way.node_ids), x_deg, y_deg, way.tags)
 
 
 def _surroundings(data: OsmExtract, nearer: BoundingBox) -> Iterator[OsmFeature]:
     for node in data.nodes.values():
         if is_thing(node.tags, way=False) and nearer.contains(node.latitude_deg, node.longitude_deg):
             yield feature_of_node(node.id, node.longitude_deg, node.latitude_deg, node.tags)
-    for way in data.ways:
-        if "highway" not in way.tags and is_thing(way.tags, way=True):
-            nodes = [data.nodes[node_id] for node_id in way.node_ids]
-            x_deg, y_deg = (np.array([getattr(node, name) for node in nodes]) for name in _PLACE)
-            if feature := feature_of_way(way.id, x_deg, y_deg, way.tags, nearer):
-                yield feature
+    things = [_raw(way, data) for way in data.ways if "highway" not in way.tags and is_thing(way.tags, way=True)]
+    yield from features_of_ways(things, nearer)

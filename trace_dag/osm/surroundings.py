@@ -9,17 +9,17 @@ Areas drawn by one way are kept. Those of relations (multipolygons) are not: the
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import shape
-from shapely.geometry.base import BaseGeometry
 
 from trace_dag.errors import UserError
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.types import BoundingBox, OsmFeature
+from trace_dag.osm.types import BoundingBox, OsmFeature, RawWay
 
 _ANY: Final[frozenset[str]] = frozenset()
 _BARRIERS: Final = frozenset(
@@ -81,31 +81,49 @@ def feature_of_node(node_id: int, longitude_deg: float, latitude_deg: float, tag
     return OsmFeature(f"node/{node_id}", shapely.Point(longitude_deg, latitude_deg), tags)
 
 
-def feature_of_way(
-    way_id: int, longitudes_deg: FloatArray, latitudes_deg: FloatArray, tags: Mapping[str, str], box: BoundingBox
-) -> OsmFeature | None:
-    """A thing that is a way, cut at ``box``: an area or a line; None if nothing of it lies in the box.
+def features_of_ways(ways: Sequence[RawWay], box: BoundingBox) -> list[OsmFeature]:
+    """Things that are ways, cut at ``box``: areas and lines; without those of which nothing lies in the box.
 
-    ``longitudes_deg`` and ``latitudes_deg`` are (n,), NaN where the source lacks a node, which is passed over.
+    Nodes that the source lacks are passed over.
 
     >>> corners_x, corners_y = np.array([0.0, 2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0, 2.0, 0.0])
-    >>> box = BoundingBox(0.0, 0.0, 1.0, 1.0)  # south, west, north, east
-    >>> feature_of_way(7, corners_x, corners_y, {"building": "yes"}, box).geometry.area  # cut from 4 square degrees
+    >>> house = RawWay(7, np.array([1, 2, 3, 4, 1]), corners_x, corners_y, {"building": "yes"})
+    >>> (cut,) = features_of_ways([house], BoundingBox(0.0, 0.0, 1.0, 1.0))  # south, west, north, east
+    >>> cut.geometry.area  # cut from 4 square degrees
     1.0
     """
-    places = np.column_stack([longitudes_deg, latitudes_deg])
-    closed = len(places) > 3 and bool(np.all(places[0] == places[-1]))
-    places = places[~np.isnan(places[:, 0])]
-    if len(places) < 2:
-        return None
-    if closed and len(places) > 3 and _is_area(tags):
-        whole: BaseGeometry = shapely.make_valid(shapely.Polygon(places))
-    else:
-        whole = shapely.LineString(places)
-    cut = shapely.clip_by_rect(whole, box.west_deg, box.south_deg, box.east_deg, box.north_deg)
-    if cut.is_empty:
-        return None
-    return OsmFeature(f"way/{way_id}", shapely.transform(cut, _rounded), tags)
+    if not ways:
+        return []
+    sizes = np.array([len(way.node_ids) for way in ways])
+    places = np.column_stack(
+        [np.concatenate([way.longitudes_deg for way in ways]), np.concatenate([way.latitudes_deg for way in ways])]
+    )
+    of_way, located = np.repeat(np.arange(len(ways)), sizes), ~np.isnan(places[:, 0])
+    counts = np.bincount(of_way[located], minlength=len(ways))
+    lasts = np.cumsum(sizes) - 1
+    closed = (places[lasts - sizes + 1] == places[lasts]).all(axis=1)
+    areas = closed & (counts > 3) & np.array([_is_area(way.tags) for way in ways])
+    shapes = np.empty(len(ways), dtype=object)
+    for chosen, make in ((areas, _areas), (~areas & (counts > 1), _lines)):
+        if chosen.any():
+            of_chosen = located & chosen[of_way]
+            shapes[chosen] = make(places[of_chosen], (np.cumsum(chosen) - 1)[of_way[of_chosen]])
+    cut = shapely.clip_by_rect(shapes, box.west_deg, box.south_deg, box.east_deg, box.north_deg)
+    kept = np.flatnonzero(~shapely.is_missing(cut) & ~shapely.is_empty(cut))
+    rounded = shapely.transform(cut[kept], _rounded)
+    return [
+        OsmFeature(f"way/{ways[index].id}", geometry, ways[index].tags)
+        for index, geometry in zip(kept.tolist(), rounded.tolist(), strict=True)
+    ]
+
+
+def _areas(places: FloatArray, of_area: npt.NDArray[np.int64]) -> npt.NDArray[np.object_]:
+    rings = shapely.linearrings(places, indices=of_area)
+    return np.asarray(shapely.make_valid(shapely.polygons(rings)))
+
+
+def _lines(places: FloatArray, of_line: npt.NDArray[np.int64]) -> npt.NDArray[np.object_]:
+    return np.asarray(shapely.linestrings(places, indices=of_line))
 
 
 def _is_area(tags: Mapping[str, str]) -> bool:

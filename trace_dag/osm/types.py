@@ -10,8 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
 from shapely.geometry.base import BaseGeometry
 
+from trace_dag.geometry import FloatArray
 from trace_dag.osm.rights import OSM_ATTRIBUTION
 
 NO_TAGS: Final[Mapping[str, str]] = {}
@@ -42,6 +45,16 @@ class OsmWay(NamedTuple):
     id: int
     node_ids: tuple[int, ...]
     tags: Mapping[str, str] = NO_TAGS
+
+
+class RawWay(NamedTuple):
+    """A way as the file has it: (n,) nodes, WGS84 degrees, NaN where the file lacks the node."""
+
+    id: int
+    node_ids: npt.NDArray[np.int64]
+    longitudes_deg: FloatArray
+    latitudes_deg: FloatArray
+    tags: Mapping[str, str]
 
 
 @dataclass(frozen=True)
