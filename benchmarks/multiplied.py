@@ -20,8 +20,9 @@ from trace_dag.crash.keys import parse_key
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.compression import content_of, kept
 from trace_dag.flow.records import Records, read_records, write_record
+from trace_dag.flow.staleness import made_from
 from trace_dag.flow.standing import valid_records
-from trace_dag.flow.tasks import Work, provenance_of
+from trace_dag.flow.tasks import Work
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -76,7 +77,7 @@ def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Record
     _link(Path(source.report.location if of_file else origin.path(source.report.location)), target, report.location)
     made: Records = {}
     for stage, record in records.items():
-        provenance = provenance_of(work.flow.definition(stage), work, replace(source, report=report), made)
+        provenance = made_from(work.recipes[stage], replace(source, report=report), made)
         artefacts, pictures = (
             tuple(_copy(origin, target, file, file.name.replace(old, new), old, new) for file in files)
             for files in (record.artefacts, record.pictures)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from trace_dag.flow import looks
-from trace_dag.flow.batch import run_stages, stale_results
-from trace_dag.flow.looks import look_at
+from trace_dag.code_versions import CodeVersion
+from trace_dag.flow import contract, looks
+from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.looks import look_at, stale_results
 from trace_dag.flow.records import read_records
 from trace_dag.flow.standing import FinalState, standings
+from trace_dag.stage import Stage
 
 BEHAVIOURS = {
     "2023-510010": "",
@@ -42,11 +46,8 @@ def assert_true(workspace):
     return found
 
 
-def note_of(workspace) -> Path:
-    return workspace.storage.local_root / "cache" / "standing.json"
-
-
-def test_a_second_look_reads_only_what_has_changed(workspace, monkeypatch):
+def keys_read(monkeypatch):
+    """The crashes whose records looks read from now on."""
     read = []
 
     def counted(storage, keys, **options):
@@ -54,6 +55,15 @@ def test_a_second_look_reads_only_what_has_changed(workspace, monkeypatch):
         return read_records(storage, keys, **options)
 
     monkeypatch.setattr(looks, "read_records", counted)
+    return read
+
+
+def note_of(workspace) -> Path:
+    return workspace.storage.local_root / "cache" / "standing.json"
+
+
+def test_a_second_look_reads_only_what_has_changed(workspace, monkeypatch):
+    read = keys_read(monkeypatch)
     look_at(workspace, workspace.registry.keys())
     assert read == []
     list(run_stages(workspace, ["2023-510013"], run_id="y"))
@@ -70,6 +80,39 @@ def test_other_settings_make_results_stale_and_the_old_ones_current_again(worksp
     assert stale is not None
     assert stale.changed == ("setting radius_m",)
     assert assert_true(workspace)[FIRST].stale is None
+
+
+def test_after_other_code_or_settings_no_record_is_read(workspace, make_workspace, monkeypatch):
+    read = keys_read(monkeypatch)
+    keys = workspace.registry.keys()
+    changed = make_workspace(osm={"radius_m": 123.0})
+    assert [key for key, look in look_at(changed, keys).items() if look.stale] == list(BEHAVIOURS)[:3]
+    code = contract.Flow.code
+    monkeypatch.setattr(contract.Flow, "code", lambda *of_stage: replace(code(*of_stage), digest="another"))
+    found = look_at(workspace, keys)
+    assert {look.stale.changed for key, look in found.items() if look.stale} == {("code",)}
+    assert {key: look.stale.stage for key, look in found.items() if look.stale} == {
+        key: stage for key, stage in first_stale(workspace, keys).items() if key in list(BEHAVIOURS)[:3]
+    }
+    assert read == []
+
+
+def test_after_other_code_of_looks_themselves_all_is_read(workspace, monkeypatch):
+    read = keys_read(monkeypatch)
+    monkeypatch.setattr(looks, "code_version", lambda _: CodeVersion("another"))
+    look_at(workspace, workspace.registry.keys())
+    assert read == workspace.registry.keys()
+
+
+def test_another_report_is_noticed_without_a_change_of_any_stored_file(workspace, tmp_path):
+    other = tmp_path / "another.xml"
+    other.write_bytes(b"<another/>")
+    source = workspace.registry.sources([FIRST])[FIRST].report
+    digest = hashlib.sha256(other.read_bytes()).hexdigest()
+    workspace.registry.register("fakes", {FIRST: replace(source, location=str(other), sha256=digest)})
+    stale = assert_true(workspace)[FIRST].stale
+    assert stale is not None
+    assert (stale.stage, stale.changed) == (Stage.RAW_REPORT, ("input report",))
 
 
 def test_an_artefact_that_was_cut_short_is_seen(workspace):

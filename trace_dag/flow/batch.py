@@ -20,6 +20,7 @@ from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
 from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
+from trace_dag.flow.staleness import is_current, made_from
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -27,9 +28,7 @@ from trace_dag.flow.tasks import (
     CrashTask,
     StageEvent,
     Work,
-    is_current,
     log_outcome,
-    provenance_of,
 )
 from trace_dag.flow.worker import work_on_chunk
 from trace_dag.flow.workspace import Workspace
@@ -54,7 +53,7 @@ class _Crash:
 def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) -> Work:
     """What the workers of a run need to know."""
     flow, settings = workspace.flow, workspace.settings
-    code = Work.code_versions(flow, settings)
+    code = flow.code_versions(settings)
     return Work(workspace.storage, settings, flow, run_id, code, frozenset(force))
 
 
@@ -64,33 +63,6 @@ def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stag
     crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
     first = {key: crashes.first_to_run(crash, stages) for key, crash in crashes.by_key.items()}
     return {key: stage for key, stage in first.items() if stage is not None}
-
-
-@dataclass(frozen=True)
-class StaleResult:
-    """A stored result that a run would make again, and what has changed since, such as "code" or "setting radius_m"."""
-
-    key: str
-    stage: Stage
-    changed: tuple[str, ...]
-
-
-def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
-    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
-
-    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
-    without success, are not listed.
-    """
-    crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(records))
-    found = []
-    for key, crash in crashes.by_key.items():
-        stage = crashes.first_to_run(crash, tuple(Stage))
-        record = crash.records.get(stage) if stage is not None else None
-        if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.failed_attempt:
-            continue
-        made_from = provenance_of(workspace.flow.definition(record.stage), crashes.work, crash.source, crash.records)
-        found.append(StaleResult(key, record.stage, record.provenance.changed_to(made_from) or ("files",)))
-    return found
 
 
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:
@@ -139,9 +111,9 @@ class _Crashes:
 
     def has_work(self, crash: _Crash, definition: StageDefinition) -> bool:
         """Whether a stage has to run for a crash that reaches it."""
-        made_from = provenance_of(definition, self.work, crash.source, crash.records)
+        now = made_from(self.work.recipes[definition.stage], crash.source, crash.records)
         record = crash.records.get(definition.stage)
-        return definition.stage in self.work.force or not is_current(record, made_from, self._whole)
+        return definition.stage in self.work.force or not is_current(record, now, self._whole)
 
     def first_to_run(self, crash: _Crash, stages: Collection[Stage]) -> Stage | None:
         """The first of some stages that has to run; None where all are current, or an earlier one ends the crash."""
@@ -305,14 +277,14 @@ class _Batch:
         for stuck in segment:
             record = records.get(stuck.stage)
             forced = stuck.stage in self.work.force and (record is None or record.run_id != self.work.run_id)
-            if forced or not is_current(record, provenance_of(stuck, self.work, task.source, records), {}):
+            provenance = made_from(self.work.recipes[stuck.stage], task.source, records)
+            if forced or not is_current(record, provenance, {}):
                 break
             events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
             if record is not None and record.outcome is Outcome.REJECTED:
                 return events
         else:
             return events  # it died after the last record, drawing the picture
-        provenance = provenance_of(stuck, self.work, task.source, records)
         detail = f"the worker process died in this stage, alone and twice over ({lost.detail})"
         attempt = Attempt(task.key, stuck.stage, provenance, self.work.run_id, now(), 0.0)
         failed = replace(attempt.record(Outcome.FAILED), detail=detail)

@@ -32,7 +32,8 @@ from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
 from trace_dag.flow.compression import content_of
 from trace_dag.flow.products import Figure, StageProduct
-from trace_dag.provenance import OutcomeRecord, artefact_name, code_of
+from trace_dag.flow.staleness import Recipe
+from trace_dag.provenance import OutcomeRecord, artefact_name, code_of, libraries_of, settings_of
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -255,6 +256,26 @@ class Flow:
         readers = {each.reader for each in self.inputs(definition).values() if each.reader}
         modules = tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers)))
         return code_of(modules, definition.section(settings))
+
+    def code_versions(self, settings: Settings) -> dict[Stage, CodeVersion]:
+        """The code version of every stage, as this process has it."""
+        return {definition.stage: self.code(definition, settings) for definition in self.stages}
+
+    def recipes(self, settings: Settings, code: Mapping[Stage, CodeVersion]) -> dict[Stage, Recipe]:
+        """What each stage is made from, in order, with these versions of its code."""
+        return {each.stage: self._recipe(each, settings, code[each.stage]) for each in self.stages}
+
+    def _recipe(self, definition: StageDefinition, settings: Settings, code: CodeVersion) -> Recipe:
+        section = definition.section(settings)
+        return Recipe(
+            code.digest,
+            settings_of(section),
+            libraries_of(code, section),
+            definition.sources,
+            tuple(
+                (each.stage, extension) for each in self.inputs(definition).values() for extension in each.extensions
+            ),
+        )
 
     def make(self, definition: StageDefinition, crash: CrashFiles) -> StageProduct:
         """A stage made for one crash."""

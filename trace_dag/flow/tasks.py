@@ -1,8 +1,8 @@
 """The messages between a run and its workers, and the records of their work.
 
-Belongs here: crashes and stages to run and what each stage did, what a stage's result would be made from, whether a
-stored one still holds, and the words and numbers of a record. Does not belong here: doing the work
-(:mod:`trace_dag.flow.worker`) or dividing it (:mod:`trace_dag.flow.batch`).
+Belongs here: crashes and stages to run and what each stage did, and the words and numbers of a record. Does not belong
+here: doing the work (:mod:`trace_dag.flow.worker`) or dividing it (:mod:`trace_dag.flow.batch`), and whether a stored
+result still holds (:mod:`trace_dag.flow.staleness`).
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
 
 from trace_dag.code_versions import CodeVersion
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.errors import Failure, TransientFailure
-from trace_dag.flow.contract import Flow, StageDefinition
+from trace_dag.flow.contract import Flow
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import Records
+from trace_dag.flow.staleness import Recipe
 from trace_dag.logs import at_work, figures
-from trace_dag.provenance import Outcome, OutcomeRecord, Provenance, libraries_of, settings_of
+from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -59,20 +59,6 @@ class StageEvent:
 
 
 @dataclass(frozen=True)
-class Recipe:
-    """What a stage's results are made from that is the same for all crashes, and what else enters.
-
-    ``sources`` are "report" and "maps"; ``artefacts`` those of earlier stages, each with its stage and extension.
-    """
-
-    code: str
-    settings: dict[str, Any]
-    libraries: dict[str, str]
-    sources: frozenset[str]
-    artefacts: tuple[tuple[Stage, str], ...]
-
-
-@dataclass(frozen=True)
 class Work:
     """What is the same for every chunk of a run; travels to the workers."""
 
@@ -83,26 +69,10 @@ class Work:
     code: Mapping[Stage, CodeVersion]
     force: frozenset[Stage] = frozenset()
 
-    @staticmethod
-    def code_versions(flow: Flow, settings: Settings) -> dict[Stage, CodeVersion]:
-        """Code version of every stage of a flow, as this process has it."""
-        return {definition.stage: flow.code(definition, settings) for definition in flow.stages}
-
     @cached_property
     def recipes(self) -> Mapping[Stage, Recipe]:
         """What each stage of the flow is made from."""
-        return {definition.stage: self._recipe(definition) for definition in self.flow.stages}
-
-    def _recipe(self, definition: StageDefinition) -> Recipe:
-        code, section = self.code[definition.stage], definition.section(self.settings)
-        inputs = self.flow.inputs(definition).values()
-        return Recipe(
-            code.digest,
-            settings_of(section),
-            libraries_of(code, section),
-            definition.sources,
-            tuple((artefact.stage, extension) for artefact in inputs for extension in artefact.extensions),
-        )
+        return self.flow.recipes(self.settings, self.code)
 
 
 @dataclass(frozen=True)
@@ -130,34 +100,6 @@ class Chunk:
     def split(self) -> list[Chunk]:
         """One chunk per crash, to be tried again."""
         return [replace(self, crashes=(crash,), again=True) for crash in self.crashes]
-
-
-def provenance_of(
-    definition: StageDefinition, work: Work, source: CrashSource, records: Mapping[Stage, OutcomeRecord]
-) -> Provenance:
-    """What the stage's result would be made from now."""
-    recipe = work.recipes[definition.stage]
-    inputs = {}
-    if "report" in recipe.sources:
-        report = source.report
-        inputs["report"] = report.sha256 or f"{report.kind}:{report.location}"
-    if "maps" in recipe.sources:
-        inputs["maps"] = source.maps_digest
-    for stage, extension in recipe.artefacts:
-        record = records.get(stage)
-        file = record.artefact(extension) if record else None
-        inputs[f"{stage}.{extension}"] = file.sha256 if file else ""
-    return Provenance(recipe.code, recipe.settings, inputs, recipe.libraries)
-
-
-def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:
-    """Whether a stored outcome still holds: no failure, made from what it would be made from now, its artefacts whole.
-
-    ``whole`` says of records by name whether their artefacts are, as :func:`trace_dag.flow.records.intact` finds.
-    """
-    if record is None or record.outcome not in (Outcome.ACCEPTED, Outcome.REJECTED) or record.failed_attempt:
-        return False
-    return whole.get(record.name, True) and record.fingerprint == made_from.fingerprint
 
 
 log = logging.getLogger(__name__)

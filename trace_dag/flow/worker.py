@@ -25,6 +25,7 @@ from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, Stag
 from trace_dag.flow.locks import held
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import after_failure, intact, read_records, write_record
+from trace_dag.flow.staleness import is_current, made_from
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -33,9 +34,7 @@ from trace_dag.flow.tasks import (
     StageEvent,
     Work,
     failed_record,
-    is_current,
     made_record,
-    provenance_of,
 )
 from trace_dag.flow.time_limit import SLOWEST_BYTES_PER_S, within
 from trace_dag.garbage import no_garbage_collection
@@ -159,7 +158,7 @@ class _CrashWorker:
         return is_current(earlier, provenance, intact(self.work.storage, [earlier]))
 
     def provenance(self, definition: StageDefinition) -> Provenance:
-        return provenance_of(definition, self.work, self.task.source, self.records)
+        return made_from(self.work.recipes[definition.stage], self.task.source, self.records)
 
     def compute(self, definition: StageDefinition, provenance: Provenance) -> OutcomeRecord:
         execution = self.work.settings.execution
