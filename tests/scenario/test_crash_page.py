@@ -15,7 +15,7 @@ from trace_dag.errors import Reason
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.scenario.crash_page import CrashPage, write_crash_page
 from trace_dag.sim.sampled import Interval, SampledRuns
-from trace_dag.units import mph_to_mps
+from trace_dag.units import kmh_to_mps, mph_to_mps
 from trace_dag.verdict.types import Agreement, ComparedWith, Criterion, Fact, Grade, Support, Verdict
 
 RIGHTS = Rights.of([OSM_ATTRIBUTION])
@@ -187,6 +187,19 @@ def test_numbers_and_reasons_are_said_in_words():
     assert "Lanes differs with the map: 4 – 2" in against
     assert "The report contradicts itself: a, not b" in against
     assert "Vehicle 2 struck where the report says" in untold
+
+
+@pytest.mark.parametrize(("kmh", "harmless"), [(7.9, True), (8.1, False)])
+def test_an_impact_that_cannot_have_killed_speaks_against_a_crash(kmh, harmless):
+    """Below 8 km/h no recorder has to record (49 CFR 563.5); 7.9 km/h are 4.9 mph."""
+    criteria = [
+        Criterion("delta_v", kmh_to_mps(each), None, "mps", None, None, "", number)
+        for number, each in enumerate((1.0, kmh), 1)
+    ]
+    verdict = replace(VERDICT, criteria=(*VERDICT.criteria, *criteria))
+    page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=verdict))
+    against = seen(page.get_element_by_id("against").getparent())
+    assert ("The simulated impact is harmless (a change of velocity of 5 mph at most)" in against) is harmless
 
 
 @pytest.mark.parametrize(("number", "reported", "simulated"), [(0, (44.0, 0.0), (31.1, 31.1)), (1, None, (0.0, -44.0))])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from trace_dag.crash.codes.vehicle import ACC_TYPE
+from trace_dag.crash.kind import OF_STRIKES, CrashKind
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
@@ -24,6 +25,7 @@ from trace_dag.scenario.page_templates import templates, words
 from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
+from trace_dag.verdict.metrics import LEAST_RECORDED_MPS
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
 from trace_dag.version import __version__
 
@@ -310,6 +312,7 @@ def _reasons(page: CrashPage) -> Reasons:
         [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
         [in_words(each) for each in deciding if each.passed is False]
+        + _harmless(page)
         + ([f"Not corroborated: {detail}"] if detail else [])
         + [
             _fact_in_words(fact)
@@ -319,6 +322,20 @@ def _reasons(page: CrashPage) -> Reasons:
         + [f"The report contradicts itself: {line}" for line in contradictions],
         [in_words(each) for each in deciding if each.passed is None],
     )
+
+
+def _harmless(page: CrashPage) -> list[str]:
+    """A sentence if a verified crash of vehicles is too gentle to have killed."""
+    verdict, record = page.verdict, page.record
+    if verdict is None or record is None or not verdict.accepted or record.kind in OF_STRIKES | {CrashKind.OVERTURN}:
+        return []
+    changes_mps = [each.value for each in verdict.criteria if each.name == "delta_v" and each.value is not None]
+    if not changes_mps or max(changes_mps) >= LEAST_RECORDED_MPS:
+        return []
+    change = f"{mps_to_mph(max(changes_mps)):.0f} mph"
+    return [
+        f"The simulated impact is harmless (a change of velocity of {change} at most): it does not show what killed"
+    ]
 
 
 _CRITERIA = {

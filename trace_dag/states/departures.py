@@ -8,8 +8,8 @@ says that the program placed it. Where OpenStreetMap has one of the kind (:mod:`
 vehicle is led to that instead.
 
 A vehicle out of control skids: it goes on along its course and turns about itself, so far that the area of impact faces
-the object. Angles of departure follow from the lateral acceleration, which gives 5 to 20 degrees at usual speeds (mean
-17 degrees in 877 crashes: Mak, Sicking and Coon, NCHRP Report 665, 2010). Frame: the local frame.
+the object. Angles of departure follow from the lateral acceleration, of which each manner has several; measured angles
+(Mak, Sicking and Coon, NCHRP Report 665, 2010) say which is likely. Frame: the local frame.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from trace_dag.settings import StateSettings
 from trace_dag.states import evidence
 from trace_dag.states.analytic import NAME, VERSION, build_scene
 from trace_dag.states.assemble import AFTER_IMPACT_M, driven
-from trace_dag.states.departing import LeavingCourse, courses_of
+from trace_dag.states.departing import LeavingCourse, angle_log_likelihood, courses_of
 from trace_dag.states.encounters import Party, party
 from trace_dag.states.leaving import (
     FLATTEST,
@@ -177,6 +177,10 @@ def _plan(
         terms["a road that begins here"] = _NO_ROAD
     if objects[0].placed_by is PlacedBy.OPENSTREETMAP:
         terms["object on the map"] = _ON_MAP
+    if not ahead:
+        along = base.pose(base.project(pose.x_m, pose.y_m, near_s_m=place_m)[0])
+        course_rad = path.pose(station_m).heading_rad - along.heading_rad
+        terms["angle of departure"] = angle_log_likelihood(math.remainder(course_rad, math.tau))
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
     return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)

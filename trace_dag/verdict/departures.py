@@ -73,6 +73,15 @@ class ObservedObject:
     place: RoadsidePlace | None
     along_m: float
 
+    @property
+    def angle_to_road_rad(self) -> float | None:
+        """The angle between the vehicle's course before the contact and the road, 0 to pi / 2; None if there is no
+        road near it."""
+        if self.place is None:
+            return None
+        vx, vy = self.contact.velocity_1_mps
+        return abs(math.remainder(math.atan2(vy, vx) - self.place.along_rad, math.pi))
+
 
 @dataclass(frozen=True)
 class ObservedDeparture:
@@ -309,9 +318,11 @@ def _shown(
 ) -> Sequence[Criterion]:
     first = observed.first
     beyond = first.place.beyond_m if first.place is not None else None
+    angle = None if first.angle_to_road_rad is None else math.degrees(first.angle_to_road_rad)
     return [
         shown("closing_speed", first.contact.closing_speed_mps, "mps", None, event),
         *reported_of(measures, limits, event),
         shown("outside_carriageway", beyond, "m", measures.number, event),
+        shown("angle_to_road", angle, "deg", measures.number, event),
         shown("departure_time", observed.left_s, "s", measures.number, event),
     ]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.sim.plan import tracking_errors
 from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.types import Hypothesis, ParticipantState
-from trace_dag.units import bearing_to_clock_h, clock_difference_h, wrap_angle
+from trace_dag.units import bearing_to_clock_h, clock_difference_h, kmh_to_mps, wrap_angle
 from trace_dag.verdict.directions import (
     direction,
     relation_error_deg,
@@ -29,6 +30,8 @@ from trace_dag.verdict.directions import (
 
 _SKEWED = frozenset({RoadTopology.Y, RoadTopology.ROUNDABOUT, RoadTopology.FIVE_POINT_OR_MORE})
 _LEAST_SPEED_MPS = 1.0  # relative errors of slower reported speeds are taken as if of this one
+LEAST_RECORDED_MPS: Final = kmh_to_mps(8.0)
+"""Change of velocity from which on an event data recorder has to record (49 CFR 563.5); less is taken for harmless."""
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Contact, SimulationLog, VehicleLog
 from trace_dag.states.courses import COMPASS_DEG, RELATIVE_DEG, Course, told_courses
 from trace_dag.states.types import Hypothesis
-from trace_dag.units import kmh_to_mps, wrap_angle
+from trace_dag.units import wrap_angle
 from trace_dag.verdict.metrics import (
+    LEAST_RECORDED_MPS,
     ObservedVehicle,
     VehicleMeasures,
     compared_vehicle,
@@ -49,7 +50,6 @@ from trace_dag.verdict.types import Criterion
 
 _COMPASS_DEG: Final = 45.0  # a coded direction is a quarter of the compass
 STANDS_MPS: Final = 0.2
-_CRASH_MPS: Final = kmh_to_mps(8.0)  # change of velocity from which an event data recorder records (49 CFR 563.5)
 _LANE_BESIDE_M: Final = 0.5  # the edge of a carriageway is drawn no better than so
 _BESIDE_M: Final = 4.0  # a full shoulder (AASHTO: 3.0 to 3.6 m) and its edge
 _BEYOND_M: Final = 12.0
@@ -250,11 +250,19 @@ def _collisions_afterwards(
         strike = pair in {frozenset(each.pair) for each in strikes}
         delta_v_mps = max(math.hypot(*contact.delta_v_1_mps), math.hypot(*contact.delta_v_2_mps))
         of_vehicles = all(any(vehicle.number == number for vehicle in record.vehicles) for number in pair)
-        if of_vehicles and contact.time_s > last_s and not strike and pair not in said and delta_v_mps >= _CRASH_MPS:
+        if (
+            of_vehicles
+            and contact.time_s > last_s
+            and not strike
+            and pair not in said
+            and delta_v_mps >= LEAST_RECORDED_MPS
+        ):
             parties = f"{party_in_words(contact.number_1)} and {party_in_words(contact.number_2)}"
             detail = f"{parties} collide after the last strike, which no event says"
             found.append(
-                Criterion("unreported_collision", delta_v_mps, _CRASH_MPS, "mps", False, Reason.WRONG_SEQUENCE, detail)
+                Criterion(
+                    "unreported_collision", delta_v_mps, LEAST_RECORDED_MPS, "mps", False, Reason.WRONG_SEQUENCE, detail
+                )
             )
     return found[:1]
 

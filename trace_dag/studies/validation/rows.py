@@ -15,9 +15,9 @@ from trace_dag.sim.types import PULSE_S, Participant, SimulationLog
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 from trace_dag.studies.validation.recorded import Damage, RecordedVehicle, Recording
-from trace_dag.units import kmh_to_mps, mps_to_kmh
+from trace_dag.units import mps_to_kmh
+from trace_dag.verdict.metrics import LEAST_RECORDED_MPS
 
-_LEAST_MPS: Final = kmh_to_mps(8.0)  # from which on a recorder has to record: 49 CFR 563.5
 _PULLED: Final = 0.5  # of a delta-v: more cannot come of friction along the side
 _STAYS: Final = 0.85  # of dynamic crush, in NHTSA's frontal barrier tests
 _AFTER_PULSE_S: Final = 0.03
@@ -69,7 +69,7 @@ class Unusable(Exception):  # noqa: N818 - no error: data
 def check_recording(vehicle: RecordedVehicle, recording: Recording, outward: Vector) -> None:
     """:class:`Unusable` for a change that no recorder has to record, and for one toward the side that was struck:
     what strikes a vehicle pushes. ``outward`` is where that side faces, ahead and to the left."""
-    if recording.delta_v_mps < _LEAST_MPS:
+    if recording.delta_v_mps < LEAST_RECORDED_MPS:
         raise Unusable(
             f"vehicle {vehicle.number}: its recorded delta-v of {mps_to_kmh(recording.delta_v_mps):.1f} km/h is below "
             "the 8 km/h from which on a recorder has to record"
