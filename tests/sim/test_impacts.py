@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from tests.sim.motions import CAR, TRUCK, log_of, meeting, participant, straight
 from trace_dag.settings import SimSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.surface import Surface
 from trace_dag.sim.types import Body, Contact, SimulationLog, Termination
 
 
@@ -235,3 +237,19 @@ def test_three_vehicles_collide_one_after_the_other() -> None:
     pushed = log.contacts[1]
     assert pushed.delta_v_2_mps[0] > 5.0
     assert log.contacts[0].delta_v_1_mps[0] < -5.0
+
+
+def test_a_run_that_ended_by_its_contacts_goes_on_as_if_it_had_not() -> None:
+    pushed = tuple(
+        participant(number, straight(x_m, 0.0, 0.0, v)) for number, x_m, v in ((1, -20.0, 20.0), (2, 0.0, 0.0))
+    )
+    queue = (*pushed, participant(3, straight(7.0, 0.0, 0.0, 0.0)))
+    whole = log_of(queue)
+    assert [(each.number_1, each.number_2) for each in whole.contacts[:2]] == [(1, 2), (2, 3)]
+    run = EmbeddedSimulation(SimSettings(), Surface(), 0.75).begin(queue, time_limit_s=20.0)
+    begun = run.log(as_long_as=lambda contacts: len(contacts) < 2)
+    assert len(begun.contacts) == 2
+    assert whole.contacts[1].time_s <= begun.duration_s <= whole.contacts[1].time_s + 2 * SimSettings().log_step_s
+    after = run.log()
+    assert after.contacts == whole.contacts
+    assert np.array_equal(after.vehicle_log(3).x_m, whole.vehicle_log(3).x_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from trace_dag.geometry import Pose
-from trace_dag.sim.order import in_order
+from trace_dag.sim.order import comes_in_order, in_order
 from trace_dag.sim.types import Contact
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -57,6 +57,7 @@ def test_contacts_in_their_turn(happened: list[tuple[int, int]], matched: list[i
     assert [contact and contact.time_s for contact in found.matched] == matched
     assert [contact.time_s for contact in found.strange] == strange
     assert found.happened == sum(second is not None for second in matched)
+    assert comes_in_order(contacts(*happened), CHAIN) == (not strange)
 
 
 def test_contacts_are_put_in_the_order_of_time() -> None:
@@ -75,3 +76,5 @@ def test_where_no_order_is_told_any_will_do() -> None:
     assert [contact and contact.time_s for contact in found.matched] == [2, 3, 1]
     assert found.strange == ()
     assert len(in_order(contacts((3, 4), (1, 5)), CHAIN, told=False).strange) == 1
+    assert comes_in_order(contacts((3, 4), (1, 2)), CHAIN, told=False)
+    assert not comes_in_order(contacts((3, 4), (1, 5)), CHAIN, told=False)

@@ -15,7 +15,7 @@ left out. The hypothesis says what came of each event.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, product
 from typing import Final
@@ -34,10 +34,11 @@ from trace_dag.roads.map.areas import Area
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import roadside_at
 from trace_dag.roads.report import MappedThing, MapReport
+from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.leaving_road import left_road_after_contact
 from trace_dag.sim.order import pair_of
 from trace_dag.sim.run import participant
-from trace_dag.sim.types import PULSE_S, Body, Simulation, SimulationLog, VehicleLog, overturned_at
+from trace_dag.sim.types import PULSE_S, Body, Contact, SimulationLog, VehicleLog, overturned_at
 from trace_dag.states.leaving import SIGN
 from trace_dag.states.mapped_objects import nearest_of, things_of_kind
 from trace_dag.states.object_extent import clear_of_roadways
@@ -108,11 +109,17 @@ class _Run:
 
     network: RoadNetwork
     things: Sequence[MappedThing]
-    simulation: Simulation
+    simulation: EmbeddedSimulation
 
-    def simulated(self, states: tuple[ParticipantState, ...], objects: tuple[FixedObject, ...]) -> _Course:
-        """What comes of these participants with these objects."""
-        log = self.simulation.run(tuple(map(participant, states)), time_limit_s=USUAL.time_limit_s, objects=objects)
+    def simulated(
+        self,
+        states: tuple[ParticipantState, ...],
+        objects: tuple[FixedObject, ...],
+        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
+    ) -> _Course:
+        """What comes of these participants with these objects, as long as the contacts are as asked for."""
+        parties = tuple(map(participant, states))
+        log = self.simulation.run(parties, time_limit_s=USUAL.time_limit_s, objects=objects, as_long_as=as_long_as)
         return _Course(states, objects, log)
 
     def struck(self, course: _Course, event: Afterwards) -> tuple[_Course, EstimateCheck]:
@@ -126,8 +133,10 @@ class _Run:
             way = _Way.of(self, on_its_way.log, number, since_s)
             why_not = why_not or way.why_not(event.side)
             for item in islice(way.candidates(event, event.struck), _MOST_OF_A_WAY):
-                tried = self.simulated(on_its_way.states, (*on_its_way.objects, item))
-                wrong = _disturbed(course.log, tried.log, item, number, since_s)
+                object_struck = _ObjectStruck(item, number, since_s, _order(course.log.contacts))
+                objects = (*on_its_way.objects, item)
+                tried = self.simulated(on_its_way.states, objects, object_struck.may_come_right)
+                wrong = object_struck.wrong(tried.log.contacts)
                 if wrong is None:
                     struck_s = tried.log.strikes_of(item.number)[0].time_s
                     detail = f"vehicle {number} strikes the {item.name} at {struck_s:.2f} s{turned}"
@@ -142,7 +151,9 @@ class _Run:
         if since_s is None:
             return course, EstimateCheck(event.name, False, f"vehicle {number} meets nobody before it")
         for tried, turned in self._ways(course, event, since_s):
-            if overturned_at(tried.log.vehicle_log(number)) is not None and _order(tried.log) == _order(course.log):
+            if overturned_at(tried.log.vehicle_log(number)) is not None and _order(tried.log.contacts) == _order(
+                course.log.contacts
+            ):
                 return tried, EstimateCheck(event.name, True, f"vehicle {number} overturns{turned}")
         return course, EstimateCheck(event.name, False, f"vehicle {number} stays on its wheels")
 
@@ -172,27 +183,53 @@ def _since_s(log: SimulationLog, number: int) -> float | None:
     return max((c.time_s for c in log.contacts if number in (c.number_1, c.number_2)), default=None)
 
 
-def _disturbed(
-    before: SimulationLog, tried: SimulationLog, item: FixedObject, number: int, since_s: float
-) -> str | None:
-    """What another object changes that the report does not say; None if it is struck as it has to be, and no more."""
-    struck = tried.strikes_of(item.number)
-    other = next((contact.number_1 for contact in struck if contact.number_1 != number), None)
-    if other is not None:
-        return f"vehicle {other} would strike the {item.name} of event {item.event_number} too"
-    if not struck:
-        return f"vehicle {number} does not come to touch the {item.name} that was placed for it"
-    if struck[0].time_s < since_s:
-        return f"vehicle {number} would strike the {item.name} before what came before it"
-    if _order(before) != [pair for pair in _order(tried) if item.number not in pair]:
-        return f"who meets whom would change by the {item.name} of event {item.event_number}"
-    return None
+@dataclass(frozen=True, eq=False)
+class _ObjectStruck:
+    """That a vehicle strikes an object after a time, and nothing else changes: ``order`` is who met whom without it."""
+
+    item: FixedObject
+    number: int
+    since_s: float
+    order: list[tuple[int, int]]
+
+    def spoilt(self, contacts: Sequence[Contact]) -> str | None:
+        """What the contacts so far have that the report does not say; nothing that comes later mends it."""
+        struck = sorted((each for each in contacts if each.number_2 == self.item.number), key=lambda each: each.time_s)
+        other = next((contact.number_1 for contact in struck if contact.number_1 != self.number), None)
+        name = self.item.name
+        if other is not None:
+            return f"vehicle {other} would strike the {name} of event {self.item.event_number} too"
+        if struck and struck[0].time_s < self.since_s:
+            return f"vehicle {self.number} would strike the {name} before what came before it"
+        others = self._order_of_others(contacts)
+        if others != self.order[: len(others)]:
+            return self._changed()
+        return None
+
+    def may_come_right(self, contacts: Sequence[Contact]) -> bool:
+        """Whether nothing in the contacts so far spoils it."""
+        return self.spoilt(contacts) is None
+
+    def wrong(self, contacts: Sequence[Contact]) -> str | None:
+        """What all contacts of a run lack or have too many of; None if the object is struck as it has to be, and no
+        more."""
+        spoilt = self.spoilt(contacts)
+        if spoilt is not None:
+            return spoilt
+        if not any(contact.number_2 == self.item.number for contact in contacts):
+            return f"vehicle {self.number} does not come to touch the {self.item.name} that was placed for it"
+        return None if self._order_of_others(contacts) == self.order else self._changed()
+
+    def _order_of_others(self, contacts: Sequence[Contact]) -> list[tuple[int, int]]:
+        return [pair for pair in _order(contacts) if self.item.number not in pair]
+
+    def _changed(self) -> str:
+        return f"who meets whom would change by the {self.item.name} of event {self.item.event_number}"
 
 
-def _order(log: SimulationLog) -> list[tuple[int, int]]:
+def _order(contacts: Sequence[Contact]) -> list[tuple[int, int]]:
     """Who comes to touch whom or what, in order."""
-    contacts = sorted(log.contacts, key=lambda contact: contact.time_s)
-    return list(dict.fromkeys(pair_of(contact) for contact in contacts))
+    return list(dict.fromkeys(pair_of(contact) for contact in sorted(contacts, key=lambda each: each.time_s)))
 
 
 # --- the way of one vehicle ------------------------------------------------------------------------------------------

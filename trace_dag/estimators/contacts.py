@@ -19,9 +19,11 @@ from trace_dag.estimators.usual_simulation import USUAL, usual_simulation
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
-from trace_dag.sim.order import ContactOrder, in_order
+from trace_dag.sim.embedded import EmbeddedSimulation
+from trace_dag.sim.order import ContactOrder, comes_in_order, in_order
 from trace_dag.sim.run import participant
-from trace_dag.sim.types import Simulation, SimulationLog
+from trace_dag.sim.run_of_vehicles import VehicleRun
+from trace_dag.sim.types import SimulationLog
 from trace_dag.states.analytic import NAME, VERSION, build_scene, parties, ranked, solve_all
 from trace_dag.states.assemble import AFTER_IMPACT_M, AFTER_IMPACT_S, driven
 from trace_dag.states.candidates import candidates
@@ -51,6 +53,7 @@ class _Chain:
     """The crash as far as it is planned: who takes part, what that comes to, and why it is likely."""
 
     participants: tuple[ParticipantState, ...]
+    run: VehicleRun
     log: SimulationLog
     order: ContactOrder
     score: float
@@ -75,7 +78,7 @@ class _Crash:
     scene: Scene
     contacts: tuple[VehicleContact, ...]
     told: bool
-    simulation: Simulation
+    simulation: EmbeddedSimulation
     time_limit_s: float
 
     def simulated(
@@ -86,10 +89,22 @@ class _Crash:
         names: tuple[str, ...],
         evidence: dict[str, float],
     ) -> _Chain:
-        """The chain of these participants, by whom so many of the contacts are to happen."""
-        log = self.simulation.run(tuple(map(participant, participants)), time_limit_s=self.time_limit_s)
-        expected = [contact.pair for contact in self.contacts[:planned]]
-        return _Chain(participants, log, in_order(log.contacts, expected, told=self.told), score, names, evidence)
+        """The chain of these participants, by whom so many of the contacts are to happen, up to one that is strange."""
+        run = self.simulation.begin(tuple(map(participant, participants)), time_limit_s=self.time_limit_s)
+        expected = self.expected(planned)
+        log = run.log(as_long_as=lambda so_far: comes_in_order(so_far, expected, told=self.told))
+        order = in_order(log.contacts, expected, told=self.told)
+        return _Chain(participants, run, log, order, score, names, evidence)
+
+    def to_the_end(self, chain: _Chain, planned: int) -> _Chain:
+        """The chain simulated to its end."""
+        log = chain.run.log()
+        chain.run.release()
+        return replace(chain, log=log, order=in_order(log.contacts, self.expected(planned), told=self.told))
+
+    def expected(self, planned: int) -> list[tuple[int, int]]:
+        """The pairs of the first so many contacts."""
+        return [contact.pair for contact in self.contacts[:planned]]
 
 
 def estimate_contacts(
@@ -107,13 +122,14 @@ def estimate_contacts(
     simulation = usual_simulation(network, record)
     crash = _Crash(scene, contacts, order_is_told(record), simulation, USUAL.time_limit_s)
     firsts = _first_contacts(scene, contacts[0], settings)
-    chains = [
+    begun = (
         crash.simulated(first.participants, 1, first.score, (first.name,), dict(first.evidence)) for first in firsts
-    ]
+    )
+    chains = [crash.to_the_end(chain, 1) for chain in begun]
     whole: list[tuple[_Chain, Hypothesis]] = []
     stuck: list[str] = []
-    for first, begun in zip(firsts, chains, strict=True):
-        followed = [begun]
+    for first, chain in zip(firsts, chains, strict=True):
+        followed = [chain]
         for place in range(1, len(contacts)):
             followed = [after for chain in followed for after in _followed(crash, chain, place, stuck)]
             followed = sorted(followed, key=lambda chain: chain.rank)[:_FOLLOWED]
@@ -152,8 +168,7 @@ def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> lis
     newcomers = [number for number in contact.pair if number not in chain.numbers]
     planned = place + 1
     if not newcomers:
-        expected = [each.pair for each in crash.contacts[:planned]]
-        return [replace(chain, order=in_order(chain.log.contacts, expected, told=crash.told))]
+        return [replace(chain, order=in_order(chain.log.contacts, crash.expected(planned), told=crash.told))]
     if len(newcomers) == 2:
         one, two = contact.pair
         stuck.append(f"event {contact.event_number}: neither vehicle {one} nor {two} had met another before")
@@ -176,7 +191,11 @@ def _followed(crash: _Crash, chain: _Chain, place: int, stuck: list[str]) -> lis
             f"event {contact.event_number}: on none of {ways} past the crash vehicle {newcomers[0]} comes to touch "
             f"vehicle {known} after what was before"
         )
-    return good or sorted(tried, key=lambda each: each.rank)[:1]
+    if not good:
+        return sorted((crash.to_the_end(each, planned) for each in tried), key=lambda each: each.rank)[:1]
+    for each in tried:
+        each.run.release()
+    return good
 
 
 def _last_contact_s(chain: _Chain, place: int, told: bool) -> float:

@@ -7,7 +7,8 @@ ones here, whatever those of the simulation are: an estimate follows from the re
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,9 +23,11 @@ from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import StateSettings
+from trace_dag.sim.embedded import EmbeddedSimulation
 from trace_dag.sim.run import participant
-from trace_dag.sim.types import Simulation, SimulationLog
+from trace_dag.sim.types import Contact, SimulationLog
 from trace_dag.states.analytic import NAME, VERSION, build_scene
+from trace_dag.states.contact import STANDING_MPS
 from trace_dag.states.ranking import ambiguity, leaders_first
 from trace_dag.states.scene import Scene
 from trace_dag.states.strikes import ESSENTIAL, LaterStrike, first_states, later_state, next_way, strike_hypothesis
@@ -43,13 +46,16 @@ class _Crash:
     """What is known of the crash throughout; the first strike comes ``lead_s`` after the beginning."""
 
     scene: Scene
-    simulation: Simulation
+    simulation: EmbeddedSimulation
     time_limit_s: float
     lead_s: float
 
-    def simulated(self, states: Sequence[ParticipantState]) -> SimulationLog:
-        """What comes of those who take part."""
-        return self.simulation.run(tuple(map(participant, states)), time_limit_s=self.time_limit_s)
+    def simulated(
+        self, states: Sequence[ParticipantState], as_long_as: Callable[[Sequence[Contact]], bool] | None = None
+    ) -> SimulationLog:
+        """What comes of those who take part, as long as the contacts are as asked for."""
+        parties = tuple(map(participant, states))
+        return self.simulation.run(parties, time_limit_s=self.time_limit_s, as_long_as=as_long_as)
 
 
 def estimate_strikes(
@@ -120,11 +126,22 @@ def _hypothesis(crash: _Crash, plan: StrikePlan, rest: Sequence[Strike]) -> Hypo
                 continue
             if not later:
                 return hypothesis
-            contacts = crash.simulated(everybody).contacts
-            if all((contact.number_1, contact.number_2) in pairs for contact in contacts):
+            contacts = crash.simulated(everybody, lambda so_far: not _unreported(so_far, pairs)).contacts
+            unreported = _unreported(contacts, pairs)
+            if not unreported:
                 return hypothesis
             found = found or hypothesis
+            if any(map(_with_who_stood, unreported)):
+                break  # who stood in the way is there later too
     return found
+
+
+def _unreported(contacts: Sequence[Contact], pairs: set[tuple[int, int]]) -> list[Contact]:
+    return [contact for contact in contacts if (contact.number_1, contact.number_2) not in pairs]
+
+
+def _with_who_stood(contact: Contact) -> bool:
+    return min(math.hypot(*contact.velocity_1_mps), math.hypot(*contact.velocity_2_mps)) <= STANDING_MPS
 
 
 def _chains(

@@ -10,13 +10,12 @@ from typing import Final
 from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
-from trace_dag.sim.embedded import EmbeddedBackend
+from trace_dag.sim.embedded import EmbeddedBackend, EmbeddedSimulation
 from trace_dag.sim.run import surface_friction
-from trace_dag.sim.types import Simulation
 
 USUAL: Final = SimSettings()
 
 
-def usual_simulation(network: RoadNetwork, record: CrashRecord) -> Simulation:
+def usual_simulation(network: RoadNetwork, record: CrashRecord) -> EmbeddedSimulation:
     """The map made ready, with the grip that the record's surface has."""
     return EmbeddedBackend(USUAL).load(network, b"", friction=surface_friction(USUAL, record))

@@ -9,7 +9,7 @@ While nothing can touch, each body moves by the same scheme by itself. Nothing i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from trace_dag.sim.run_of_vehicles import BACKEND_NAME, VehicleRun
 from trace_dag.sim.run_with_objects import RoadsidePeopleRun, RoadsideRun
 from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import NetworkSurface, Surface
-from trace_dag.sim.types import BodyKind, Participant, Simulation, SimulationLog
+from trace_dag.sim.types import BodyKind, Contact, Participant, SimulationLog
 from trace_dag.states.objects import FixedObject
 
 
@@ -38,7 +38,7 @@ class EmbeddedBackend:
     def require(settings: SimSettings) -> None:
         """It needs nothing that is not installed with this package."""
 
-    def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> Simulation:
+    def load(self, network: RoadNetwork, xodr: bytes, *, friction: float) -> EmbeddedSimulation:
         """Make a map's surface ready."""
         return EmbeddedSimulation(self._settings, NetworkSurface(network), friction, network)
 
@@ -69,10 +69,15 @@ class EmbeddedSimulation:
         drivers: Mapping[int, Driver] | None = None,
         after_contact_s: float | None = None,
         objects: tuple[FixedObject, ...] = (),
+        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
     ) -> SimulationLog:
-        """Simulate until rest or ``time_limit_s``; :class:`trace_dag.errors.Failure` for a plan nobody can drive."""
+        """Simulate until rest or ``time_limit_s``, no longer than ``as_long_as`` holds for the contacts so far.
+
+        Raises :class:`trace_dag.errors.Failure` for a plan nobody can drive.
+        """
         run = self.begin(participants, time_limit_s=time_limit_s, drivers=drivers, objects=objects)
-        log = run.log(after_contact_s=math.inf if after_contact_s is None else after_contact_s)
+        after_s = math.inf if after_contact_s is None else after_contact_s
+        log = run.log(after_contact_s=after_s, as_long_as=as_long_as)
         run.release()
         return log
 

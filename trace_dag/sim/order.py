@@ -53,6 +53,16 @@ def in_order(contacts: Sequence[Contact], expected: Sequence[tuple[int, int]], *
     return max(found, key=lambda order: (order.happened, -len(order.strange)))
 
 
+def comes_in_order(contacts: Sequence[Contact], expected: Sequence[tuple[int, int]], *, told: bool = True) -> bool:
+    """Whether nothing is strange about the contacts so far: more may follow until all expected pairs have met.
+
+    >>> comes_in_order(log.contacts[:1], [(1, 2), (2, 3)]), comes_in_order(log.contacts[:1], [(2, 3), (1, 2)])
+    (True, False)
+    """
+    orders = [expected] if told else permutations(expected)
+    return any(not _walked(contacts, order).strange for order in orders)
+
+
 def _walked(contacts: Sequence[Contact], expected: Sequence[tuple[int, int]]) -> ContactOrder:
     matched: list[Contact | None] = []
     strange: list[Contact] = []

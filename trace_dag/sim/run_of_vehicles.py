@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -147,10 +147,17 @@ class VehicleRun:
         models = [v.model for v in self._vehicles]
         return RigidBodies(models)
 
-    def log(self, *, until_s: float = math.inf, after_contact_s: float = math.inf) -> SimulationLog:
-        """Simulate to the end and say what came of it. The run ends early where nothing has touched until a time (s) or
-        so long after the first contact; asked again, it goes on from there."""
-        termination, reason = self._advance_until_end(until_s, after_contact_s)
+    def log(
+        self,
+        *,
+        until_s: float = math.inf,
+        after_contact_s: float = math.inf,
+        as_long_as: Callable[[Sequence[Contact]], bool] | None = None,
+    ) -> SimulationLog:
+        """Simulate to the end and say what came of it. The run ends early where nothing has touched until a time (s),
+        so long after the first contact, or once ``as_long_as`` does not hold for the contacts so far; asked again, it
+        goes on from there."""
+        termination, reason = self._advance_until_end(until_s, after_contact_s, as_long_as)
         duration_s = self._step * self._step_s
         self._record(duration_s)
         by_number = {logged.number: logged for logged in self._recorder.logs()}
@@ -177,6 +184,11 @@ class VehicleRun:
         """Every contact so far."""
         return [episode.contact() for episode in (*self._closed, *self._open.values())]
 
+    @property
+    def _contacts_begun(self) -> int:
+        """The number of contacts so far."""
+        return len(self._closed) + len(self._open)
+
     def _objects(self) -> tuple[FixedObject, ...]:
         return ()
 
@@ -185,7 +197,10 @@ class VehicleRun:
         """When two bodies first touched; None if none have."""
         return min((episode.start_s for episode in (*self._closed, *self._open.values())), default=None)
 
-    def _advance_until_end(self, until_s: float, after_contact_s: float) -> tuple[Termination, str]:
+    def _advance_until_end(
+        self, until_s: float, after_contact_s: float, as_long_as: Callable[[Sequence[Contact]], bool] | None
+    ) -> tuple[Termination, str]:
+        looked_at = 0  # contacts that ``as_long_as`` was asked about
         if self._step == 0:
             self._bodies.set_heights([v.z for v in self._vehicles])
             self._stand_on_surface()
@@ -198,6 +213,10 @@ class VehicleRun:
             ended = self._ended(until_s, after_contact_s)
             if ended is not None:
                 return ended
+            if as_long_as is not None and self._contacts_begun > looked_at:
+                looked_at = self._contacts_begun
+                if not as_long_as(self._contacts()):
+                    return Termination.TIME_LIMIT, "ended by its contacts, as asked"
             self._advance_to(min(self._step + self._log_every, self._steps))
             if self._step < self._steps:
                 self._look()

@@ -78,6 +78,10 @@ class RoadsideRun(VehicleRun):
     def _contacts(self) -> list[Contact]:
         return [*super()._contacts(), *(struck.contact() for struck in self._struck)]
 
+    @property
+    def _contacts_begun(self) -> int:
+        return super()._contacts_begun + len(self._struck)
+
     def _objects(self) -> tuple[FixedObject, ...]:
         return self._items
 
