@@ -81,7 +81,8 @@ class VehicleRun:
             plan = resample(
                 participant.trajectory, settings.step_s, time_limit_s, model.cg_ahead_m, participant.skids_from_s
             )
-            common = {"friction": friction, "locked_wheels": settings.locked_wheels}
+            locked = participant.locked_wheels
+            common = {"friction": friction, "locked_wheels": settings.locked_wheels if locked is None else locked}
             driver = drivers.get(participant.number)
             if driver is None:
                 self._vehicles.append(Vehicle(participant, model, plan, **common))

@@ -119,7 +119,8 @@ class Participant:
     person moves along the trajectory exactly, from its first point, until touched, and stands where it ends. So does a
     vehicle from ``skids_from_s`` on, which is out of control then and need not head the way it goes. A ``trailer``
     heads ``trailer_heading_rad`` at the start. With ``beyond_edge`` the ground beyond the carriageway's edge is
-    simulated, and vehicles can roll over; from when it has ``turned_wheels`` on nobody drives it any more.
+    simulated, and vehicles can roll over; from when it has ``turned_wheels`` on nobody drives it any more. After its
+    first contact ``locked_wheels`` carry that share of its weight, from 0 to 1; None is what the settings have.
     """
 
     number: int  # of the party: FARS VEH_NO, 1000 + PER_NO for a person, 2000 + EVENTNUM for an animal
@@ -133,6 +134,7 @@ class Participant:
     trailer_heading_rad: float = 0.0
     beyond_edge: bool = False
     turned_wheels: TurnedWheels | None = None
+    locked_wheels: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,7 @@ class _Pair:
     headings_rad: tuple[float, float]
     damaged: tuple[Vector, Vector]
     outward: tuple[Vector, Vector]  # from the side of each that was struck, ahead and to the left
+    locked_wheels: tuple[float | None, float | None]
 
     def velocities(self, speeds_mps: tuple[float, float]) -> tuple[Vector, Vector]:
         one, two = (
@@ -76,7 +77,7 @@ class _Pair:
         """The crash; None if they never meet with the sides that were struck."""
         if not self.closes(speeds_mps):
             return None
-        placed = meeting(self.bodies, self.headings_rad, speeds_mps, self.damaged)
+        placed = meeting(self.bodies, self.headings_rad, speeds_mps, self.damaged, self.locked_wheels)
         if placed is None:
             return None
         log = simulate(placed, settings)
@@ -142,7 +143,14 @@ def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) 
         headings.append(heading_rad)
         damaged.append(damaged_m(vehicle, vehicle.body, damage, side))
         outward.append(OUTWARD[side])
-    return _Pair((bodies[0], bodies[1]), (headings[0], headings[1]), (damaged[0], damaged[1]), (outward[0], outward[1]))
+    one, two = pair
+    return _Pair(
+        (bodies[0], bodies[1]),
+        (headings[0], headings[1]),
+        (damaged[0], damaged[1]),
+        (outward[0], outward[1]),
+        (one.locked_wheels(event.number), two.locked_wheels(event.number)),
+    )
 
 
 def _check_momentum(ready: _Pair, recordings: tuple[Recording | None, ...]) -> None:

@@ -59,6 +59,7 @@ def meeting(
     headings_rad: tuple[float, float],
     speeds_mps: tuple[float, float],
     damaged: tuple[tuple[float, float], tuple[float, float]],
+    locked_wheels: tuple[float | None, float | None] = (None, None),
 ) -> tuple[Participant, Participant] | None:
     """Both vehicles shortly before they touch; None if they never would."""
     velocities = [
@@ -77,16 +78,23 @@ def meeting(
         ]
         if separation(*outlines)[0] >= _APART_M:
             one, two = (
-                straight_on(number, body, Pose(outline.x_m, outline.y_m, heading), speed)
-                for number, body, outline, heading, speed in zip(
-                    (1, 2), bodies, outlines, headings_rad, speeds_mps, strict=True
+                straight_on(number, body, Pose(outline.x_m, outline.y_m, heading), speed, locked_wheels=locked)
+                for number, body, outline, heading, speed, locked in zip(
+                    (1, 2), bodies, outlines, headings_rad, speeds_mps, locked_wheels, strict=True
                 )
             )
             return one, two
     return None
 
 
-def straight_on(number: int, body: Body, pose: Pose, speed_mps: float, course_rad: float | None = None) -> Participant:
+def straight_on(
+    number: int,
+    body: Body,
+    pose: Pose,
+    speed_mps: float,
+    course_rad: float | None = None,
+    locked_wheels: float | None = None,
+) -> Participant:
     """A vehicle that goes on at its speed, along its heading or sliding along another course."""
     slides = course_rad is not None
     course = pose.heading_rad if course_rad is None else course_rad
@@ -100,11 +108,19 @@ def straight_on(number: int, body: Body, pose: Pose, speed_mps: float, course_ra
         np.full_like(time_s, pose.heading_rad),
         np.full_like(time_s, speed_mps),
     )
-    return Participant(number, body, pose, speed_mps, trajectory, skids_from_s=0.0 if slides else math.inf)
+    skids_from_s = 0.0 if slides else math.inf
+    return Participant(
+        number, body, pose, speed_mps, trajectory, skids_from_s=skids_from_s, locked_wheels=locked_wheels
+    )
 
 
 def before_object(
-    body: Body, damaged: tuple[float, float], course_rad: float, speed_mps: float, half_object_m: float
+    body: Body,
+    damaged: tuple[float, float],
+    course_rad: float,
+    speed_mps: float,
+    half_object_m: float,
+    locked_wheels: float | None = None,
 ) -> Participant:
     """A vehicle heading east shortly before it strikes an object at the origin with its damaged area.
 
@@ -115,4 +131,4 @@ def before_object(
     reach_m = float(np.linalg.norm(rectangle_corners(Pose(0.0, 0.0, 0.0), body.length_m, body.width_m), axis=1).max())
     back_m = reach_m + half_object_m + _APART_M
     pose = Pose(-ahead - back_m * math.cos(course_rad), -left - back_m * math.sin(course_rad), 0.0)
-    return straight_on(1, body, pose, speed_mps, course_rad if slides else None)
+    return straight_on(1, body, pose, speed_mps, course_rad if slides else None, locked_wheels)

@@ -51,7 +51,8 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
     on_side = damage is not None and damage.side in "LR"
     force_rad = damage.force_from_rad if damage is not None and damage.force_from_rad is not None else 0.0
     course = force_rad if on_side or abs(force_rad) > _SIDEWAYS_RAD else 0.0
-    start = before_object(body, place, course, recording.speed_mps, diameter_m / 2)
+    locked_wheels = vehicle.locked_wheels(event.number)
+    start = before_object(body, place, course, recording.speed_mps, diameter_m / 2, locked_wheels)
     post = FixedObject.of_kind(
         kind, number=2001, event_number=1, pose=Pose(0.0, 0.0, 0.0), length_m=diameter_m, width_m=diameter_m
     )

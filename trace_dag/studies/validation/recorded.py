@@ -83,12 +83,20 @@ class RecordedVehicle:
     damages: tuple[Damage, ...]
     recordings: tuple[Recording, ...]
     speeds_mps: Mapping[int, float]  # at or just before the impact by event, also where the change was not recorded
+    braked: Mapping[int, bool]  # whether the brake was on then, by event
     reconstructed_mps: Mapping[int, float]  # delta-v by event
 
     def recording(self, event: int) -> Recording | None:
         """Of an event the largest change: modules of one vehicle record the same impact, and lesser ones with it."""
         of_event = [recording for recording in self.recordings if recording.event == event]
         return max(of_event, key=lambda recording: recording.delta_v_mps, default=None)
+
+    def locked_wheels(self, event: int) -> float | None:
+        """Share of its weight on braked wheels at the impact: all of it with the brake on, None where it was not.
+
+        Whose brake was on goes on braking as the pulse lasts, and the recorder counts it: 0.1 s of it are 2 km/h.
+        """
+        return 1.0 if self.braked.get(event) else None
 
     def damage(self, event: int) -> Damage | None:
         """The first damage of an event."""
@@ -188,6 +196,12 @@ def _area(value: object) -> str:
 def _vehicle(number: int, values: Mapping[str, Any]) -> RecordedVehicle:
     damages = tuple(_damage(row) for row in _rows(values.get("cdc")) if isinstance(row, dict))
     recordings, speeds_mps = _recordings(values)
+    braked: dict[int, bool] = {}
+    for row in _rows(values.get("edr")):
+        event = _whole(row.get("cdcev")) if isinstance(row, dict) else None
+        on = None if event is None else _brake_on(_samples_by_number(values.get("br")).get(_whole(row.get("no"))))
+        if event is not None and on is not None:
+            braked[event] = braked.get(event, False) or on
     return RecordedVehicle(
         number=number,
         body=_body(values),
@@ -197,6 +211,7 @@ def _vehicle(number: int, values: Mapping[str, Any]) -> RecordedVehicle:
         damages=damages,
         recordings=recordings,
         speeds_mps=speeds_mps,
+        braked=braked,
         reconstructed_mps={
             event: kmh_to_mps(delta_v)
             for row in _rows(values.get("cdc"))
@@ -258,9 +273,7 @@ def _recordings(values: Mapping[str, Any]) -> tuple[tuple[Recording, ...], dict[
     The modules of a vehicle, and the pages of one, share the impact: where the one with the change has no speed,
     another's of the same event is its.
     """
-    listed = values.get("sp")
-    listed = listed if isinstance(listed, dict) else {}
-    samples = {number: each for key, each in listed.items() if (number := _whole(key)) is not None}
+    samples = _samples_by_number(values.get("sp"))
     rows = [row for row in _rows(values.get("edr")) if isinstance(row, dict)]
     numbers = [_whole(row.get("no")) for row in rows]
     speeds = [None if number is None else _speed_at_impact_mps(samples.get(number)) for number in numbers]
@@ -286,6 +299,31 @@ def _recordings(values: Mapping[str, Any]) -> tuple[tuple[Recording, ...], dict[
     return tuple(found), at_event
 
 
+def _samples_by_number(listed: object) -> dict[int | None, object]:
+    """The samples of each recording."""
+    by_key = listed if isinstance(listed, dict) else {}
+    return {number: each for key, each in by_key.items() if (number := _whole(key)) is not None}
+
+
+def _brake_on(samples: object) -> bool | None:
+    """The last sample of the brake's switch before the impact; None where none is known."""
+    known = [(time_s, on) for time_s, on in _before_impact(samples, high=1.0) if on in (0.0, 1.0)]
+    return bool(known[-1][1]) if known else None
+
+
+def _before_impact(samples: object, *, high: float) -> list[tuple[float, float]]:
+    """Known samples from 0 to a value, with their times (s, negative), in the order of time."""
+    found = [
+        (time_s, value)
+        for sample in _rows(samples)
+        if isinstance(sample, list) and len(sample) >= 2
+        if (time_s := _number(sample[0], low=-60.0, high=60.0)) is not None
+        if (value := _number(sample[1], low=0.0, high=high)) is not None
+    ]
+    counts_back = all(time_s >= 0.0 for time_s, _ in found)
+    return sorted((-abs(time_s), value) for time_s, value in found if counts_back or time_s <= 0.0)
+
+
 def _speed_at_impact_mps(samples: object) -> float | None:
     """The sample nearest to the impact that is known; where it is said to be half a second before it or more, who
     slowed down goes on doing so for half of that time.
@@ -296,17 +334,9 @@ def _speed_at_impact_mps(samples: object) -> float | None:
     average where they slow down, the last sample by +6 (every second) and +4 (every half), going on for the whole
     interval by -4 and -3.
     """
-    found = [
-        (time_s, speed)
-        for sample in _rows(samples)
-        if isinstance(sample, list) and len(sample) >= 2
-        if (time_s := _number(sample[0], low=-60.0, high=60.0)) is not None
-        if (speed := _number(sample[1], low=0.0, high=_FASTEST_KMH)) is not None
-    ]
-    if not found:
+    known = _before_impact(samples, high=_FASTEST_KMH)
+    if not known:
         return None
-    counts_back = all(time_s >= 0.0 for time_s, _ in found)
-    known = sorted((-abs(time_s), speed) for time_s, speed in found if counts_back or time_s <= 0.0)
     (before_s, before_kmh), (last_s, last_kmh) = known[-2:] if len(known) > 1 else (known[0], known[0])
     if last_s > -_STALE_S or last_kmh >= before_kmh:
         return kmh_to_mps(last_kmh)
