@@ -7,9 +7,11 @@ from typing import Final
 
 from trace_dag.geometry import Pose
 from trace_dag.settings import SimSettings
+from trace_dag.sim.obstacles import POLE_TEST_MPS, crush_m
+from trace_dag.sim.types import Body
 from trace_dag.states.objects import FixedObject
 from trace_dag.studies.validation.placing import OUTWARD, before_object, damaged_m, struck_side
-from trace_dag.studies.validation.recorded import RecordedEvent, RecordedVehicle
+from trace_dag.studies.validation.recorded import Damage, RecordedEvent, RecordedVehicle
 from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, recorded_by, simulate
 from trace_dag.units import mps_to_kmh
 
@@ -53,12 +55,24 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
     course = force_rad if on_side or abs(force_rad) > _SIDEWAYS_RAD else 0.0
     locked_wheels = vehicle.locked_wheels(event.number)
     start = before_object(body, place, course, recording.speed_mps, diameter_m / 2, locked_wheels)
-    post = FixedObject.of_kind(
-        kind, number=2001, event_number=1, pose=Pose(0.0, 0.0, 0.0), length_m=diameter_m, width_m=diameter_m
-    )
+    post = _post(kind, diameter_m)
+    if post.force_n is not None and damage is not None and _pressing_n(body, damage) > post.force_n:
+        post = _post(_TREE, diameter_m)
     log = simulate((start,), settings, (post,))
     if log.first_contact is None:
         raise Unusable("placed by its damage and at this speed the vehicle does not meet the object")
     speed = recording.speed_mps
     stops = (-speed * math.cos(course), -speed * math.sin(course))
     return compared_row(case, vehicle.number, "object", recording, damage, recorded_by(log, 0), stops, log, first=True)
+
+
+def _post(kind: int, diameter_m: float) -> FixedObject:
+    pose = Pose(0.0, 0.0, 0.0)
+    return FixedObject.of_kind(kind, number=2001, event_number=1, pose=pose, length_m=diameter_m, width_m=diameter_m)
+
+
+def _pressing_n(body: Body, damage: Damage) -> float:
+    """The force that a pole pressed a vehicle with, by its largest crush: an object that left a dent of that depth
+    held at least as much."""
+    rate = POLE_TEST_MPS / crush_m(body.vehicle_class)
+    return body.mass_kg * rate * rate * (damage.crush_m or 0.0)
