@@ -10,6 +10,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
+from trace_dag.cli.progress import progress_of
 from trace_dag.wording import percent
 
 if TYPE_CHECKING:
@@ -38,15 +39,21 @@ def validate(root: str, cases: Path | None, as_json: bool) -> None:
     """
     from trace_dag.flow.workspace import Workspace
     from trace_dag.studies.validation.closed_forms import closed_forms
-    from trace_dag.studies.validation.crashes import compare_crashes
+    from trace_dag.studies.validation.crashes import compare_crash
     from trace_dag.studies.validation.recorded import read_recorded_crashes
     from trace_dag.studies.validation.staged import staged_results
 
     settings = Workspace.open(root, to_read=True).settings.sim
-    rows = compare_crashes(read_recorded_crashes(cases), settings) if cases is not None else []
+    if as_json and cases is None:
+        raise click.UsageError("--json prints the vehicles of --ciren FILE; name the file")
+    rows: list[Compared] = []
+    if cases is not None:
+        crashes = read_recorded_crashes(cases)
+        with progress_of("cases", len(crashes)) as tell:
+            for crash in crashes:
+                rows += compare_crash(crash, settings)
+                tell(f"case {crash.case}")
     if as_json:
-        if cases is None:
-            raise click.UsageError("--json prints the vehicles of --ciren FILE; name the file")
         write_json([row.published() for row in rows])
         return
     if cases is not None:

@@ -7,18 +7,13 @@ peer alike. *Object*: a vehicle that struck a tree or a pole at its recorded spe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from trace_dag.settings import SimSettings
 from trace_dag.studies.validation.pairs import compare_pair
 from trace_dag.studies.validation.posts import POSTS, compare_with_post
 from trace_dag.studies.validation.recorded import RecordedCrash, RecordedEvent
 from trace_dag.studies.validation.rows import Compared, Unusable
-
-
-def compare_crashes(crashes: Iterable[RecordedCrash], settings: SimSettings) -> list[Compared]:
-    """Every vehicle of every case, in the order of the file."""
-    return [row for crash in crashes for row in compare_crash(crash, settings)]
 
 
 def compare_crash(crash: RecordedCrash, settings: SimSettings) -> list[Compared]:
@@ -58,8 +53,10 @@ def _event_of_two(crash: RecordedCrash) -> RecordedEvent | None:
     """The first event of two vehicles that as many recorders as possible have a delta-v of."""
     best: tuple[int, RecordedEvent] | None = None
     for event in crash.events:
-        pair = [crash.vehicles.get(number) for number in (event.vehicle, event.other_vehicle or 0)]
-        if event.vehicle == event.other_vehicle or any(vehicle is None for vehicle in pair):
+        if event.other_vehicle is None or event.vehicle == event.other_vehicle:
+            continue
+        pair = [crash.vehicles.get(number) for number in (event.vehicle, event.other_vehicle)]
+        if any(vehicle is None for vehicle in pair):
             continue
         recorded = sum(vehicle is not None and vehicle.recording(event.number) is not None for vehicle in pair)
         if recorded > (best[0] if best else 0):
