@@ -278,6 +278,10 @@ class AutomationSettings(_Section):
     """What runs by itself, and who is told; never part of any provenance. The daemon reads it when it starts."""
 
     schedules: tuple[Schedule, ...] = Field((), description="Cohorts that are run at given hours.")
+    run_registered: bool = Field(
+        False,
+        description="Whether crashes are run once the daemon sees that they were registered, by whatever command.",
+    )
     new_cases_cron: str = Field("0 6 * * 1", description="When the CrashAPI is asked for newly released cases.")
     new_cases_timezone: Annotated[str, AfterValidator(_timezone)] = Field("UTC", description="Of these hours.")
     fresh_within_h: float | None = Field(

@@ -1,4 +1,4 @@
-"""Reports that arrive in a watched folder: registered, given a partition, run, and only once."""
+"""Reports that arrive in a watched folder, and crashes registered elsewhere: known to Dagster and run, each once."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from pathlib import Path
 
 import fake_flow
 import pytest
-from dagster import RunRequest, SkipReason, build_sensor_context
+from dagster import DagsterInstance, DagsterRun, DagsterRunStatus, RunRequest, SkipReason, build_sensor_context
 
-from trace_dag.assets.sensors import arriving_reports
+from trace_dag.assets.run_requests import keys_of, range_tags
+from trace_dag.assets.sensors import arriving_reports, registered_crashes
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.definitions import build_definitions
 from trace_dag.definitions.launch import open_instance
+from trace_dag.flow.batch import run_stages
 from trace_dag.flow.records import read_records
+from trace_dag.flow.selection import PlannedBatch
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome
 from trace_dag.stage import Stage
@@ -129,3 +132,77 @@ def test_without_a_watched_folder_it_says_how_to_get_one(tmp_path, monkeypatch):
         result = arriving_reports(context)
     assert isinstance(result, SkipReason)
     assert "--watch" in str(result.skip_message)
+
+
+class Elsewhere:
+    """A root in which another machine registers crashes, and the looks of the sensor of a Dagster that has a database
+    of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.reports = folder / "reports"
+        self.workspace = Workspace.open(str(folder / "root"), fake_flow.FLOW)
+        self.instance = DagsterInstance.ephemeral()
+        self.cursor = None
+
+    def register(self, *keys: str) -> None:
+        self.workspace.registry.register("elsewhere", fake_flow.write_reports(self.reports, dict.fromkeys(keys, "")))
+
+    def look(self, *, run: bool) -> list[list[str]]:
+        """The crashes of each run that is asked for."""
+        settings = {"execution": {"executor": "in_process"}, "automation": {"run_registered": run}}
+        self.workspace = self.workspace.with_settings(settings)
+        with build_sensor_context(
+            instance=self.instance, cursor=self.cursor, resources={"workspace": self.workspace}
+        ) as context:
+            result = registered_crashes(context)
+        self.cursor = context.cursor if isinstance(result, SkipReason) else result.cursor
+        requests = [] if isinstance(result, SkipReason) else result.run_requests
+        return [list(keys_of(request.tags, self.partitions())) for request in requests]
+
+    def partitions(self) -> list[str]:
+        return list(self.instance.get_dynamic_partitions("crashes"))
+
+
+@pytest.fixture
+def elsewhere(tmp_path):
+    made = Elsewhere(tmp_path)
+    yield made
+    made.instance.dispose()
+
+
+FIRST, SECOND, THIRD = "2023-510010", "2023-510011", "2023-510012"
+
+
+def test_dagster_is_told_of_what_another_machine_registers_and_runs_nothing_unless_asked_to(elsewhere):
+    assert elsewhere.look(run=False) == []
+    elsewhere.register(FIRST)
+    assert elsewhere.look(run=False) == []
+    assert elsewhere.partitions() == [FIRST]
+    elsewhere.register(SECOND)
+    assert elsewhere.look(run=False) == []
+    assert elsewhere.partitions() == [FIRST, SECOND]
+
+
+def test_registered_crashes_are_run_once_where_the_settings_say_so(elsewhere):
+    elsewhere.register(FIRST, SECOND)
+    assert elsewhere.look(run=True) == [[FIRST, SECOND]]
+    assert elsewhere.look(run=True) == []
+    list(run_stages(elsewhere.workspace, [FIRST, SECOND], run_id="x"))
+    elsewhere.register(THIRD)
+    assert elsewhere.look(run=True) == [[THIRD]]
+
+
+def test_what_a_run_is_under_way_for_is_not_asked_for_again(elsewhere):
+    elsewhere.register(FIRST, SECOND)
+    elsewhere.look(run=False)
+    tags = range_tags(PlannedBatch((FIRST, SECOND), tuple(Stage)))
+    elsewhere.instance.add_run(DagsterRun("all_stages", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
+    elsewhere.register(THIRD)
+    assert elsewhere.look(run=True) == [[THIRD]]
+
+
+def test_nothing_but_a_listing_is_read_while_no_cohort_changes(elsewhere, monkeypatch):
+    elsewhere.register(FIRST)
+    elsewhere.look(run=True)
+    monkeypatch.setattr(type(elsewhere.workspace.registry), "cohorts", lambda _: pytest.fail("cohorts were read"))
+    assert elsewhere.look(run=True) == []

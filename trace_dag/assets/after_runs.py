@@ -24,18 +24,12 @@ from dagster import (
 from trace_dag.alerts import Alert, AlertKind, alerts_go_out, send
 from trace_dag.assets.batch import SUMMARY_TAG
 from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
-from trace_dag.assets.run_requests import PROCESS_TAG
+from trace_dag.assets.run_requests import PROCESS_TAG, UNFINISHED
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 
-_UNFINISHED = [
-    DagsterRunStatus.QUEUED,
-    DagsterRunStatus.NOT_STARTED,
-    DagsterRunStatus.STARTING,
-    DagsterRunStatus.STARTED,
-]
 _BACKFILL_TAG = "dagster/backfill"  # on each run of a backfill; Dagster's constant for it is private, its text is shown
 _BROKEN_OFF = ("CANCELING", "CANCELED", "FAILING", "FAILED")  # status of a backfill
 _ENTER_TABLES = frozenset({*(stage.value for stage in Stage), *STUDIES})
@@ -64,7 +58,7 @@ def _changes_tables(run: DagsterRun) -> bool:
 
 
 def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:
-    waiting = instance.get_runs(RunsFilter(statuses=_UNFINISHED))
+    waiting = instance.get_runs(RunsFilter(statuses=[*UNFINISHED]))
     return any(other.run_id != run.run_id and _changes_tables(other) for other in waiting)
 
 

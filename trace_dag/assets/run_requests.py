@@ -1,13 +1,23 @@
 """Tags and configuration of a run of planned crashes, the same for schedules, sensors and commands."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from dagster import DagsterRunStatus
 
 from trace_dag.flow.selection import PlannedBatch
 from trace_dag.stage import Stage
 
 PROCESS_TAG = "trace_dag/process"
 """Names the command that started a run."""
+
+UNFINISHED = (
+    DagsterRunStatus.QUEUED,
+    DagsterRunStatus.NOT_STARTED,
+    DagsterRunStatus.STARTING,
+    DagsterRunStatus.STARTED,
+)
+"""Of runs that are under way or to come."""
 
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
 _RANGE_END_TAG = "dagster/asset_partition_range_end"
@@ -22,3 +32,12 @@ def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None)
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
     """The tags by which Dagster knows which partitions a run is for."""
     return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
+
+
+def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]:
+    """The partitions, of all in order, that a run with these tags is for; none where the tags name none there is."""
+    ends = tags.get(_RANGE_START_TAG), tags.get(_RANGE_END_TAG)
+    if not all(end in partitions for end in ends):
+        return ()
+    first, last = (partitions.index(end) for end in ends if end is not None)
+    return partitions[first : last + 1]

@@ -1,9 +1,12 @@
-"""A sensor on the folders that cohorts watch: what arrives is registered, gets a partition, and is run."""
+"""Sensors on the folders that cohorts watch, and on what is registered, by whatever command on whatever machine."""
+
+from collections.abc import Sequence
 
 from dagster import (
     DefaultSensorStatus,
     ResourceParam,
     RunRequest,
+    RunsFilter,
     SensorEvaluationContext,
     SensorResult,
     SkipReason,
@@ -12,18 +15,20 @@ from dagster import (
 
 from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
 from trace_dag.assets.partitions import add_partitions
-from trace_dag.assets.run_requests import range_tags
+from trace_dag.assets.run_requests import UNFINISHED, keys_of, range_tags
 from trace_dag.cohorts.watched_folders import register_arrivals
 from trace_dag.flow.selection import Selection, plan
 from trace_dag.flow.workspace import Workspace
+from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.wording import counted
 
 _INTERVAL_S = 30
+_JOBS = [job for job in STAGE_JOBS if job.name == ALL_STAGES]
 
 
 @sensor(
-    jobs=[job for job in STAGE_JOBS if job.name == ALL_STAGES],
+    jobs=_JOBS,
     minimum_interval_seconds=_INTERVAL_S,
     default_status=DefaultSensorStatus.STOPPED,
     description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
@@ -42,16 +47,47 @@ def arriving_reports(
         context.update_cursor(arrivals.seen)
         return SkipReason(f"Nothing new in {counted(arrivals.folders, 'folder')}. {arrivals.unread}".rstrip())
     add_partitions(context.instance, arrivals.keys)
-    selection = Selection(arrivals.keys, dict.fromkeys(arrivals.keys, Stage.RAW_REPORT))
+    return SensorResult(run_requests=_runs(context, workspace, arrivals.keys, arrivals.state), cursor=arrivals.seen)
+
+
+@sensor(
+    jobs=_JOBS,
+    minimum_interval_seconds=_INTERVAL_S,
+    default_status=DefaultSensorStatus.RUNNING,
+    description="Makes partitions of crashes that were registered elsewhere, such as with trace-dag ingest on another "
+    "machine; with the setting automation.run_registered they are run through all stages.",
+)
+def registered_crashes(
+    context: SensorEvaluationContext, workspace: ResourceParam[Workspace]
+) -> SensorResult | SkipReason:
+    """Tell Dagster of the crashes it does not know, once the cohorts are listed otherwise than at the last look."""
+    listed = workspace.registry.listed()
+    if listed == context.cursor:
+        return SkipReason("No cohort has changed.")
+    keys = workspace.registry.keys()
+    added = add_partitions(context.instance, keys)
+    waiting = _never_run(context, workspace, keys) if workspace.settings.automation.run_registered else []
+    if not waiting:
+        context.update_cursor(listed)
+        return SkipReason(f"{counted(added, 'crash', 'crashes')} more than before.")
+    return SensorResult(run_requests=_runs(context, workspace, waiting, listed), cursor=listed)
+
+
+def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str]) -> list[str]:
+    """The crashes of which nothing is stored, and that no run is under way for."""
+    partitions = context.instance.get_dynamic_partitions("crashes")
+    under_way = context.instance.get_runs(RunsFilter(job_name=ALL_STAGES, statuses=[*UNFINISHED]))
+    known = {key for run in under_way for key in keys_of(run.tags, partitions)}
+    known |= {crash_of(name) for name in workspace.storage.list(Stage.RAW_REPORT)}
+    return [key for key in keys if key not in known]
+
+
+def _runs(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str], state: str) -> list[RunRequest]:
+    """Runs of some crashes through all stages, each asked for once in the ``state`` in which they were found."""
+    selection = Selection(tuple(keys), dict.fromkeys(keys, Stage.RAW_REPORT))
     partitions = context.instance.get_dynamic_partitions("crashes")
     batches = plan(partitions, selection, size=workspace.settings.execution.batch_size)
-    return SensorResult(
-        run_requests=[
-            RunRequest(run_key=f"{arrivals.state}-{number}", tags=range_tags(batch))
-            for number, batch in enumerate(batches)
-        ],
-        cursor=arrivals.seen,
-    )
+    return [RunRequest(run_key=f"{state}-{number}", tags=range_tags(batch)) for number, batch in enumerate(batches)]
 
 
-SENSORS = (arriving_reports,)
+SENSORS = (arriving_reports, registered_crashes)

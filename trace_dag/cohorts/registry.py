@@ -141,6 +141,10 @@ class Registry:
             found[cohort.name] = cohort
         return found
 
+    def listed(self) -> str:
+        """A digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has changed."""
+        return hashlib.sha256(repr(sorted(self._storage.list(_FOLDER).items())).encode()).hexdigest()
+
     def cohort(self, name: str) -> Cohort:
         """One cohort; :class:`UserError` if it is not there."""
         cohorts = self.cohorts()
