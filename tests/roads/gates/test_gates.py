@@ -285,6 +285,8 @@ def _first_section(network: RoadNetwork) -> list[LaneRef]:
         ({"lanes:forward": "2", "lanes:backward": "1", "lanes:both_ways": "1"}, 4),
         ({"lanes": "2", "lanes:forward": "3", "lanes:backward": "3"}, None),
         ({"lanes": "5", "lanes:forward": "2", "lanes:backward": "2"}, 5),
+        ({"lanes": "4", "lanes:forward": "1", "lanes:backward": "1", "lanes:both_ways": "1"}, None),
+        ({"lanes": "3", "lanes:forward": "1", "lanes:backward": "1", "lanes:both_ways": "1"}, 3),
         ({}, None),
     ],
 )

@@ -129,6 +129,28 @@ def test_text_that_xml_cannot_hold_is_left_out(network: RoadNetwork) -> None:
     assert {road.name for road in stored.roads} == {"Main Street"}
 
 
+@pytest.mark.parametrize(("length_m", "start_m"), [(400.7501000777, 111.4261934902), (448.8728473677, 162.0047773666)])
+def test_the_last_lane_section_ends_with_the_road_as_carla_adds_it(length_m: float, start_m: float) -> None:
+    assert start_m + (length_m - start_m) > length_m, "the sum of the numbers as they are is beyond the end"
+    town = Town()
+    town.street([(0, 0), (length_m, 0)], highway="primary", lanes="2")
+    whole = town.network()
+    (road,) = whole.roads
+    (section,) = road.lane_sections
+    (line,) = road.plan
+    cut = replace(
+        road,
+        length_m=length_m,
+        plan=(replace(line, length_m=length_m),),
+        lane_sections=(section, replace(section, s_m=start_m)),
+    )
+    written = write_opendrive(replace(whole, roads=(cut,)))
+    start = float(etree.fromstring(written).findall(".//laneSection")[1].get("s"))
+    assert start == pytest.approx(start_m, abs=2e-10)
+    assert start + (length_m - start) <= length_m
+    assert len(carla_map(written).generate_waypoints(10.0)) > 70, "two lanes of 400 m, a point each 10 m"
+
+
 def test_carla_drives_on_it_without_jumps(network: RoadNetwork) -> None:
     steps = carla_steps(carla_map(write_opendrive(network)))
     assert len(steps.distances_m) > 1000

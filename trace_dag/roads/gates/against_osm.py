@@ -392,9 +392,10 @@ def tagged_lane_count(tags: Mapping[str, str]) -> int | None:
     total = values["lanes"]
     parts = (values["lanes:forward"], values["lanes:backward"])
     if not one_way and parts[0] is not None and parts[1] is not None:
-        by_parts = parts[0] + parts[1] + (values["lanes:both_ways"] or 0)
-        # A centre turn lane is often counted in the total only.
-        if total is not None and total - by_parts not in (0, 1):
+        both_ways = values["lanes:both_ways"] or 0
+        by_parts = parts[0] + parts[1] + both_ways
+        # A centre turn lane is often counted in the total only; where it is tagged there is no other.
+        if total is not None and total - by_parts not in ((0,) if both_ways else (0, 1)):
             return None
         total = total if total is not None else by_parts
     if total is None or total < 1:

@@ -84,10 +84,10 @@ def require(gates: Iterable[MapGate]) -> None:
 
 
 def _sentence(gate: MapGate) -> str:
-    value = "nothing" if gate.value is None else f"{gate.value:.4g}"
+    value = "" if gate.value is None else f" with {gate.value:.4g} {gate.unit}"
     limit = "" if gate.threshold is None else f" (limit {gate.threshold:.4g})"
-    detail = f": {gate.detail}" if gate.detail else ""
-    return f"The map fails its gate {gate.name.replace('_', ' ')} with {value} {gate.unit}{limit}{detail}."
+    detail = f": {gate.detail.removesuffix('.')}" if gate.detail else ""
+    return f"The map fails its gate {gate.name.replace('_', ' ')}{value}{limit}{detail}."
 
 
 def _at_most(name: str, value: float, threshold: float, unit: str, detail: str = "") -> MapGate:

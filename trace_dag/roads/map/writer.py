@@ -69,6 +69,16 @@ def _number(value: float) -> str:
     return "0" if text == "-0" else text
 
 
+def _last_start(start_m: float, length_m: float) -> str:
+    """Where a road's last lane section begins, so that with its length, by the numbers as they are written, it ends no
+    farther than the road. CARLA adds the two, and refuses the map if the sum is beyond the end by its last bit.
+    """
+    text, length = _number(start_m), float(_number(length_m))
+    while (start := float(text)) + (length - start) > length:
+        text = _number(start - 1e-10)
+    return text
+
+
 def _coefficient(value: float) -> str:
     """Curvatures and polynomial coefficients: small numbers count over long distances."""
     return "0" if value == 0 else f"{value:.12g}"
@@ -109,8 +119,10 @@ def _write_road(out: list[str], road: Road, marks: Marks) -> None:
     out.extend(_cubics("elevation", "s", road.elevation or (Cubic(0.0, 0.0),)))
     out.append("</elevationProfile>\n<lateralProfile/>\n<lanes>\n")
     out.extend(_cubics("laneOffset", "s", road.lane_offset))
-    for section in road.lane_sections:
-        _write_section(out, section, marks)
+    for section in road.lane_sections[:-1]:
+        _write_section(out, section, _number(section.s_m), marks)
+    for section in road.lane_sections[-1:]:
+        _write_section(out, section, _last_start(section.s_m, road.length_m), marks)
     out.append("</lanes>\n<objects>\n")
     out.extend(map(_crosswalk, road.crosswalks))
     out.append("</objects>\n<signals>\n")
@@ -163,8 +175,8 @@ def _cubics(tag: str, key: str, cubics: Iterable[Cubic]) -> list[str]:
     ]
 
 
-def _write_section(out: list[str], section: LaneSection, marks: Marks) -> None:
-    out.append(f'<laneSection s="{_number(section.s_m)}">\n')
+def _write_section(out: list[str], section: LaneSection, start: str, marks: Marks) -> None:
+    out.append(f'<laneSection s="{start}">\n')
     ordered = sorted(section.lanes, key=lambda lane: -lane.id)
     left = [lane for lane in ordered if lane.id > 0]
     right = [lane for lane in ordered if lane.id < 0]
