@@ -26,7 +26,8 @@ from trace_dag.evaluation.registry import BASELINES, make_agent, resolve
 from trace_dag.flow.executors import available_cores
 from trace_dag.flow.workspace import Workspace
 from trace_dag.studies.cases import AgentRole, StoredCase, number_of, verified_cases
-from trace_dag.studies.evaluations import EvaluationWork, LoadedCase, evaluate_agents
+from trace_dag.studies.evaluation_work import EvaluationWork, LoadedCase
+from trace_dag.studies.evaluations import evaluate_agents
 
 ROLES = (AgentRole.FIRST, AgentRole.SECOND)
 

@@ -11,7 +11,10 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import IO
@@ -70,15 +73,31 @@ def _started(function: str, number: int, output: int, isolation: Isolation | Non
     environment: Mapping[str, str] = {**_ONE_THREAD, **os.environ}
     if isolation is not None:
         command, environment = isolation.command(command), isolation.environment(environment)
-    return subprocess.Popen(  # noqa: S603 - our own command
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=output,
-        stderr=output,
-        pass_fds=[number],
-        start_new_session=True,
-        env=environment,
-    )
+    process: Future[subprocess.Popen[bytes]] = Future()
+
+    def start() -> None:
+        """Linux ends a process that belongs to its parent with the thread that started it, and whoever asks may be a
+        thread that soon ends, as on a cluster's worker. So one of its own starts it, and lives as long."""
+        try:
+            started = subprocess.Popen(  # noqa: S603 - our own command
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=[number],
+                start_new_session=True,
+                env=environment,
+            )
+        except BaseException as error:
+            process.set_exception(error)
+            return
+        process.set_result(started)
+        if hasattr(os, "waitid"):
+            with suppress(ChildProcessError):
+                os.waitid(os.P_PID, started.pid, os.WEXITED | os.WNOWAIT)
+
+    threading.Thread(target=start, name="parent of agents", daemon=True).start()
+    return process.result()
 
 
 class _Nursery:

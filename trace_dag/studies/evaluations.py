@@ -9,81 +9,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.evaluation.agent_code import agent_code
 from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.agent_process import AgentProcess
 from trace_dag.evaluation.agents import AgentFault
-from trace_dag.evaluation.cases import Case
-from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate, faulty
+from trace_dag.evaluation.evaluate import Conditions, faulty
 from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
-from trace_dag.flow.executors import available_cores
 from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
 from trace_dag.flow.workspace import Workspace
-from trace_dag.plugins import PluginKind, offered
-from trace_dag.provenance import code_of, now
-from trace_dag.settings import SimSettings
-from trace_dag.sim.backends import backend, backend_factory
-from trace_dag.sim.types import Simulation
+from trace_dag.provenance import now
 from trace_dag.storage import Storage
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
-from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
+from trace_dag.studies.deadlines import StepLost, Task
+from trace_dag.studies.evaluation_work import EvaluationWork, Step, answers, evaluating_code
 
 FOLDER = "evaluations"
 
-_OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
-_OUR_MEMORY_MB = 4096
 _ABOUT = ("rate_hz", "range_m", "noise_m", "occlusion", "traffic", "seed", "agent_code", "code_version")
-
-
-@dataclass(frozen=True)
-class Step:
-    """One evaluation: an agent, as ``module:Class``, in somebody's place."""
-
-    name: str
-    reference: str
-    role: AgentRole
-
-
-@dataclass
-class LoadedCase:
-    """What the evaluations of one case share in a worker."""
-
-    case: Case
-    simulation: Simulation
-
-
-@dataclass
-class EvaluationWork:
-    """What the workers do: they simulate and measure. Each agent is in a process beside each worker, made once."""
-
-    settings: SimSettings
-    cases: Mapping[str, StoredCase]
-    conditions: Conditions
-    limits: AgentLimits
-    isolation: Isolation | None
-    _agents: dict[str, AgentProcess] = field(default_factory=dict)
-
-    def prepare(self, name: str) -> LoadedCase:
-        """The case, and its map made ready. Raises :class:`Failure`."""
-        try:
-            case = load_case(self.cases[name])
-            return LoadedCase(case, backend(self.settings).load(case.network, case.xodr, friction=case.friction))
-        except Failure:
-            raise
-        except Exception as error:
-            raise Failure(f"{name} cannot be loaded for evaluation: {type(error).__name__}: {error}") from error
-
-    def do(self, shared: LoadedCase, step: Step) -> Evaluation:
-        """One evaluation; whatever the agent does wrong is its result."""
-        if step.reference not in self._agents:
-            self._agents[step.reference] = AgentProcess(step.reference, self.limits, self.isolation)
-        ego = number_of(shared.case, step.role)
-        return evaluate(shared.case, ego, self._agents[step.reference], self.conditions, shared.simulation)
 
 
 def evaluate_agents(
@@ -107,16 +53,11 @@ def evaluate_agents(
     by_id = {case.case_id: case for case in cases}
     work = EvaluationWork(workspace.settings.sim, by_id, conditions, limits, isolation)
     steps = tuple(Step(name, reference, role) for name, reference in references.items() for role in roles)
-    one_at_a_time = backend_factory(workspace.settings.sim).one_at_a_time
-    workers = 1 if one_at_a_time else workspace.settings.execution.workers or available_cores()
-    pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
-        work, workers=workers, step_limit_s=2 * limits.time_s + _OURS_S, memory_mb=_OUR_MEMORY_MB
-    )
     code = evaluating_code(workspace.settings.sim)
     digests = {name: agent_code(reference) for name, reference in references.items()}
     results = _Results(workspace.storage, {name: label(name) + conditions.suffix for name in agents}, complain)
     try:
-        for answer in pool.run([Task(case_id, steps) for case_id in by_id]):
+        for answer in answers(workspace, work, [Task(case_id, steps) for case_id in by_id]):
             stored = by_id[answer.task]
             found = answer.result
             if isinstance(found, Failure):
@@ -139,12 +80,6 @@ def evaluate_agents(
     finally:
         results.store(references)
     return results.in_order()
-
-
-def evaluating_code(settings: SimSettings) -> str:
-    """The version of the code that evaluates: measures of one code are not compared with those of another."""
-    baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
-    return code_of((evaluate.__module__, *sorted(baselines)), settings).digest
 
 
 class _Results:

@@ -25,7 +25,8 @@ from trace_dag.flow.workspace import Workspace
 from trace_dag.schemas import ColumnType
 from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of, verified_cases
-from trace_dag.studies.evaluations import FOLDER, evaluating_code
+from trace_dag.studies.evaluation_work import evaluating_code
+from trace_dag.studies.evaluations import FOLDER
 from trace_dag.version import __version__
 
 _FORMAT: Final = "trace-dag results 1"
