@@ -106,6 +106,20 @@ def test_a_person_who_lies_slides_as_the_textbook_says(speed: float) -> None:
     assert slid_m == pytest.approx(v * v / (2 * MU * GRAVITY_MPS2), rel=0.1)
 
 
+@pytest.mark.parametrize("grade", [-0.05, 0.0, 0.05])
+def test_the_last_metres_of_a_slide_are_as_long_as_the_grade_has_them(grade: float) -> None:
+    """From 2 m/s on, seen from above: friction takes mu g cos^2, the weight gives or takes g sin cos."""
+    s = np.arange(-50.0, 80.0, 2.0)
+    road = Surface(np.stack([s, 0 * s, grade * s], -1), np.tile([grade, 0.0], (len(s), 1)))
+    person = run(*crossing(VAN, ADULT, 12.0), surface=road).vehicle_log(1001)
+    speeds = np.hypot(person.velocity_x_mps, person.velocity_y_mps)
+    first = int(np.flatnonzero(speeds > 2.0)[-1]) + 1
+    slid_m = math.hypot(person.x_m[-1] - person.x_m[first], person.y_m[-1] - person.y_m[first])
+    slower_mps2 = GRAVITY_MPS2 * (MU + grade) / (1 + grade**2)
+    assert slid_m == pytest.approx(speeds[first] ** 2 / (2 * slower_mps2), rel=0.03)
+    assert np.ptp(person.above_road_m[first:]) < 0.02
+
+
 def searle(speed_mps: float) -> tuple[float, float]:
     """Least and greatest throw (m) of who is launched at a speed under any angle (SAE 831622)."""
     least = speed_mps**2 / (2 * MU * GRAVITY_MPS2)

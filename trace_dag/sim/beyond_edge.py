@@ -64,6 +64,7 @@ class Bank(NamedTuple):
 
 
 LEVEL: Final = Bank(0.0, 0.0, 0.0)
+_BELOW_SLOPE: Final = Bank(-_FORE_SLOPE * FORE_SLOPE_M, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -139,10 +140,12 @@ class BeyondEdge:
             return LEVEL
         point = shapely.Point(x_m, y_m)
         opened, closed = self._open.edge_near(x_m, y_m), self._kerbed.edge_near(x_m, y_m)
+        if not (_comes_near(opened, point) or _comes_near(closed, point)):
+            return _BELOW_SLOPE
         from_open_m, from_kerb_m = _distance_m(opened, point), _distance_m(closed, point)
         edge, away_m = (opened, from_open_m) if from_open_m <= from_kerb_m else (closed, from_kerb_m)
-        if away_m >= FORE_SLOPE_M or away_m < 1e-6:
-            return Bank(-_FORE_SLOPE * min(away_m, FORE_SLOPE_M), 0.0, 0.0)
+        if away_m < 1e-6:
+            return Bank(-_FORE_SLOPE * away_m, 0.0, 0.0)
         x, y = shapely.get_coordinates(shapely.shortest_line(edge, point))[0].tolist()
         fall = -_FORE_SLOPE / away_m
         return Bank(-_FORE_SLOPE * away_m, fall * (x_m - x), fall * (y_m - y))
@@ -151,6 +154,12 @@ class BeyondEdge:
 def _is_open(road: Road) -> bool:
     """Whether a road has open sides; ways through junctions are as the fastest road there."""
     return is_high_speed(road.highway, road.speed_mps)
+
+
+def _comes_near(edge: shapely.Geometry, point: shapely.Point) -> bool:
+    """Whether an edge comes as near to a point as the ground slopes: much sooner said than how near."""
+    shapely.prepare(edge)
+    return bool(shapely.dwithin(edge, point, FORE_SLOPE_M))
 
 
 def _distance_m(edge: shapely.Geometry, point: shapely.Point) -> float:

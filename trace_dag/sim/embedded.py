@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 
+from trace_dag.geometry import Pose
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
+from trace_dag.sim.beyond_edge import BeyondEdge
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.plan import check_participants
 from trace_dag.sim.run_of_vehicles import BACKEND_NAME, VehicleRun
@@ -23,6 +26,7 @@ from trace_dag.sim.run_with_people import PeopleRun
 from trace_dag.sim.surface import NetworkSurface, Surface
 from trace_dag.sim.types import BodyKind, Contact, Participant, SimulationLog
 from trace_dag.states.objects import FixedObject
+from trace_dag.states.types import Trajectory
 
 
 class EmbeddedBackend:
@@ -60,6 +64,13 @@ class EmbeddedSimulation:
         self._network = network
         self._surface = surface
         self._friction = friction
+        self._beyond: dict[tuple[FixedObject, ...] | Pose, BeyondEdge] = {}  # by the objects, else the end of a plan
+
+    def with_friction(self, friction: float) -> EmbeddedSimulation:
+        """The same with another tyre-road friction; what is known of the ground is shared."""
+        other = copy(self)
+        other._friction = friction
+        return other
 
     def run(
         self,
@@ -102,4 +113,12 @@ class EmbeddedSimulation:
         if not objects and not leaves:
             return (PeopleRun if people else VehicleRun)(*what)
         run = RoadsidePeopleRun if people else RoadsideRun
-        return run(*what, objects=objects, network=self._network)
+        return run(*what, objects=objects, beyond=self._ground_beyond(objects, participants[0].trajectory))
+
+    def _ground_beyond(self, objects: tuple[FixedObject, ...], first: Trajectory) -> BeyondEdge:
+        """The ground around the first object, else around the end of the first plan."""
+        end = Pose(float(first.x_m[-1]), float(first.y_m[-1]), 0.0, float(first.z_m[-1]))
+        place = objects or end
+        if place not in self._beyond:
+            self._beyond[place] = BeyondEdge(self._network, objects, end)
+        return self._beyond[place]

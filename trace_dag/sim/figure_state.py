@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from trace_dag.sim.anthropometry import ridden_kg
 from trace_dag.sim.figures import degrees, landmark_names
-from trace_dag.sim.people import Person
+from trace_dag.sim.people import REST_MPS, REST_RPS, Person
+from trace_dag.units import GRAVITY_MPS2
 
+_CARRIED = 0.2  # the road carries who slides with as much as the weight: so near to it, as limbs settle
 _LEAN_RAD = 0.03  # of what is ridden, to the right: exactly upright, nothing would tip it over without its rider
 
 
@@ -32,8 +32,42 @@ class BodyTree:
         self.geoms = [k for k in range(model.ngeom) if model.body_rootid[model.geom_bodyid[k]] == self.body_id]
         degrees = [k for k in range(model.nv) if model.body_rootid[model.dof_bodyid[k]] == self.body_id]
         rates = data.qvel[degrees[0] : degrees[-1] + 1]
-        # Parts of MuJoCo's own memory: velocity of the root (m/s), its turning and that of the joints (rad/s).
+        pose_at = int(model.jnt_qposadr[int(model.body_jntadr[self.body_id])])
+        # Parts of MuJoCo's own memory: place (m) and velocity of the root (m/s), its turning and that of the joints
+        # (rad/s), place and velocity of the centre of mass (m, m/s) as measured last, and what is upward in the root's
+        # axes.
+        self.place = data.qpos[pose_at : pose_at + 3]
         self.moving, self.turning, self.of_joints = rates[:3], rates[3:6], rates[6:]
+        self.spinning = rates[3:]
+        self.centre, self.measured = data.subtree_com[self.body_id], data.subtree_linvel[self.body_id]
+        self.upward = data.xmat[self.body_id][6:]
+
+    def lies_still(self, carried_n: float) -> bool:
+        """Whether it slides or rests on the road, which carries it with a force (N), and does nothing else."""
+        ground = self.person.ground
+        vx, vy, vz = self.velocity
+        rises_mps = vz - vx * ground.slope_x - vy * ground.slope_y
+        weight_n = self.mass_kg * GRAVITY_MPS2
+        carried = abs(carried_n - weight_n) < _CARRIED * weight_n
+        return carried and abs(rises_mps) < REST_MPS and max(map(abs, self.spinning.tolist())) < REST_RPS
+
+    def slide(self, friction: float, step_s: float) -> None:
+        """Move a step along the road as one body: friction stops it, and its weight pulls it down a grade."""
+        ground = self.person.ground
+        x, y, z = self.place.tolist()
+        vx, vy, _ = self.velocity
+        # Seen from above the road's force and friction are both less by the squared cosine of the grade.
+        pressed_mps = GRAVITY_MPS2 / (1.0 + ground.slope_x**2 + ground.slope_y**2) * step_s
+        end_vx, end_vy = vx - pressed_mps * ground.slope_x, vy - pressed_mps * ground.slope_y
+        speed, lost = math.hypot(end_vx, end_vy), friction * pressed_mps
+        share = max(0.0, 1.0 - lost / speed) if speed > 0 else 0.0
+        end_vx, end_vy = end_vx * share, end_vy * share
+        dx, dy = (vx + end_vx) / 2 * step_s, (vy + end_vy) / 2 * step_s
+        rises = end_vx * ground.slope_x + end_vy * ground.slope_y
+        self.place[:] = x + dx, y + dy, z + dx * ground.slope_x + dy * ground.slope_y
+        self.velocity = end_vx, end_vy, rises
+        self.moving[:] = self.velocity
+        self.spinning[:] = 0.0
 
 
 class FigureState:
@@ -93,10 +127,11 @@ class FigureState:
 
     def _fastest(self) -> tuple[float, float]:
         """Speed of the pelvis or of what is ridden (m/s), and that of the fastest joint (rad/s)."""
-        speed = float(np.linalg.norm(self._rates[:3]))
+        x, y, z, *turning = self._rates.tolist()
+        speed = math.hypot(x, y, z)
         if self._ridden is not None:
-            speed = max(speed, float(np.linalg.norm(self._ridden[1][:3])))
-        return speed, float(np.abs(self._rates[3:]).max())
+            speed = max(speed, math.hypot(*self._ridden[1][:3].tolist()))
+        return speed, max(map(abs, turning))
 
     def look(self, person: Person, time_s: float) -> None:
         data = self._data

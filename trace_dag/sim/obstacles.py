@@ -85,7 +85,7 @@ class Struck:
 
     def __init__(self, vehicle: Vehicle, obstacle: Obstacle, time_s: float, restitution: float | None) -> None:
         self.obstacle = obstacle
-        self.last_s = self._start_s = time_s
+        self.last_s = self.start_s = time_s
         self._vehicle = vehicle
         self._moved_m = self._spent_j = 0.0
         self._deepest_m: dict[tuple[bool, bool], float] = {}  # by the corner that is pressed in, ahead and left
@@ -147,14 +147,14 @@ class Struck:
             px, py = contact_point(outline, self.obstacle.outline) if len(polygon) > 2 else self._point
             fx, fy = self._pressing(outline, px, py)
             moment = (px - vehicle.x) * fy - (py - vehicle.y) * fx
-        if now_s <= self._start_s + PULSE_S:
+        if now_s <= self.start_s + PULSE_S:
             self._impulse[0] += fx * part_s
             self._impulse[1] += fy * part_s
         return fx, fy, moment
 
     def pushed(self, now_s: float, x_ns: float, y_ns: float) -> None:
         """Count an impulse of the ground on the vehicle (Ns)."""
-        if now_s <= self._start_s + PULSE_S:
+        if now_s <= self.start_s + PULSE_S:
             self._impulse[0] += x_ns
             self._impulse[1] += y_ns
 
@@ -162,8 +162,8 @@ class Struck:
         """The contact as logged: the vehicle is the first of the two."""
         (px, py), mass = self._impulse, whole_kg(self._vehicle)
         return Contact(
-            time_s=self._start_s,
-            duration_s=max(self.last_s - self._start_s, 0.0),
+            time_s=self.start_s,
+            duration_s=max(self.last_s - self.start_s, 0.0),
             x_m=self._point[0],
             y_m=self._point[1],
             z_m=self._pose.z_m,

@@ -20,7 +20,7 @@ from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import Body, BodyKind, Participant
 
 _THROWN_REACH = 0.62  # of the stature, of an animal its length: how far limbs reach from the centre of mass
-_REST_MPS, _REST_RATE = 0.08, 0.6  # of the pelvis, and of every joint (rad/s)
+REST_MPS, REST_RPS = 0.08, 0.6  # of the pelvis, and of every joint
 _REST_S = 0.1
 
 
@@ -105,7 +105,7 @@ class Person:
 
     def look_for_rest(self, speed_mps: float, fastest_joint: float, now_s: float) -> None:
         """Record whether a touched person still moves, to tell later when the person came to rest."""
-        if speed_mps > _REST_MPS or fastest_joint > _REST_RATE:
+        if speed_mps > REST_MPS or fastest_joint > REST_RPS:
             self._still_since_s = math.inf
         else:
             self._still_since_s = min(self._still_since_s, now_s)
@@ -116,7 +116,7 @@ class Person:
         """Whether it no longer moves, and has not for a tenth of a second once it was touched."""
         if self.crashed:
             return self._looked_s - self._still_since_s >= _REST_S
-        return math.hypot(self.vx, self.vy) < _REST_MPS
+        return math.hypot(self.vx, self.vy) < REST_MPS
 
     def outline(self) -> Outline:
         """What it covers of the road, seen from above; of a thrown person a square that holds hands and feet."""

@@ -12,8 +12,6 @@ import math
 from collections.abc import Mapping
 
 from trace_dag.crash.record import VehicleClass
-from trace_dag.geometry import Pose
-from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.settings import SimSettings
 from trace_dag.sim.beyond_edge import LEVEL, Bank, BeyondEdge, onto_slope
 from trace_dag.sim.driving import Driver
@@ -52,14 +50,14 @@ class RoadsideRun(VehicleRun):
         drivers: Mapping[int, Driver],
         *,
         objects: tuple[FixedObject, ...],
-        network: RoadNetwork | None,
+        beyond: BeyondEdge,
     ) -> None:
         super().__init__(settings, surface, friction, participants, time_limit_s, drivers)
         self._items = objects
         self._obstacles = [Obstacle.of(item) for item in objects]
         self._touching: dict[tuple[int, int], Struck] = {}
         self._struck: list[Struck] = []  # all contacts with objects, in the order they began
-        self._beyond = _ground_beyond(network, objects, participants)
+        self._beyond = beyond
         self._banks = [LEVEL] * len(self._vehicles)  # the ground that each stands on, beyond the edge
         self._ahead = [LEVEL] * len(self._vehicles)  # and that its foremost corner came to
         self._roads = [vehicle.ground for vehicle in self._vehicles]  # the road's surface under or beside each
@@ -87,7 +85,7 @@ class RoadsideRun(VehicleRun):
 
     @property
     def _first_contact_s(self) -> float | None:
-        firsts = [self._struck[0].contact().time_s if self._struck else None, super()._first_contact_s]
+        firsts = [self._struck[0].start_s if self._struck else None, super()._first_contact_s]
         return min((first for first in (*firsts, self._overturned_s) if first is not None), default=None)
 
     def _ended(self, until_s: float, after_contact_s: float) -> tuple[Termination, str] | None:
@@ -312,14 +310,6 @@ def _between_m(vehicle: Vehicle, obstacle: Obstacle) -> float:
     """How far the circles about a vehicle and an object are apart at least: far bodies cost no more than this."""
     away_m = math.hypot(vehicle.x - obstacle.outline.x_m, vehicle.y - obstacle.outline.y_m)
     return away_m - vehicle.reach_m - obstacle.reach_m - _NEAR_M
-
-
-def _ground_beyond(
-    network: RoadNetwork | None, objects: tuple[FixedObject, ...], participants: tuple[Participant, ...]
-) -> BeyondEdge:
-    """The ground around the first object, else around the end of the first plan."""
-    t = participants[0].trajectory
-    return BeyondEdge(network, objects, Pose(float(t.x_m[-1]), float(t.y_m[-1]), 0.0, float(t.z_m[-1])))
 
 
 def _tilted(vehicle: Vehicle, bank: Bank) -> Ground:

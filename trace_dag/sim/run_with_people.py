@@ -110,7 +110,10 @@ class PeopleRun(VehicleRun):
             self._bodies.carry(step * self._step_s)
             self._step_leaning(step, flat)
         elif any(person.crashed and not person.at_rest for person in self._people):
-            self._step_of_people(step, flat, self._flight_in_parts)
+            if self._bodies.lying_still:
+                self._slide(forces, end_s)
+            else:
+                self._step_of_people(step, flat, self._flight_in_parts)
         else:
             self._move_alone(forces)
             self._close_ended(end_s)
@@ -144,6 +147,13 @@ class PeopleRun(VehicleRun):
         self._update(*self._bodies.state)
         self._close_ended((step + 1) * self._step_s)
 
+    def _slide(self, forces: list[tuple[float, float, float]], end_s: float) -> None:
+        """A step in which people slide as one body each, and vehicles move alone."""
+        self._move_alone(forces)
+        self._bodies.slide(self._step_s)
+        self._watch_contacts(end_s)
+        self._close_ended(end_s)
+
     def _vehicles_lean(self) -> bool:
         return any(two < len(self._vehicles) for _, two in self._open)
 
@@ -173,14 +183,18 @@ class PeopleRun(VehicleRun):
         return parts
 
     def _parts_near(self, pair: tuple[int, int], now_s: float, closing_mps: float) -> int:
-        """The number of parts to take a step in for a vehicle and a person who are near each other."""
+        """The number of parts to take a step in for a vehicle and a person who are near each other.
+
+        In a whole step nobody who is not seen near the other yet comes to touch.
+        """
         episode = self._open.get(pair)
         if episode is None:
-            return self._strikes_in_parts
+            unseen = self._people[pair[1] - len(self._vehicles)].crashed and not self._bodies.is_near(pair)
+            return self._flight_in_parts if unseen else self._strikes_in_parts
         if now_s - episode.last_s < _TOUCHED_S:
             slides = closing_mps < _PUSHED_MPS or self._runs_ahead(pair)
             return self._flight_in_parts if now_s > episode.pulse_end_s and slides else self._strikes_in_parts
-        return self._near_in_parts if self._bodies.is_near(pair) else 0
+        return self._near_in_parts if self._bodies.is_near(pair) else self._flight_in_parts
 
     def _runs_ahead(self, pair: tuple[int, int]) -> bool:
         """Whether a person is faster than the vehicle along it, as who slides off the hood of one that brakes: nothing

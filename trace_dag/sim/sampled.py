@@ -109,12 +109,13 @@ def simulate_samples(
     >>> runs.drawn == len(state_estimate.samples)
     True
     """
-    surface, friction = NetworkSurface(network), surface_friction(settings, record)
+    friction = surface_friction(settings, record)
+    simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
 
     def begun(drawn: DrawnCrash, sample: Sample) -> VehicleRun:
-        simulation = EmbeddedSimulation(settings, surface, friction * sample.friction, network)
-        parties = drawn.participants(_COURSE_AFTER_S)
-        return simulation.begin(parties, time_limit_s=LONGEST_BACK_S + _COURSE_AFTER_S, objects=drawn.objects)
+        parties, limit_s = drawn.participants(_COURSE_AFTER_S), LONGEST_BACK_S + _COURSE_AFTER_S
+        here = simulation.with_friction(friction * sample.friction)
+        return here.begin(parties, time_limit_s=limit_s, objects=drawn.objects)
 
     weighed: list[tuple[SampledContact, float]] = []
     heaviest: list[tuple[float, int, DrawnCrash, VehicleRun]] = []  # the likeliest so far, which may go on

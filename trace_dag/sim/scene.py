@@ -27,6 +27,7 @@ from trace_dag.sim.figures import figure_mjcf
 from trace_dag.sim.fronts import ShellBox, shell
 from trace_dag.sim.people import Person, PersonTouch
 from trace_dag.sim.rigid import RigidBodies, vehicle_bodies
+from trace_dag.sim.surface import Ground
 from trace_dag.sim.vehicles import VehicleModel
 from trace_dag.units import GRAVITY_MPS2
 
@@ -76,6 +77,9 @@ class FigureBodies(RigidBodies):
         self._bad = int(mujoco.mjtWarning.mjWARN_BADQACC)
         self.touches: dict[tuple[int, int], list[PersonTouch]] = {}
         """Where people touched vehicles in the state the last step began with, by the numbers of the two bodies."""
+        self.lying_still = False
+        """Whether all who were touched slide on the road or rest there, with limbs that no longer move and touched by
+        no vehicle: until the next step of MuJoCo's they can slide as they lie."""
 
         def geom(name: str) -> int:
             return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name))
@@ -100,26 +104,33 @@ class FigureBodies(RigidBodies):
         for i, vehicle in enumerate(models):
             geoms = np.array([geom(f"v{i}_{k}") for k in range(len(shell(vehicle.body)))])
             self._shells.append((geoms, model.geom_pos[geoms].copy()))
+        self._grades = [0.0] * len(models)  # of the road under each vehicle, the way it heads, as the boxes have it
+        self._grounds: list[Ground | None] = [None] * len(people)  # under each person, as the planes have it
         self._planes = [geom(f"road{j}") for j in range(len(people))]
+        model.geom_sameframe[self._planes] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # else they stay where they are made
         self._figures = [FigureState(mujoco, model, self._data, j, person) for j, person in enumerate(people)]
 
     # --- the road ----------------------------------------------------------------------------------------------
     def stand_on_road(self, vehicles: Sequence[Vehicle]) -> None:
         """Put the road under each person where its tangent plane is now, and the ends of the vehicles' boxes as high
         as the road is there: on a grade a front that stayed level would hang in the air or be in the ground."""
-        for vehicle, (geoms, level_m) in zip(vehicles, self._shells, strict=True):
+        for i, (vehicle, (geoms, level_m)) in enumerate(zip(vehicles, self._shells, strict=True)):
             ground = vehicle.ground
             grade = ground.slope_x * math.cos(vehicle.heading) + ground.slope_y * math.sin(vehicle.heading)
-            self._model.geom_pos[geoms] = level_m + np.outer(level_m[:, 0], (0.0, 0.0, grade))
-        for plane, person in zip(self._planes, self._people, strict=True):
+            if grade != self._grades[i]:
+                self._grades[i] = grade
+                self._model.geom_pos[geoms] = level_m + np.outer(level_m[:, 0], (0.0, 0.0, grade))
+        for j, (plane, person) in enumerate(zip(self._planes, self._people, strict=True)):
+            if person.ground == self._grounds[j]:
+                continue
+            self._grounds[j] = person.ground
+            self.lying_still = False  # MuJoCo moves people from one grade onto another
             slope_x, slope_y = person.ground.slope_x, person.ground.slope_y
+            tilt = math.hypot(slope_x, slope_y)
+            half = math.atan(tilt) / 2
+            about = math.sin(half) / tilt if tilt else 0.0  # the level line: uphill is turned up
             self._model.geom_pos[plane] = (person.x, person.y, person.z)
-            if slope_x or slope_y:
-                tilt = math.hypot(slope_x, slope_y)
-                half = math.atan(tilt) / 2  # about the level line: uphill is turned up
-                axis_x, axis_y = slope_y / tilt, -slope_x / tilt
-                sine = math.sin(half)
-                self._model.geom_quat[plane] = (math.cos(half), sine * axis_x, sine * axis_y, 0.0)
+            self._model.geom_quat[plane] = (math.cos(half), about * slope_y, -about * slope_x, 0.0)
 
     # --- people ------------------------------------------------------------------------------------------------
     def carry(self, time_s: float) -> None:
@@ -144,18 +155,32 @@ class FigureBodies(RigidBodies):
             if person.crashed:
                 figure.follow(person)
 
+    def slide(self, step_s: float) -> None:
+        """Move everybody who was touched a step along the road."""
+        for tree in self._trees:
+            if tree.person.crashed:
+                tree.slide(self._person_friction, step_s)
+
     def look(self, time_s: float) -> None:
         """Update everybody's state and posture exactly."""
         if self._data.warning[self._bad].number:
             raise Failure("the figures of people came apart in MuJoCo's solver; this is a fault of ours")
+        figures = zip(self._figures, self._people, strict=True)
+        moving = [each for each in figures if not (self.lying_still and each[1].crashed and each[1].at_rest)]
+        if not moving:
+            return
         self._measure()
-        for figure, person in zip(self._figures, self._people, strict=True):
+        for figure, person in moving:
             figure.look(person, time_s)
+        touched = [tree for tree in self._trees if tree.person.crashed]
+        self.lying_still = self.lying_still or (
+            not self.touches and all(tree.lies_still(self._carried.get(tree, 0.0)) for tree in touched)
+        )
 
     # --- contact -----------------------------------------------------------------------------------------------
     def step(self, forces: list[float], step_s: float) -> dict[tuple[int, int], tuple[float, float]]:
         """Advance a step as with vehicles alone, with people and the forces on them."""
-        self.touches = {}
+        self.touches, self.lying_still = {}, False
         if step_s != self._last_step_s:
             self._last_step_s = step_s
             self._model.opt.integrator = self._fast if step_s < _IMPLICIT_FROM_S else self._implicit
@@ -273,12 +298,11 @@ class FigureBodies(RigidBodies):
         return (np.isin(one, shapes) & np.isin(two, tree.geoms)) | (np.isin(two, shapes) & np.isin(one, tree.geoms))
 
     def _lies(self, tree: BodyTree) -> bool:
-        return bool(self._data.subtree_com[tree.body_id][2] - tree.person.z < _LIES_BELOW_M)
+        return float(tree.centre[2]) - tree.person.z < _LIES_BELOW_M
 
     def _settle_velocities(self, step_s: float) -> None:
         """Give every centre of mass the velocity that the forces on it say, which limbs that whirl about would be
         integrated away from (by 2 % of a strike at 30 m/s), and add the road's friction as an impulse now."""
-        mujoco, model, data = self._mujoco, self._model, self._data
         free = [tree for tree in self._trees if tree.person.crashed or tree in self._pushed]
         if not free:
             return
@@ -294,17 +318,16 @@ class FigureBodies(RigidBodies):
                 sliding = math.hypot(x, y)
                 share = max(0.0, 1.0 - lost / sliding) if sliding > 0 else 0.0
                 x, y = x * share, y * share
-                upward = data.xmat[tree.body_id][6:]  # in the axes of the root, as its rates are
-                turning = float(upward @ tree.turning)
+                turning = float(tree.upward @ tree.turning)
                 most = _TURNING * lost / tree.size_m
-                tree.turning -= min(most, max(-most, turning)) * upward
+                tree.turning -= min(most, max(-most, turning)) * tree.upward
                 tree.of_joints *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
             wanted.append((x, y, z))
         if self._carried:
-            mujoco.mj_comVel(model, data)
-            mujoco.mj_subtreeVel(model, data)
+            self._mujoco.mj_comVel(self._model, self._data)
+            self._mujoco.mj_subtreeVel(self._model, self._data)
         for tree, (x, y, z) in zip(free, wanted, strict=True):
-            was_x, was_y, was_z = data.subtree_linvel[tree.body_id].tolist()
+            was_x, was_y, was_z = tree.measured.tolist()
             at_x, at_y, at_z = tree.moving.tolist()
             tree.moving[:] = at_x + (x - was_x), at_y + (y - was_y), at_z + (z - was_z)
             tree.velocity = (x, y, z)

@@ -64,20 +64,27 @@ class Surface:
         if self.flat:
             return Ground(x_m, y_m, 0.0, 0.0, 0.0)
         squared = (self._points[:, 0] - x_m) ** 2 + (self._points[:, 1] - y_m) ** 2
-        near = np.arange(len(squared))
-        if len(squared) > _NEIGHBOURS:
-            near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]
-        nearest = near[np.lexsort((near, squared[near]))]  # where lanes end at one point, in the order of the map
-        chosen = next(
-            (i for i in nearest if abs(self._points[i, 2] - near_z_m) < _LEVEL_GAP_M),
-            min(nearest, key=lambda i: abs(float(self._points[i, 2]) - near_z_m)),
-        )
+        chosen = squared.argmin()
+        if abs(self._points[chosen, 2] - near_z_m) >= _LEVEL_GAP_M:
+            chosen = self._on_other_level(squared, near_z_m)
         x, y, z = self._points[chosen].tolist()
         slope_x, slope_y = self._slopes[chosen].tolist()
         reach = math.hypot(x_m - x, y_m - y)
         scale = min(1.0, 2 * _SAMPLE_STEP_M / reach) if reach > 0 else 0.0  # no climbing on, far beside the road
         height = z + scale * (slope_x * (x_m - x) + slope_y * (y_m - y))
         return Ground(x_m, y_m, height, slope_x, slope_y)
+
+    def _on_other_level(self, squared: FloatArray, near_z_m: float) -> np.intp:
+        """The nearest sample on the level of a height, by the squared distances of all; where there is none, that
+        which is nearest in height."""
+        near = np.arange(len(squared))
+        if len(squared) > _NEIGHBOURS:
+            near = np.argpartition(squared, _NEIGHBOURS)[:_NEIGHBOURS]
+        nearest = near[np.lexsort((near, squared[near]))]  # where lanes end at one point, in the order of the map
+        off_m = np.abs(self._points[nearest, 2] - near_z_m)
+        on_level = np.flatnonzero(off_m < _LEVEL_GAP_M)
+        found: np.intp = nearest[on_level[0] if len(on_level) else off_m.argmin()]
+        return found
 
 
 class NetworkSurface:
@@ -94,10 +101,11 @@ class NetworkSurface:
         if self._flat:
             return self._surface
         starts, reach_m, road_ids = self._elements
-        apart = np.linalg.norm(paths_m[:: max(1, len(paths_m) // _LOOKED_AT), None, :] - starts[None], axis=2).min(
-            axis=0
-        )
-        needed = frozenset(road_ids[apart < reach_m].tolist())
+        points_m = paths_m[:: max(1, len(paths_m) // _LOOKED_AT)]
+        beside_m = np.maximum(points_m.min(axis=0) - starts, starts - points_m.max(axis=0)).max(axis=1)
+        about = np.flatnonzero(beside_m < reach_m)  # of the rest not even the box around the points is near
+        apart_m = np.linalg.norm(points_m[:, None, :] - starts[None, about], axis=2).min(axis=0)
+        needed = frozenset(road_ids[about[apart_m < reach_m[about]]].tolist())
         if not needed <= self._covered:
             self._covered |= needed
             self._surface = self._sampled()
