@@ -34,9 +34,7 @@ _IMPORTED_WHERE_USED = (
     "pandas",
     "pyarrow.parquet",
     "pyproj.crs",
-    "scipy.integrate",
     "upath.implementations.local",
-    "xmlschema",
 )
 
 # What stands for the program where a shell looks for it; without the site's packages it starts in no time.

@@ -69,7 +69,7 @@ def test_a_ditch_is_below_the_ground_and_as_broad_as_it_slopes() -> None:
     assert outline(ditch)[:, 1].max() == pytest.approx(10.9)
     (placed,) = fixed_objects(STREET, [ditch])
     assert float(placed.element.get("zOffset")) + float(placed.element.get("height")) == pytest.approx(0.0)
-    (box,) = misc_object(ditch).get_element().iter("Center")
+    (box,) = misc_object(ditch).iter("Center")
     assert float(box.get("z")) == pytest.approx(-0.3)
     ((_, mesh),) = object_parts(ditch)
     assert mesh.points_m[:, 2].min() == pytest.approx(-0.6)

@@ -20,7 +20,7 @@ import datetime
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
@@ -30,7 +30,8 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.trailer import Trailer
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
-from trace_dag.scenario.openscenario_environment import environment, use_version
+from trace_dag.scenario.openscenario_elements import Element, element, properties, teleported
+from trace_dag.scenario.openscenario_environment import environment
 from trace_dag.scenario.openscenario_motion import SAME_TIME_S, PlayedMotion, TimedPoses
 from trace_dag.scenario.openscenario_objects import misc_object, standing_at
 from trace_dag.scenario.openscenario_people import person, person_reference_ahead_m
@@ -39,9 +40,6 @@ from trace_dag.sim.surface import NetworkSurface
 from trace_dag.sim.types import Body, SimulationLog, VehicleLog
 from trace_dag.states.objects import FixedObject
 
-if TYPE_CHECKING:
-    from scenariogeneration import xosc
-
 AUTHOR = "trace-dag"
 CONTROLLER = "free_vehicle_controller"
 
@@ -49,8 +47,12 @@ _AFTER_CONTACT_S = 5.0  # how long a scenario with a free participant goes on af
 _BEFORE_END_S = 0.0005
 _TRAJECTORY = "_trajectory"  # end of the names of trajectories
 _AFTER_COLLISION_S = 1.0  # and after one it gets into
-_LICENCE = ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/")
-_XML_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+_LICENCE = {
+    "name": "CC0 1.0",
+    "resource": "https://creativecommons.org/publicdomain/zero/1.0/",
+    "spdxId": "CC0-1.0",
+}
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
 
 
 @dataclass(frozen=True)
@@ -77,42 +79,32 @@ class OpenScenarios:
 
         Raises :class:`ValueError` if the free vehicle is not in the log, or is a person.
         """
-        from scenariogeneration import xosc
-
         flavour, record, log = flavour or Flavour(), self._record, self._log
         if flavour.free is not None and flavour.free not in log.bodies:
             raise ValueError(f"vehicle {flavour.free} is not among those simulated, {sorted(log.bodies)}")
         if flavour.free is not None and log.bodies[flavour.free].is_figure:
             raise ValueError(f"{party_label(flavour.free)} is a person; only vehicles can be left to a controller")
-        minor_version = use_version(carla=flavour.carla)
         shown = _shown_bodies(log, flavour)
-        logged = [each for each in log.vehicles if each.number in shown]
-        driven = {party_label(each.number): self._followed(each, flavour) for each in logged}
-        scenario = xosc.Scenario(
-            f"Fatal crash {record.key}, reconstructed" + (f", V{flavour.free} free" if flavour.free else ""),
-            AUTHOR,
-            xosc.ParameterDeclarations(),
-            _entities(log, flavour),
-            _storyboard(record, log, flavour, driven),
-            xosc.RoadNetwork(roadfile=map_file),
-            xosc.Catalog(),
-            osc_minor_version=minor_version,
-            license=None if flavour.carla else xosc.License("CC0 1.0", _LICENCE[1], _LICENCE[0]),
-            creation_date=datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1),
+        driven = {
+            party_label(each.number): self._followed(each, flavour) for each in log.vehicles if each.number in shown
+        }
+        root = etree.Element(
+            "OpenSCENARIO", {f"{{{_XSI}}}noNamespaceSchemaLocation": "OpenScenario.xsd"}, {"xsi": _XSI}
         )
-        root = etree.fromstring(_as_bytes(scenario), _XML_PARSER)
-        lines = {}
-        for trajectory in root.iter("Trajectory"):
-            (polyline,) = trajectory.iter("Polyline")
-            name = trajectory.get("name", "").removesuffix(_TRAJECTORY)
-            lines[f">{name}</Polyline>"] = _polyline(driven[name], depth=sum(1 for _ in polyline.iterancestors()))
-            for vertex in list(polyline):
-                polyline.remove(vertex)
-            polyline.text = name
+        root.extend(
+            [
+                _header(record, flavour),
+                element("CatalogLocations"),
+                element("RoadNetwork", element("LogicFile", filepath=map_file)),
+                _entities(log, flavour),
+                _storyboard(record, log, flavour, driven),
+            ]
+        )
         etree.indent(root, " ")
         text = etree.tostring(root, xml_declaration=True, encoding="UTF-8").decode()
-        for place, vertices in lines.items():
-            text = text.replace(place, vertices)
+        for polyline in root.iter("Polyline"):
+            name, depth = polyline.text or "", sum(1 for _ in polyline.iterancestors())
+            text = text.replace(f">{name}</Polyline>", _polyline(driven[name], depth=depth))
         return text.encode() + b"\n"
 
     def _followed(self, vehicle: VehicleLog, flavour: Flavour) -> _Driven:
@@ -141,10 +133,18 @@ class _Driven(NamedTuple):
     poses: list[_Pose]
 
 
-def _as_bytes(scenario: xosc.Scenario) -> bytes:
-    from xml.etree import ElementTree  # scenariogeneration builds with it; nothing is parsed here
-
-    return bytes(ElementTree.tostring(scenario.get_element()))
+def _header(record: CrashRecord, flavour: Flavour) -> Element:
+    day = datetime.datetime(record.year or record.case_year, record.month or 1, record.day or 1)
+    free = f", V{flavour.free} free" if flavour.free else ""
+    return element(
+        "FileHeader",
+        None if flavour.carla else element("License", **_LICENCE),  # which 1.0 does not have
+        description=f"Fatal crash {record.key}, reconstructed{free}",
+        author=AUTHOR,
+        revMajor=1,
+        revMinor=0 if flavour.carla else 2,
+        date=day.isoformat(),
+    )
 
 
 def _polyline(driven: _Driven, *, depth: int) -> str:
@@ -196,26 +196,24 @@ def _followed_until_s(log: SimulationLog, number: int, free: int | None) -> floa
     return min(touching, default=math.inf)
 
 
-def _entities(log: SimulationLog, flavour: Flavour) -> xosc.Entities:
-    from scenariogeneration import xosc
-
-    entities = xosc.Entities()
+def _entities(log: SimulationLog, flavour: Flavour) -> Element:
+    entities = element("Entities")
     first = min(log.bodies) if flavour.free is None else flavour.free
     for number, body in _shown_bodies(log, flavour).items():
         reference_m = _reference_ahead_m(log, number, flavour)
+        said = {"type": "ego_vehicle" if number == first else "simulation"} if flavour.carla else {}
+        what = "trailer_of_fars_vehicle_number" if body.is_trailer else "fars_vehicle_number"
+        said["fars_party_number" if body.is_figure else what] = str(party_of_body(number))
         if body.is_figure:
-            made = person(number, body, reference_ahead_m=reference_m, carla=flavour.carla)
+            made = person(number, body, said, reference_ahead_m=reference_m, carla=flavour.carla)
         else:
             pulled = _trailer(log, number)
-            made = vehicle(number, body, reference_ahead_m=reference_m, carla=flavour.carla, trailer=pulled)
-        if flavour.carla:
-            made.add_property("type", "ego_vehicle" if number == first else "simulation")
-        said = "trailer_of_fars_vehicle_number" if body.is_trailer else "fars_vehicle_number"
-        made.add_property("fars_party_number" if body.is_figure else said, str(party_of_body(number)))
-        controller = _controller() if number == flavour.free and not flavour.carla else None
-        entities.add_scenario_object(party_label(number), made, controller)
+            made = vehicle(number, body, said, reference_ahead_m=reference_m, carla=flavour.carla, trailer=pulled)
+        left_free = number == flavour.free and not flavour.carla
+        controller = element("ObjectController", _controller()) if left_free else None
+        entities.append(element("ScenarioObject", made, controller, name=party_label(number)))
     for item in _shown_objects(log, flavour):
-        entities.add_scenario_object(party_label(item.number), misc_object(item))
+        entities.append(element("ScenarioObject", misc_object(item), name=party_label(item.number)))
     return entities
 
 
@@ -224,90 +222,78 @@ def _shown_objects(log: SimulationLog, flavour: Flavour) -> tuple[FixedObject, .
     return () if flavour.carla else log.objects
 
 
-def _controller() -> xosc.Controller:
-    from scenariogeneration import xosc
-
-    properties = xosc.Properties()
-    properties.add_property("module", "external_control")  # ScenarioRunner's for an ego driven from outside
-    properties.add_property("esminiController", "ExternalController")
-    return xosc.Controller(CONTROLLER, properties)
+def _controller() -> Element:
+    # The first is ScenarioRunner's for an ego driven from outside.
+    said = {"module": "external_control", "esminiController": "ExternalController"}
+    return element("Controller", properties(said), name=CONTROLLER)
 
 
-def _storyboard(
-    record: CrashRecord, log: SimulationLog, flavour: Flavour, driven: Mapping[str, _Driven]
-) -> xosc.StoryBoard:
-    from scenariogeneration import xosc
-
-    init = xosc.Init()
-    surroundings = environment(record, carla=flavour.carla)
-    if surroundings is not None:
-        init.add_global_action(surroundings)
-    act = xosc.Act("reconstruction", _at_start("start_act", flavour))
-    shown = _shown_bodies(log, flavour)
-    for logged in log.vehicles:
-        if logged.number not in shown:
-            continue
-        name = party_label(logged.number)
-        speed_mps = round(float(logged.speed_mps[0]), 3) + 0.0
-        init.add_init_action(name, xosc.TeleportAction(xosc.WorldPosition(*driven[name].poses[0])))
-        init.add_init_action(
-            name,
-            xosc.AbsoluteSpeedAction(
-                max(speed_mps, 0.0) if flavour.carla else speed_mps,
-                xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0.0),
-            ),
-        )
-        if logged.number == flavour.free:
-            init.add_init_action(name, _handing_over(flavour))
-        else:
-            act.add_maneuver_group(_follow(name, driven[name], flavour))
+def _storyboard(record: CrashRecord, log: SimulationLog, flavour: Flavour, driven: Mapping[str, _Driven]) -> Element:
+    actions = element("Actions", environment(record, carla=flavour.carla))
+    act = element("Act", name="reconstruction")
+    logged = {party_label(each.number): each for each in log.vehicles}
+    for name, motion in driven.items():
+        free = logged[name].number == flavour.free
+        begins = [teleported(*motion.poses[0]), _speed(logged[name], flavour)]
+        actions.append(element("Private", *begins, _handing_over(flavour) if free else None, entityRef=name))
+        if not free:
+            act.append(_follow(name, motion, flavour))
     for item in _shown_objects(log, flavour):
-        init.add_init_action(party_label(item.number), standing_at(item))
-    story = xosc.Story("crash")
-    story.add_act(act)
-    storyboard = xosc.StoryBoard(init, _stop(log, flavour))
-    storyboard.add_story(story)
-    return storyboard
+        actions.append(element("Private", standing_at(item), entityRef=party_label(item.number)))
+    act.extend([element("StartTrigger", _group(_at_start("start_act", flavour))), element("StopTrigger")])
+    story = element("Story", act, name="crash")
+    return element("Storyboard", element("Init", actions), story, _stop(log, flavour))
 
 
-def _handing_over(flavour: Flavour) -> xosc.ControllerAction:
+def _speed(vehicle: VehicleLog, flavour: Flavour) -> Element:
+    """The speed that an entity begins with."""
+    speed_mps = round(float(vehicle.speed_mps[0]), 3) + 0.0
+    at_once = element("SpeedActionDynamics", dynamicsShape="step", value=0.0, dynamicsDimension="time")
+    value = element("AbsoluteTargetSpeed", value=max(speed_mps, 0.0) if flavour.carla else speed_mps)
+    action = element("SpeedAction", at_once, element("SpeedActionTarget", value))
+    return element("PrivateAction", element("LongitudinalAction", action))
+
+
+def _handing_over(flavour: Flavour) -> Element:
     """Gives a vehicle to its controller; revision 1.0 wants it assigned, and every override stated."""
-    from scenariogeneration import xosc
-
     if not flavour.carla:
-        return xosc.ControllerAction(activateControllerAction=xosc.ActivateControllerAction(True, True))
-    override = xosc.OverrideControllerValueAction()
-    for pedal in (override.set_throttle, override.set_brake, override.set_clutch, override.set_parkingbrake):
-        pedal(False, 0.0)
-    override.set_steeringwheel(False, 0.0)
-    override.set_gear(False, 0.0)
-    return xosc.ControllerAction(xosc.AssignControllerAction(_controller()), override)
+        activated = element("ActivateControllerAction", lateral=True, longitudinal=True)
+        return element("PrivateAction", element("ControllerAction", activated))
+    override = element("OverrideControllerValueAction")
+    for pedal in ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel"):
+        override.append(element(pedal, active=False, value=0.0))
+    override.append(element("Gear", active=False, number=0.0))
+    assigned = element("AssignControllerAction", _controller())
+    return element("PrivateAction", element("ControllerAction", override, assigned))
 
 
-def _follow(name: str, driven: _Driven, flavour: Flavour) -> xosc.ManeuverGroup:
-    from scenariogeneration import xosc
-
-    trajectory = xosc.Trajectory(f"{name}{_TRAJECTORY}", closed=False)
-    # Only its ends: they are replaced by all vertices, which are written as text.
-    ends = [xosc.WorldPosition(*driven.poses[k]) for k in (0, -1)]
-    trajectory.add_shape(xosc.Polyline([driven.time_s[0], driven.time_s[-1]], ends))
-    action = xosc.FollowTrajectoryAction(
-        trajectory,
-        xosc.FollowingMode.position,
-        reference_domain=xosc.ReferenceContext.absolute,
-        scale=1.0,
-        offset=0.0,
+def _follow(name: str, driven: _Driven, flavour: Flavour) -> Element:
+    polyline = element("Polyline")
+    polyline.text = name  # in the place of its vertices, which are written as text
+    trajectory = element("Trajectory", element("Shape", polyline), name=f"{name}{_TRAJECTORY}", closed=False)
+    timing = element("Timing", domainAbsoluteRelative="absolute", scale=1.0, offset=0.0)
+    following = element(
+        "FollowTrajectoryAction",
+        trajectory if flavour.carla else element("TrajectoryRef", trajectory),  # of 1.1
+        element("TimeReference", timing),
+        element("TrajectoryFollowingMode", followingMode="position"),
     )
-    # 1.1 renamed the priority.
-    event = xosc.Event(f"{name}_follow", xosc.Priority.overwrite if flavour.carla else xosc.Priority.override)
-    event.add_trigger(_at_start(f"{name}_start", flavour))
-    event.add_action(f"{name}{_TRAJECTORY}", action)
-    manoeuvre = xosc.Maneuver(f"{name}_maneuver")
-    manoeuvre.add_event(event)
-    group = xosc.ManeuverGroup(f"{name}_group")
-    group.add_actor(name)
-    group.add_maneuver(manoeuvre)
-    return group
+    action = element("PrivateAction", element("RoutingAction", following))
+    event = element(
+        "Event",
+        element("Action", action, name=f"{name}{_TRAJECTORY}"),
+        element("StartTrigger", _group(_at_start(f"{name}_start", flavour))),
+        name=f"{name}_follow",
+        priority="overwrite" if flavour.carla else "override",  # 1.1 renamed it
+        maximumExecutionCount=1,
+    )
+    return element(
+        "ManeuverGroup",
+        element("Actors", element("EntityRef", entityRef=name), selectTriggeringEntities=False),
+        element("Maneuver", event, name=f"{name}_maneuver"),
+        name=f"{name}_group",
+        maximumExecutionCount=1,
+    )
 
 
 def _poses(motion: TimedPoses) -> list[_Pose]:
@@ -321,43 +307,43 @@ def _rounded(values: FloatArray, digits: int) -> list[float]:
     return whole
 
 
-def _at_start(name: str, flavour: Flavour) -> xosc.ValueTrigger:
-    from scenariogeneration import xosc
-
-    rule = xosc.Rule.greaterThan if flavour.carla else xosc.Rule.greaterOrEqual  # which 1.0 does not have
-    return xosc.ValueTrigger(name, 0.0, xosc.ConditionEdge.none, xosc.SimulationTimeCondition(0.0, rule))
+def _group(condition: Element) -> Element:
+    return element("ConditionGroup", condition)
 
 
-def _stop(log: SimulationLog, flavour: Flavour) -> xosc.ValueTrigger | xosc.Trigger:
+def _when(name: str, time_s: float, rule: str) -> Element:
+    """A condition on the time since the start."""
+    time = element("SimulationTimeCondition", value=time_s, rule=rule)
+    return element("Condition", element("ByValueCondition", time), name=name, delay=0.0, conditionEdge="none")
+
+
+def _at_start(name: str, flavour: Flavour) -> Element:
+    return _when(name, 0.0, "greaterThan" if flavour.carla else "greaterOrEqual")  # which 1.0 does not have
+
+
+def _stop(log: SimulationLog, flavour: Flavour) -> Element:
     """At the end of the motion; with a vehicle free, some time after the recorded contact or a collision it has."""
-    from scenariogeneration import xosc
+    contact, end_s = log.first_contact, log.duration_s
+    if flavour.free is not None:
+        end_s = (contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S
+    # A little before the last vertex, else a player goes one frame beyond it: the sum of its steps is not exactly the
+    # time.
+    conditions = [_when("stop_time", round(end_s - _BEFORE_END_S, 4), "greaterThan")]
+    if flavour.free is not None:
+        others = {*_shown_bodies(log, flavour), *(item.number for item in _shown_objects(log, flavour))}
+        free = party_label(flavour.free)
+        conditions += [_struck(free, party_label(number)) for number in sorted(others - {flavour.free})]
+    return element("StopTrigger", *map(_group, conditions))
 
-    def after(time_s: float) -> xosc.ValueTrigger:
-        # A little before the last vertex, else a player goes one frame beyond it: the sum of its steps is not exactly
-        # the time.
-        condition = xosc.SimulationTimeCondition(round(time_s - _BEFORE_END_S, 4), xosc.Rule.greaterThan)
-        return xosc.ValueTrigger("stop_time", 0.0, xosc.ConditionEdge.none, condition, triggeringpoint="stop")
 
-    if flavour.free is None:
-        return after(log.duration_s)
-    free = party_label(flavour.free)
-    contact = log.first_contact
-    trigger = xosc.Trigger("stop")
-    triggers = [after((contact.time_s if contact else log.duration_s) + _AFTER_CONTACT_S)]
-    triggers += [
-        xosc.EntityTrigger(
-            f"stop_collision_{party_label(number)}",
-            _AFTER_COLLISION_S,
-            xosc.ConditionEdge.none,
-            xosc.CollisionCondition(party_label(number)),
-            free,
-            triggeringpoint="stop",
-        )
-        for number in sorted([*_shown_bodies(log, flavour), *(item.number for item in _shown_objects(log, flavour))])
-        if number != flavour.free
-    ]
-    for each in triggers:
-        group = xosc.ConditionGroup("stop")
-        group.add_condition(each)
-        trigger.add_conditiongroup(group)
-    return trigger
+def _struck(free: str, other: str) -> Element:
+    """The condition that the free vehicle has touched another entity some time ago."""
+    by = element("TriggeringEntities", element("EntityRef", entityRef=free), triggeringEntitiesRule="any")
+    touches = element("EntityCondition", element("CollisionCondition", element("EntityRef", entityRef=other)))
+    return element(
+        "Condition",
+        element("ByEntityCondition", by, touches),
+        name=f"stop_collision_{other}",
+        delay=_AFTER_COLLISION_S,
+        conditionEdge="none",
+    )

@@ -10,13 +10,11 @@ from __future__ import annotations
 import datetime
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 from trace_dag.crash.record import CrashRecord
+from trace_dag.scenario.openscenario_elements import Element, element
 from trace_dag.sim.run import relative_friction
-
-if TYPE_CHECKING:
-    from scenariogeneration import xosc
 
 # Elevations of the sun, degrees, by LGT_COND. Civil twilight ends 6 degrees below the horizon.
 _LIGHTS: Final = {1: (1.0, 90.0), 2: (-90.0, -6.0), 3: (-90.0, -6.0), 6: (-90.0, -6.0), 4: (-6.0, 6.0), 5: (-6.0, 6.0)}
@@ -48,81 +46,71 @@ _WEATHERS: Final = {
 }
 
 
-def use_version(*, carla: bool) -> int:
-    """Tell scenariogeneration the minor version of OpenSCENARIO 1 to write: 0 for ScenarioRunner, else 2.
-
-    The library keeps it for the whole process, and asks for it whenever an element is made.
-
-    >>> use_version(carla=False)
-    2
-    """
-    from scenariogeneration import xosc
-
-    minor = 0 if carla else 2
-    xosc.VersionBase().setVersion(minor=minor)
-    return minor
-
-
-def environment(record: CrashRecord, *, carla: bool) -> xosc.EnvironmentAction | None:
-    """The environment of a crash; None if the report has neither time nor light nor weather.
+def environment(record: CrashRecord, *, carla: bool) -> Element | None:
+    """The environment of a crash, as an action; None if the report has neither time nor light nor weather.
 
     ``carla``: as ScenarioRunner reads it, which wants every part stated, intensities from 0 to 1, and no snow.
 
-    >>> environment(record, carla=False).environment.name
+    >>> environment(record, carla=False).find(".//Environment").get("name")
     'as reported'
     """
-    from scenariogeneration import xosc
-
-    use_version(carla=carla)
     when = _when(record)
     sun = _sun(record, when)
     weather = _WEATHERS.get(record.weather_code) if record.weather_code is not None else None
-    if when is None and sun is None and weather is None:
+    if (when is None and sun is None and weather is None) or (carla and (when is None or sun is None)):
         return None
-    friction = xosc.RoadCondition(round(relative_friction(record), 3))
-    time_of_day = None
-    if when is not None:
-        time_of_day = xosc.TimeOfDay(False, when.year, when.month, when.day, when.hour, when.minute, 0)
-    if carla:
-        if time_of_day is None or sun is None:
-            return None
-        described = _weather_for_carla(weather or _WEATHERS[1], *sun)
+    if carla and sun is not None:
+        described: Element | None = _weather_for_carla(weather or _WEATHERS[1], *sun)
     else:
         described = _weather(weather, sun)
-    return xosc.EnvironmentAction(xosc.Environment("as reported", time_of_day, described, friction))
+    return element(
+        "GlobalAction",
+        element(
+            "EnvironmentAction",
+            element(
+                "Environment",
+                None if when is None else element("TimeOfDay", animation=False, dateTime=when.isoformat()),
+                described,
+                element("RoadCondition", frictionScaleFactor=round(relative_friction(record), 3)),
+                name="as reported",
+            ),
+        ),
+    )
 
 
-def _weather(weather: _Weather | None, sun: tuple[float, float] | None) -> xosc.Weather | None:
-    from scenariogeneration import xosc
-
+def _weather(weather: _Weather | None, sun: tuple[float, float] | None) -> Element | None:
     if weather is None and sun is None:
         return None
     shining = None
     if sun is not None:
-        shining = xosc.Sun(round(_HIGHEST_LUX * max(math.sin(sun[1]), 0.0), 1), *(round(angle, 4) for angle in sun))
+        azimuth_rad, elevation_rad = sun
+        shining = element(
+            "Sun",
+            azimuth=round(azimuth_rad, 4),
+            illuminance=round(_HIGHEST_LUX * max(math.sin(elevation_rad), 0.0), 1),
+            elevation=round(elevation_rad, 4),
+        )
     if weather is None:
-        return xosc.Weather(sun=shining)
-    cover = {0: xosc.FractionalCloudCover.zeroOktas, 4: xosc.FractionalCloudCover.fourOktas}
-    return xosc.Weather(
-        cover.get(weather.oktas, xosc.FractionalCloudCover.eightOktas),
-        sun=shining,
-        fog=xosc.Fog(weather.visual_range_m),
-        precipitation=xosc.Precipitation(getattr(xosc.PrecipitationType, weather.kind), weather.rate_mm_per_h),
+        return element("Weather", shining)
+    return element(
+        "Weather",
+        shining,
+        element("Fog", visualRange=weather.visual_range_m),
+        element("Precipitation", precipitationType=weather.kind, precipitationIntensity=weather.rate_mm_per_h),
+        fractionalCloudCover={0: "zeroOktas", 4: "fourOktas"}.get(weather.oktas, "eightOktas"),
     )
 
 
-def _weather_for_carla(weather: _Weather, azimuth_rad: float, elevation_rad: float) -> xosc.Weather:
-    from scenariogeneration import xosc
-
+def _weather_for_carla(weather: _Weather, azimuth_rad: float, elevation_rad: float) -> Element:
     rains = weather.kind == "rain"
-    clouds = {0: xosc.CloudState.free, 4: xosc.CloudState.cloudy}.get(weather.oktas, xosc.CloudState.overcast)
-    return xosc.Weather(
-        xosc.CloudState.rainy if rains else clouds,
-        sun=xosc.Sun(1.0 - weather.oktas / 8, round(azimuth_rad, 4), round(elevation_rad, 4)),
-        fog=xosc.Fog(weather.visual_range_m),
-        precipitation=xosc.Precipitation(
-            xosc.PrecipitationType.rain if rains else xosc.PrecipitationType.dry, 0.5 if rains else 0.0
+    return element(
+        "Weather",
+        element(
+            "Sun", azimuth=round(azimuth_rad, 4), intensity=1.0 - weather.oktas / 8, elevation=round(elevation_rad, 4)
         ),
+        element("Fog", visualRange=weather.visual_range_m),
+        element("Precipitation", precipitationType="rain" if rains else "dry", intensity=0.5 if rains else 0.0),
+        cloudState="rainy" if rains else {0: "free", 4: "cloudy"}.get(weather.oktas, "overcast"),
     )
 
 

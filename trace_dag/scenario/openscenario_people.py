@@ -11,15 +11,13 @@ The motion of the body's parts is in the package's trajectories.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
-from trace_dag.scenario.openscenario_vehicles import rounded_m
+from trace_dag.scenario.openscenario_elements import Element, box_of, element, properties
+from trace_dag.scenario.openscenario_vehicles import axles, performance
 from trace_dag.sim.carla_blueprints import choose_bicycle, choose_walker
 from trace_dag.sim.types import Body, BodyKind
 from trace_dag.states.anthropometry import BICYCLE_LENGTH_M
-
-if TYPE_CHECKING:
-    from scenariogeneration import xosc
 
 _HUB = 0.52 / BICYCLE_LENGTH_M  # share of the length: how far each hub is from the middle
 _WHEEL_DIAMETER_M = 0.68
@@ -37,40 +35,35 @@ def person_reference_ahead_m(body: Body) -> float:
     return -_HUB * body.length_m if body.kind is BodyKind.CYCLIST else 0.0
 
 
-def person(number: int, body: Body, *, reference_ahead_m: float, carla: bool) -> xosc.Vehicle | xosc.Pedestrian:
-    """A person or an animal as an entity; the box is of the person with what the person rides.
+def person(number: int, body: Body, said: Mapping[str, str], *, reference_ahead_m: float, carla: bool) -> Element:
+    """A person or an animal as an entity, and what is ``said`` of it; the box is of the person with what the person
+    rides.
 
     ``carla`` names it by the blueprint of CARLA's library, which is how ScenarioRunner chooses.
 
     >>> from trace_dag.sim.anthropometry import person_body
-    >>> person(101, person_body(BodyKind.PEDESTRIAN, 40), reference_ahead_m=0.0, carla=False).name
+    >>> person(101, person_body(BodyKind.PEDESTRIAN, 40), {}, reference_ahead_m=0.0, carla=False).get("name")
     'pedestrian_101'
     """
-    from scenariogeneration import xosc
-
-    box = xosc.BoundingBox(
-        rounded_m(body.width_m),
-        rounded_m(body.length_m),
-        rounded_m(body.height_m),
-        rounded_m(-reference_ahead_m),
-        0.0,
-        rounded_m(body.height_m / 2),
-    )
+    box = box_of(body, reference_ahead_m)
     if body.kind is not BodyKind.CYCLIST:
         model = choose_walker(body) if carla else str(body.kind)
-        name = model if carla else f"{body.kind}_{number}"
-        categories = xosc.PedestrianCategory
-        category = categories.animal if body.kind is BodyKind.ANIMAL else categories.pedestrian
-        return xosc.Pedestrian(name, round(body.mass_kg, 1), category, box, model)
-    wheelbase_m = rounded_m(2 * _HUB * body.length_m)
-    return xosc.Vehicle(
-        choose_bicycle() if carla else f"bicycle_{number}",
-        xosc.VehicleCategory.bicycle,
+        return element(
+            "Pedestrian",
+            box,
+            properties(said),
+            name=model if carla else f"{body.kind}_{number}",
+            pedestrianCategory="animal" if body.kind is BodyKind.ANIMAL else "pedestrian",
+            **{"model" if carla else "model3d": model},  # 1.1 renamed it
+            mass=round(body.mass_kg, 1),
+        )
+    return element(
+        "Vehicle",
         box,
-        xosc.Axle(_MAX_STEER_RAD, _WHEEL_DIAMETER_M, 0.0, wheelbase_m, _WHEEL_DIAMETER_M / 2),
-        xosc.Axle(0.0, _WHEEL_DIAMETER_M, 0.0, 0.0, _WHEEL_DIAMETER_M / 2),
-        _MAX_SPEED_MPS,
-        _MAX_ACCELERATION_MPS2,
-        _MAX_DECELERATION_MPS2,
+        performance(_MAX_SPEED_MPS, _MAX_ACCELERATION_MPS2, _MAX_DECELERATION_MPS2),
+        axles(_WHEEL_DIAMETER_M, 0.0, 2 * _HUB * body.length_m, max_steer_rad=_MAX_STEER_RAD),
+        properties(said),
+        name=choose_bicycle() if carla else f"bicycle_{number}",
+        vehicleCategory="bicycle",
         mass=None if carla else round(body.mass_kg, 1),
     )
