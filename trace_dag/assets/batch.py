@@ -29,10 +29,11 @@ from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
+from trace_dag.benchmark.crash_files import made_at_once, note_made
 from trace_dag.errors import UserError
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.run_summary import RunSummary
-from trace_dag.flow.tasks import StageEvent
+from trace_dag.flow.tasks import MadeFiles, StageEvent
 from trace_dag.flow.workspace import Workspace
 from trace_dag.processes import this_process
 from trace_dag.progress import MapListener, MapProgress
@@ -80,9 +81,17 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
         workspace = workspace.with_settings(config.settings)
         workspace = replace(workspace, map_listener=_logged(context, workspace.map_listener))
         context.instance.add_run_tags(context.run.run_id, _tags(workspace, context.partition_keys))
-        events = run_stages(workspace, context.partition_keys, stages, run_id=context.run.run_id, force=force)
+        events = run_stages(
+            workspace,
+            context.partition_keys,
+            stages,
+            run_id=context.run.run_id,
+            force=force,
+            afterwards=made_at_once,
+        )
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
+        made: dict[str, MadeFiles] = {}
         with written_together(context.instance):
             for event in events:
                 if event.failed:
@@ -90,9 +99,12 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
                 else:
                     context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
                     checks.note(event)
+                if event.made is not None:
+                    made[event.key] = event.made
                 summary.note(event)
                 if workspace.listener is not None:
                     workspace.listener(event)
+        note_made(workspace.storage, made)
         finished_checks = list(checks.finish())
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error

@@ -3,8 +3,8 @@
 ``ROOT/benchmark/index.html`` opens from a file. Below it: ``crashes/`` a page per crash, ``packages/`` the archives,
 ``thumbnails/`` moving pictures of verified crashes, ``replays/`` what ``replay.html`` shows of every crash that got so
 far. Nothing is stored twice: pages link to the artefacts and pictures of the root. A crash whose artefacts, outcome and
-code have not changed is not made again. Belongs here: what goes where. Does not belong here: what packages and pages
-look like (:mod:`trace_dag.scenario`).
+code have not changed is not made again. Belongs here: pages, and what goes where. Does not belong here: the other files
+of a crash (:mod:`trace_dag.benchmark.crash_files`), and what packages and pages look like (:mod:`trace_dag.scenario`).
 """
 
 from __future__ import annotations
@@ -20,20 +20,31 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trace_dag.benchmark.packaging import map_attribution, package_of
+from trace_dag.benchmark.crash_files import (
+    FOLDER,
+    MADE_WITH,
+    REPLAYS,
+    forget_noted,
+    made_of,
+    make_files,
+    noted,
+    package_name,
+    replay_name,
+    thumbnail_name,
+)
+from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
 from trace_dag.flow.artefacts import (
     ESTIMATE,
+    LOGS,
     MAP_REPORT,
     RECORD,
     REJECTED_REPORT,
-    ROAD_MAP,
     SAMPLED,
     VERDICT,
     XODR,
     Artefact,
-    surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
@@ -49,20 +60,10 @@ from trace_dag.storage import Storage, StoredFile
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.warehouse import query
 
-FOLDER = "benchmark"
 SUBJECT = "benchmark"  # of the ledger
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
-_REPLAYS = "replays"
-_MADE_WITH = (  # modules that take a while to load
-    "scenariogeneration.xosc",
-    "trace_dag.evaluation.drives",
-    "trace_dag.scenario.crash_page",
-    "trace_dag.scenario.package",
-    "trace_dag.scenario.thumbnail",
-    "trace_dag.studies.replays",
-)
 # Of a crash without a package, as its page calls them.
 _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json.gz": VERDICT}
 
@@ -70,16 +71,6 @@ _OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json.gz":
 def page_name(key: str) -> str:
     """Where the page of a crash lies below the root."""
     return f"{FOLDER}/crashes/{key}.html"
-
-
-def package_name(key: str) -> str:
-    """Where the package of a verified crash lies below the root."""
-    return f"{FOLDER}/packages/{key}.zip"
-
-
-def thumbnail_name(key: str) -> str:
-    """Where the moving picture of a verified crash lies below the root."""
-    return f"{FOLDER}/thumbnails/{key}.svg"
 
 
 @dataclass(frozen=True)
@@ -109,6 +100,7 @@ class _Crash:
     outcomes: tuple[Mapping[str, Any], ...]
     rights: Rights
     digest: str
+    made: tuple[StoredFile, ...] | None  # beside its page, by a worker of a run; None where that is still to do
 
     @property
     def key(self) -> str:
@@ -131,6 +123,8 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     made: dict[str, StoredFile] = {}
     done = 0
     with workspace.executing() as executor:
+        if any(crash.made is None and crash.files.has(LOGS) for crash in stale):
+            executor.prepare(get_ready)
         for answer in run_redoing_lost(executor, _make, _tasks(workspace, stale, executor.workers), _Task.split):
             lost = answer.result
             if isinstance(lost, WorkerLost):
@@ -140,15 +134,16 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
                 made.update((file.name, file) for file in lost.files)
             done += len(answer.task.crashes)
             workspace.page_listener(done, len(stale))
-    made_of = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
-    kept = made_of.keys() - {crash.key for crash in stale}
+    digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
+    kept = digests.keys() - {crash.key for crash in stale}
     files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
     index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
     gone = before.files.keys() - files.keys() - {file.name for file in index}
     for name in {name for name in gone if crash_of(name) not in errors}:
         storage.delete(name)
-    _remove_others(storage, {"packages": verified, "thumbnails": verified, _REPLAYS: {crash.key for crash in crashes}})
-    write_ledger(storage, SUBJECT, [*files.values(), *index], made_of | {_BY_CODE: _code()})
+    _remove_others(storage, {"packages": verified, "thumbnails": verified, REPLAYS: {crash.key for crash in crashes}})
+    write_ledger(storage, SUBJECT, [*files.values(), *index], digests | {_BY_CODE: _code()})
+    forget_noted(storage)
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
@@ -190,16 +185,15 @@ def _crashes(workspace: Workspace, warehouse: Path, table: Sequence[Mapping[str,
     for row in query.rows(warehouse, "stage_outcomes"):
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
-    code = _code()
+    code, at_once = _code(), noted(workspace.storage)
     crashes = []
     for crash in table:
-        key = crash["key"]
-        made_of = [file.sha256 for record in records[key].values() for file in record.artefacts]
-        made_of += [file.sha256 for record in records[key].values() for file in record.pictures]
-        parts = [code, crash, made_of, [each["outcome"] for each in outcomes.get(key, [])], rights[key].attributions]
+        key, said = crash["key"], tuple(outcomes.get(crash["key"], ()))
+        of_files = made_of(records[key])
+        parts = [code, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
-        said = tuple(outcomes.get(key, ()))
-        crashes.append(_Crash(files[key], crash, said, rights[key], digest))
+        made = at_once[key].files if key in at_once and at_once[key].made_of == of_files else None
+        crashes.append(_Crash(files[key], crash, said, rights[key], digest, made))
     return crashes
 
 
@@ -230,11 +224,11 @@ class _Made:
 
 
 def get_ready() -> None:
-    """What a worker can do before its first page, while it has nothing else to do: imports.
+    """What a worker does before its first page, ahead of time: imports.
 
     What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
     """
-    for name in _MADE_WITH:
+    for name in (*MADE_WITH, "trace_dag.scenario.crash_page"):
         import_module(name)
     gc.collect()
     gc.freeze()
@@ -258,29 +252,18 @@ def _make(task: _Task) -> _Made:
 @no_garbage_collection()
 def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
     from trace_dag.scenario.crash_page import CrashPage, Download, write_crash_page
-    from trace_dag.scenario.package import zip_files
-    from trace_dag.scenario.replay import replay_script
     from trace_dag.scenario.replay_library import PAGE
-    from trace_dag.scenario.thumbnail import moving_thumbnail
-    from trace_dag.studies.replays import content_of
 
     storage, key = files.storage, files.key
-    verified = crash.row["final_state"] == FinalState.VERIFIED
-    downloads: list[Download] = []
-    written: list[StoredFile] = []
-    log = files.shown_log()
-    replay = content_of(files, log) if log else None
-    if replay:
-        written.append(storage.write(f"{FOLDER}/{_REPLAYS}/{key}.js", replay_script(replay)))
-    if verified and log:
-        archive = storage.write(package_name(key), zip_files(package_of(files, replay), folder=key))
-        written.append(archive)
-        downloads.append(Download("Scenario package", f"../packages/{key}.zip", archive.size))
-        moving = moving_thumbnail(files.load(ROAD_MAP), log, surroundings_of(files))
-        written.append(storage.write(thumbnail_name(key), moving.encode()))
+    made = crash.made
+    if made is None:
+        made = make_files(files, verified=crash.row["final_state"] == FinalState.VERIFIED)
+    sizes = {file.name: file.size for file in made}
+    if package_name(key) in sizes:
+        downloads = [Download("Scenario package", f"../packages/{key}.zip", sizes[package_name(key)])]
     else:
         stored = {label: files.stored(artefact) for label, artefact in _OFFERED.items()}
-        downloads += [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
+        downloads = [Download(label, f"../../{file.name}", file.size) for label, file in stored.items() if file]
     picture = files.picture("png")
     page = CrashPage(
         crash.row,
@@ -293,10 +276,10 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
         verdict=files.load(VERDICT) if files.has(VERDICT) else None,
         sampled=files.load(SAMPLED) if files.has(SAMPLED) else None,
         picture=f"../../{picture.name}" if picture else None,
-        replay=f"../{PAGE}?{key}" if replay else None,
+        replay=f"../{PAGE}?{key}" if replay_name(key) in sizes else None,
         downloads=downloads,
     )
-    return [*written, storage.write(page_name(key), write_crash_page(page))]
+    return [*made, storage.write(page_name(key), write_crash_page(page))]
 
 
 def is_made_by_this_code(storage: Storage) -> bool:

@@ -15,7 +15,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.benchmark.build import SUBJECT, build_benchmark, package_name
+from trace_dag.benchmark.build import SUBJECT, build_benchmark
+from trace_dag.benchmark.crash_files import package_name
 from trace_dag.benchmark.export import write_if_changed
 from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.errors import Failure, UserError

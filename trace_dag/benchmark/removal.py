@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from trace_dag.benchmark.build import FOLDER as BENCHMARK
 from trace_dag.benchmark.build import SUBJECT
+from trace_dag.benchmark.crash_files import FOLDER as BENCHMARK
 from trace_dag.flow.ledgers import sound_ledger, write_ledger
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage

@@ -61,17 +61,18 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
 @contextmanager
 def _started(workspace: Workspace) -> Iterator[Executor]:
     """One executor for the whole command; its workers start while this process still imports its modules."""
+    from trace_dag.benchmark.crash_files import MADE_WITH
     from trace_dag.flow.executors import make_executor
     from trace_dag.flow.worker import get_ready
 
     with closing(make_executor(workspace.settings.execution)) as executor:
-        executor.prepare(partial(get_ready, workspace.flow, workspace.settings))
+        executor.prepare(partial(get_ready, workspace.flow, workspace.settings, MADE_WITH))
         yield executor
 
 
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
-    from trace_dag.benchmark.build import benchmark_is_whole, get_ready
+    from trace_dag.benchmark.build import benchmark_is_whole
     from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
     from trace_dag.flow.run_summary import RunSummary
 
@@ -92,8 +93,6 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
                 watched = replace(workspace, listener=hear, map_listener=tell_map)
                 errors = run_batches(watched, instance, batches, settings=settings).errors
             click.echo(summary.in_words())
-            if workspace.executor is not None:
-                workspace.executor.prepare(get_ready)  # while this process builds the warehouse
         elif selection.exact:
             click.echo("Nothing to run again: none of the crashes is one of those asked for.")
         else:

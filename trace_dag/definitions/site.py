@@ -12,7 +12,8 @@ from __future__ import annotations
 import mimetypes
 from typing import Final
 
-from trace_dag.benchmark.build import FOLDER, INDEX
+from trace_dag.benchmark.build import INDEX
+from trace_dag.benchmark.crash_files import FOLDER
 from trace_dag.definitions.asgi import App, Message, Receive, Send, send_bytes
 from trace_dag.errors import Failure, UserError
 from trace_dag.stage import Stage

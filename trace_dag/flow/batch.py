@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
@@ -26,6 +26,7 @@ from trace_dag.flow.tasks import (
     Attempt,
     Chunk,
     CrashTask,
+    MadeFiles,
     StageEvent,
     Work,
     log_outcome,
@@ -50,11 +51,16 @@ class _Crash:
     open: bool = True  # goes on to the next stage
 
 
-def work_of(workspace: Workspace, run_id: str, force: Collection[Stage] = ()) -> Work:
+def work_of(
+    workspace: Workspace,
+    run_id: str,
+    force: Collection[Stage] = (),
+    afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None,
+) -> Work:
     """What the workers of a run need to know."""
     flow, settings = workspace.flow, workspace.settings
     code = flow.code_versions(settings)
-    return Work(workspace.storage, settings, flow, run_id, code, frozenset(force))
+    return Work(workspace.storage, settings, flow, run_id, code, frozenset(force), afterwards)
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
@@ -86,16 +92,18 @@ def run_stages(
     *,
     run_id: str,
     force: Collection[Stage] = (),
+    afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None,
 ) -> Iterator[StageEvent]:
     """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
 
     A current result is not made again unless its stage is in ``force``. A crash that fails does not stop the others.
-    Events of one crash come in the order of the stages.
+    Events of one crash come in the order of the stages. Workers call ``afterwards``, a function of a module, with each
+    crash that they are done with and have changed; the last event of the crash has what it returns.
 
     Raises :class:`trace_dag.errors.UserError`, before anything is touched, for what :func:`check_requirements` finds.
     """
     with workspace.executing() as executor:
-        work = _shared_out(work_of(workspace, run_id, force), executor.machines)
+        work = _shared_out(work_of(workspace, run_id, force, afterwards), executor.machines)
         batch = _Batch(workspace, work, executor, stages, keys, workspace.registry.sources(keys))
         check_requirements(workspace, batch.to_run(), run_id)
         yield from batch.run()

@@ -120,6 +120,10 @@ class CrashFiles:
         self._contents.update(contents or {})
         self._parsed.update(parsed or {})
 
+    def amend(self, record: OutcomeRecord) -> None:
+        """Take over a record that says more than before of the same artefacts."""
+        self._records[record.stage] = record
+
     @property
     def services(self) -> Services:
         """What may be asked of the world outside for this crash."""

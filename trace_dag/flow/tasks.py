@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -17,7 +17,7 @@ from functools import cached_property
 from trace_dag.code_versions import CodeVersion
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.errors import Failure, TransientFailure
-from trace_dag.flow.contract import Flow
+from trace_dag.flow.contract import CrashFiles, Flow
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import Records
 from trace_dag.flow.staleness import Recipe
@@ -38,10 +38,19 @@ class Action(StrEnum):
 
 
 @dataclass(frozen=True)
+class MadeFiles:
+    """Files that were made of a crash as it stands, and a digest of what they were made of."""
+
+    files: tuple[StoredFile, ...]
+    made_of: str
+
+
+@dataclass(frozen=True)
 class StageEvent:
     """What one stage of a run did for one crash. ``record`` is the stage's own, or the earlier one that ended it.
 
-    ``no_picture`` says, with the last event of a crash, why its picture could not be drawn.
+    The last event of a crash says in ``no_picture`` why its picture could not be drawn, and in ``made`` what was made
+    of the crash afterwards.
     """
 
     key: str
@@ -49,6 +58,7 @@ class StageEvent:
     action: Action
     record: OutcomeRecord | None
     no_picture: str = ""
+    made: MadeFiles | None = None
 
     @property
     def failed(self) -> bool:
@@ -60,7 +70,10 @@ class StageEvent:
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same for every chunk of a run; travels to the workers."""
+    """What is the same for every chunk of a run; travels to the workers.
+
+    ``afterwards`` is called with each crash whose last stage of the run is done, where any stage was computed.
+    """
 
     storage: Storage
     settings: Settings
@@ -68,6 +81,7 @@ class Work:
     run_id: str
     code: Mapping[Stage, CodeVersion]
     force: frozenset[Stage] = frozenset()
+    afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None
 
     @cached_property
     def recipes(self) -> Mapping[Stage, Recipe]:

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 
 from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
 
@@ -62,8 +63,9 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
     log.warning("%s %s: %s; trying again", key, stage, error)
 
 
-def get_ready(flow: Flow, settings: Settings) -> None:
-    """What a worker does once before its first chunk, ahead of time: imports, and reading the code's version.
+def get_ready(flow: Flow, settings: Settings, modules: Sequence[str] = ()) -> None:
+    """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them, and
+    reading the code's version.
 
     What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
     """
@@ -72,6 +74,8 @@ def get_ready(flow: Flow, settings: Settings) -> None:
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 referred(reference)
+    for name in (*modules, *([flow.picture.partition(":")[0]] if flow.picture else [])):
+        import_module(name)
     gc.collect()
     gc.freeze()
 
@@ -131,7 +135,7 @@ class _CrashWorker:
             kept = [event for event in events if event.stage.position < damaged.stage.position]
             again = [stage for stage in stages if stage.position >= damaged.stage.position]
             events = kept + self._in_order(again, self.work.force | {damaged.stage})
-        return self.drawn(events) if last else events
+        return self.ended(self.drawn(events)) if last else events
 
     def _in_order(self, stages: Sequence[Stage], force: frozenset[Stage]) -> list[StageEvent]:
         events: list[StageEvent] = []
@@ -285,7 +289,7 @@ class _CrashWorker:
             if stored and last.record is not None:
                 record = replace(last.record, pictures=tuple(stored))
                 write_record(self.work.storage, record)
-                self.files.accept(record)
+                self.files.amend(record)
                 last = replace(last, record=record)
         except Exception as error:
             # A missing picture does not fail the crash: the run names those without one. The picture drawn before shows
@@ -298,6 +302,18 @@ class _CrashWorker:
                 last = replace(last, record=record)
             last = replace(last, no_picture=f"{type(error).__name__}: {error}")
         return [*events[:-1], last]
+
+    def ended(self, events: list[StageEvent]) -> list[StageEvent]:
+        """The events, after what is made of a crash that the run has changed and is done with."""
+        afterwards, last = self.work.afterwards, events[-1]
+        if afterwards is None or last.failed or not any(event.action is Action.COMPUTED for event in events):
+            return events
+        try:
+            return [*events[:-1], replace(last, made=afterwards(self.files))]
+        except Exception:
+            # It can be made later, and whoever makes it then says what went wrong.
+            log.exception("%s: not made at once", self.task.key)
+            return events
 
     def _attempt(
         self, definition: StageDefinition, provenance: Provenance, started_at: str, duration_s: float

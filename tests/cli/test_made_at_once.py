@@ -1,0 +1,75 @@
+"""What workers make of a crash when its last stage is done is what is made of it later."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+from sample_runs import KEYS, ingest, reports_of
+
+from trace_dag.benchmark.crash_files import (
+    forget_noted,
+    made_at_once,
+    made_of,
+    make_files,
+    note_made,
+    noted,
+    package_name,
+    replay_name,
+    thumbnail_name,
+)
+from trace_dag.flow.batch import run_stages
+from trace_dag.flow.executors import InProcessExecutor
+from trace_dag.flow.tasks import MadeFiles
+from trace_dag.flow.workspace import Workspace
+from trace_dag.studies.stored_crashes import stored_crash
+
+VERIFIED, REJECTED = KEYS[0], "2023-319070"
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    """A root with a crash that will be verified and one that will be simulated and rejected."""
+    ingest(tmp_path / "root", reports_of(tmp_path / "reports", (VERIFIED, REJECTED)))
+    return replace(Workspace.open(str(tmp_path / "root")), executor=InProcessExecutor())
+
+
+def run(workspace: Workspace, **options: object) -> dict[str, MadeFiles]:
+    events = run_stages(workspace, workspace.registry.keys(), run_id="x", **options)  # type: ignore[arg-type]
+    return {event.key: event.made for event in events if event.made is not None}
+
+
+def test_a_worker_makes_what_would_be_made_later(workspace: Workspace) -> None:
+    made = run(workspace, afterwards=made_at_once)
+    assert made.keys() == {VERIFIED, REJECTED}
+    assert [file.name for file in made[REJECTED].files] == [replay_name(REJECTED)]
+    names = [replay_name(VERIFIED), package_name(VERIFIED), thumbnail_name(VERIFIED)]
+    assert [file.name for file in made[VERIFIED].files] == names
+    with ZipFile(workspace.storage.path(package_name(VERIFIED))) as package:
+        assert f"{VERIFIED}/scenario.xosc" in package.namelist()
+    files = stored_crash(workspace, VERIFIED)
+    assert made_of(files.records) == made[VERIFIED].made_of
+    for name in names:
+        workspace.storage.delete(name)
+    assert make_files(files, verified=True) == made[VERIFIED].files  # sizes and SHA-256 are the same
+
+
+def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
+    made = run(workspace, afterwards=made_at_once)
+    assert noted(workspace.storage) == {}
+    note_made(workspace.storage, {REJECTED: made[REJECTED]})
+    note_made(workspace.storage, {VERIFIED: made[VERIFIED]})
+    assert noted(workspace.storage) == made
+    workspace.storage.delete(package_name(VERIFIED))
+    assert noted(workspace.storage).keys() == {REJECTED}
+    forget_noted(workspace.storage)
+    assert noted(workspace.storage) == {}
+
+
+def test_what_is_there_already_is_left_to_who_builds_the_benchmark(workspace: Workspace) -> None:
+    workspace.storage.write(replay_name(VERIFIED), b"as an earlier run made it")
+    assert run(workspace, afterwards=made_at_once).keys() == {REJECTED}
+    assert workspace.storage.read(replay_name(VERIFIED)) == b"as an earlier run made it"
+    assert run(workspace, afterwards=made_at_once) == {}  # nothing was computed
