@@ -19,19 +19,21 @@ import shapely
 from trace_dag.geometry import arc_lengths
 from trace_dag.osm.drivable import is_drivable
 from trace_dag.roads.from_osm.tags import INFERRED_TAG
-from trace_dag.roads.map.model import LaneRef
+from trace_dag.roads.gates.axes import SAMPLE_M, distances_to_axes
+from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.people import crosswalks
 from trace_dag.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from trace_dag.geometry import FloatArray
     from trace_dag.osm.types import OsmExtract, OsmWay
     from trace_dag.roads.map.model import Road
     from trace_dag.roads.map.network import RoadNetwork
 
-_SAMPLE_M: Final = 1.0
 _JUNCTION_MARGIN_M: Final = 2.0
 _LONGEST_INNER_WAY_M: Final = 60.0
 _LEAST_MISSING_M: Final = 1.0  # at its border a box may leave a few centimetres of a way
@@ -126,15 +128,23 @@ class MapComparison:
         """
         points: dict[str, list[FloatArray]] = defaultdict(list)
         folds = set(self._fold_of_node.values())
-        for ref in self.network.drivable_lanes():
-            junction_id = self.network.road_by_id[ref.road_id].junction_id
-            if junction_id is not None and junction_id not in folds:
-                geometry = self.network.geometry(ref)
-                points[junction_id] += [line[:, :2] for line in geometry.borders()]
+        lanes = [
+            (road.junction_id, self.network.geometry(ref))
+            for road in self.network.roads
+            if road.junction_id is not None and road.junction_id not in folds
+            for ref in self.network.drivable_lanes_of(road)
+        ]
+        sample_lanes(geometry for _, geometry in lanes)
+        for junction_id, geometry in lanes:
+            points[junction_id] += [line[:, :2] for line in geometry.borders()]
         for junction_id, inner in self._inner_ways().items():
             points[junction_id].append(inner)
-        hulls = [shapely.MultiPoint(np.concatenate(lines)).convex_hull for lines in points.values()]
-        areas = shapely.union_all(shapely.buffer(np.array(hulls, dtype=object), _JUNCTION_MARGIN_M))
+        hulls = np.array([], dtype=object)
+        if points:
+            together = [np.concatenate(lines) for lines in points.values()]
+            owner = np.repeat(np.arange(len(together)), [len(each) for each in together])
+            hulls = np.asarray(shapely.convex_hull(shapely.multipoints(np.concatenate(together), indices=owner)))
+        areas = shapely.union_all(shapely.buffer(hulls, _JUNCTION_MARGIN_M))
         shapely.prepare(areas)
         return areas
 
@@ -170,26 +180,19 @@ class MapComparison:
         The axis is the reference line or, on one-way roads, the middle of the lanes, whichever is nearer: converters
         differ in which of the two they lay along the way.
         """
-        distances: list[FloatArray] = []
-        worst: dict[bool, tuple[float, int | None]] = {False: (0.0, None), True: (0.0, None)}
         missing: list[OsmWay] = []
-        areas = self.junction_areas
-        for way in self.ways:
-            line = self.way_line(way)
-            if len(line) < 2 or INFERRED_TAG in way.tags:  # a way that was drawn has no original
-                continue
-            points = _resampled(line)
-            outside = points[~shapely.contains_xy(areas, points[:, 0], points[:, 1])]
-            roads = self.roads_of_way.get(way.id)
-            if not roads:
+        known: list[tuple[OsmWay, FloatArray]] = []  # ways with the points that are outside junctions
+        for way, line, points, is_outside in self._points_of_ways():
+            outside = points[is_outside]
+            if not self.roads_of_way.get(way.id):
                 if arc_lengths(line)[-1] * len(outside) / len(points) > _LEAST_MISSING_M:
                     missing.append(way)
-                continue
-            if not len(outside):
-                continue
-            roads = [*roads, *self._roads_through_folds(way)]
-            distance = _distances(outside, [axis for road in roads for axis in self._axes(road)])
-            distances.append(distance)
+            elif len(outside):
+                known.append((way, outside))
+        roads = [[*self.roads_of_way[way.id], *self._roads_through_folds(way)] for way, _ in known]
+        distances = distances_to_axes(self.network, roads, [outside for _, outside in known])
+        worst: dict[bool, tuple[float, int | None]] = {False: (0.0, None), True: (0.0, None)}
+        for (way, _), distance in zip(known, distances, strict=True):
             service = way.tags.get("highway") == "service"
             worst[service] = max(worst[service], (float(distance.max()), way.id), key=lambda found: found[0])
         every = np.concatenate(distances) if distances else np.zeros(0)
@@ -197,7 +200,7 @@ class MapComparison:
             mean_m=float(every.mean()) if len(every) else 0.0,
             worst_m=max(distance for distance, _ in worst.values()),
             share_within_1m=float(np.mean(every <= 1.0)) if len(every) else 1.0,
-            length_m=len(every) * _SAMPLE_M,
+            length_m=len(every) * SAMPLE_M,
             worst_way_id=max(worst.values(), key=lambda found: found[0])[1],
             worst_public_m=worst[False][0],
             worst_public_way_id=worst[False][1],
@@ -205,35 +208,23 @@ class MapComparison:
             missing_public_way_ids=tuple(way.id for way in missing if way.tags.get("highway") != "service"),
         )
 
+    def _points_of_ways(self) -> Iterator[tuple[OsmWay, FloatArray, FloatArray, NDArray[np.bool_]]]:
+        """Each way with its line, the points along it, and which of these lie outside the junctions."""
+        # A way that was drawn has no original.
+        lines = [(way, self.way_line(way)) for way in self.ways if INFERRED_TAG not in way.tags]
+        found = [(way, line, _resampled(line)) for way, line in lines if len(line) > 1]
+        if not found:
+            return
+        places = np.concatenate([points for _, _, points in found])
+        outside = ~shapely.contains_xy(self.junction_areas, places[:, 0], places[:, 1])
+        ends = np.cumsum([len(points) for _, _, points in found])
+        for (way, line, points), is_outside in zip(found, np.split(outside, ends[:-1]), strict=True):
+            yield way, line, points, is_outside
+
     def _roads_through_folds(self, way: OsmWay) -> list[Road]:
         """Connecting roads of the folds that a way passes or ends at."""
         folds = {self._fold_of_node[node_id] for node_id in way.node_ids if node_id in self._fold_of_node}
         return [road for road in self.network.roads if road.junction_id in folds] if folds else []
-
-    def _axes(self, road: Road) -> Iterator[FloatArray]:
-        line = self.network.road_geometry(road.id).line
-        starts = [element.s_m for element in road.plan]
-        stations = np.union1d(line.stations(_SAMPLE_M), starts)
-        points = line.sample(stations)
-        yield points[:, :2]
-        if not any(lane.id > 0 and lane.type.drivable for section in road.lane_sections for lane in section.lanes):
-            t = self._middle_of_lanes(road, stations)
-            yield np.column_stack([points[:, 0] - t * np.sin(points[:, 2]), points[:, 1] + t * np.cos(points[:, 2])])
-
-    def _middle_of_lanes(self, road: Road, stations_m: FloatArray) -> FloatArray:
-        """``t`` of the middle of the drivable lanes."""
-        middle = np.zeros(len(stations_m))
-        for index, section in enumerate(road.lane_sections):
-            here = stations_m >= section.s_m
-            borders = []
-            for lane in section.lanes:
-                if lane.id and lane.type.drivable:
-                    geometry = self.network.geometry(LaneRef(road.id, index, lane.id))
-                    centre, half = geometry.centre.sample(stations_m[here]), geometry.width.sample(stations_m[here]) / 2
-                    borders += [centre - half, centre + half]
-            if borders:
-                middle[here] = (np.max(borders, axis=0) + np.min(borders, axis=0)) / 2
-        return middle
 
     def crosswalk_distances(self) -> list[tuple[float, int]]:
         """For each crosswalk, how far outside its outline (metres) its OpenStreetMap node is, and the node's id."""
@@ -342,17 +333,9 @@ class MapComparison:
         return min(feet, key=lambda foot: math.dist(foot, xy_m))
 
 
-def _distances(points: FloatArray, lines: Sequence[FloatArray]) -> FloatArray:
-    """Distance of each point to the nearest of some lines."""
-    segments = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
-    tree = shapely.STRtree(np.asarray(shapely.linestrings(segments), dtype=object))
-    _, distances = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
-    return np.asarray(distances)
-
-
 def _resampled(line: FloatArray) -> FloatArray:
     along = arc_lengths(line)
-    at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / _SAMPLE_M) + 1))
+    at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / SAMPLE_M) + 1))
     return np.column_stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])])
 
 

@@ -17,6 +17,7 @@ from trace_dag.errors import Reason, Rejection
 from trace_dag.roads.from_osm.converter import MapLimits
 from trace_dag.roads.gates import measures
 from trace_dag.roads.gates.against_osm import MapComparison
+from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
 from trace_dag.roads.report import CrashPlacement, MapGate
 from trace_dag.wording import counted
 
@@ -111,13 +112,10 @@ def _stored(network: RoadNetwork, stored: RoadNetwork, limits: MapLimits) -> Map
     if set(before) != set(after):
         differing = counted(len(set(before) ^ set(after)), "lane")
         return MapGate(name, None, limits.stored_difference_m, unit, False, f"{differing} not in both")
-    largest = 0.0
-    for ref in before:
-        here, there = network.geometry(ref), stored.geometry(ref)
-        for s_here, s_there in ((here.begin_m, there.begin_m), (here.end_m, there.end_m)):
-            a, b = here.pose(s_here), there.pose(s_there)
-            largest = max(largest, math.dist((a.x_m, a.y_m, a.z_m), (b.x_m, b.y_m, b.z_m)))
-    return _at_most(name, largest, limits.stored_difference_m, unit)
+    here, there = ([road_map.geometry(ref) for ref in before] for road_map in (network, stored))
+    apart_m = sample_at(here, lane_ends(here))[:, :3] - sample_at(there, lane_ends(there))[:, :3]
+    largest_m = float(np.linalg.norm(apart_m, axis=1).max(initial=0.0))
+    return _at_most(name, largest_m, limits.stored_difference_m, unit)
 
 
 def _ways(comparison: MapComparison, limits: MapLimits) -> Iterator[MapGate]:

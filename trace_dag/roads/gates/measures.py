@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
 from trace_dag.roads.map.model import LaneRef, LaneType
+from trace_dag.roads.map.sampling import stations_between
 from trace_dag.roads.map.separations import find_separations
 from trace_dag.units import wrap_angle
 
@@ -40,21 +42,24 @@ def link_gaps(network: RoadNetwork) -> list[LinkGap]:
     >>> max(gap.position_m for gap in link_gaps(network)) < 0.001
     True
     """
+    refs = network.drivable_lanes()
+    if not refs:
+        return []
+    lanes = [network.geometry(ref) for ref in refs]
+    poses = sample_at(lanes, lane_ends(lanes)).reshape(-1, 2, 4)
+    against = np.array([lane.direction < 0 for lane in lanes])
+    poses[against] = poses[against, ::-1]
+    ends = dict(zip(refs, poses.tolist(), strict=True))
     gaps = []
-    for ref in network.drivable_lanes():
-        following = network.successors(ref)
-        if not following:
-            continue
-        geometry = network.geometry(ref)
-        leave = geometry.pose(geometry.end_m if geometry.direction > 0 else geometry.begin_m)
-        for target in following:
-            entered = network.geometry(target)
-            enter = entered.pose(entered.begin_m if entered.direction > 0 else entered.end_m)
+    for ref in refs:
+        _, leave = ends[ref]
+        for target in network.successors(ref):
+            enter, _ = ends[target]
             gaps.append(
                 LinkGap(
-                    math.hypot(enter.x_m - leave.x_m, enter.y_m - leave.y_m),
-                    abs(enter.z_m - leave.z_m),
-                    abs(wrap_angle(enter.heading_rad - leave.heading_rad)),
+                    math.hypot(enter[0] - leave[0], enter[1] - leave[1]),
+                    abs(enter[2] - leave[2]),
+                    abs(wrap_angle(enter[3] - leave[3])),
                     ref,
                     target,
                 )
@@ -160,21 +165,23 @@ def tightest_turns(network: RoadNetwork) -> tuple[TightestTurn, TightestTurn]:
     >>> turns.radius_m < 10, u_turns.road_id is None  # corners of the crossing; no U-turn
     (True, True)
     """
+    refs = [ref for road in network.roads if road.junction_id is not None for ref in network.drivable_lanes_of(road)]
     tightest = {u_turn: TightestTurn(math.inf, None) for u_turn in (False, True)}
-    for road in network.roads:
-        if road.junction_id is None:
-            continue
-        for ref in network.drivable_lanes_of(road):
-            geometry = network.geometry(ref)
-            line = geometry.between(geometry.begin_m, geometry.end_m, _TURN_STEP_M)
-            turned = np.abs(np.diff(line[:, 3]))
-            if not turned.any():
-                continue
-            driven_m = np.hypot(*np.diff(line[:, :2], axis=0).T)
-            radius_m = float((driven_m / np.maximum(turned, 1e-9)).min())
-            u_turn = road.turn == "u_turn"
+    if refs:
+        lanes = [network.geometry(ref) for ref in refs]
+        spans_m = np.array([(lane.begin_m, lane.end_m) for lane in lanes])
+        stations = stations_between(spans_m[:, 0], spans_m[:, 1], _TURN_STEP_M)
+        steps = np.diff(sample_at(lanes, stations), axis=0)
+        turned = np.abs(steps[:, 3])
+        radii_m = np.hypot(steps[:, 0], steps[:, 1]) / np.maximum(turned, 1e-9)
+        # A step from the end of a lane to the beginning of the next is none; the last lane is followed by nothing.
+        radii_m[stations.first[1:] - 1], turned[stations.first[1:] - 1] = math.inf, 0.0
+        least_m = np.minimum.reduceat(radii_m, stations.first)
+        least_m[np.maximum.reduceat(turned, stations.first) == 0.0] = math.inf
+        for ref, radius_m in zip(refs, least_m.tolist(), strict=True):
+            u_turn = network.road_by_id[ref.road_id].turn == "u_turn"
             if radius_m < tightest[u_turn].radius_m:
-                tightest[u_turn] = TightestTurn(radius_m, road.id)
+                tightest[u_turn] = TightestTurn(radius_m, ref.road_id)
     return min(tightest.values()), tightest[True]
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import shapely
 
+from trace_dag.roads.map.lane_geometry import sample_lanes
 from trace_dag.roads.map.lane_index import drivable_area, polygon
 
 if TYPE_CHECKING:
@@ -43,9 +44,9 @@ class LaneAreas:
     def of(self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float) -> shapely.MultiPolygon:
         """The area of those of some lanes that come within some distance of a box."""
         known = list(lanes)
-        for ref, geometry in known:
-            if ref not in self._surfaces:
-                self._surfaces[ref] = polygon(geometry)
+        new = [(ref, geometry) for ref, geometry in known if ref not in self._surfaces]
+        sample_lanes(geometry for _, geometry in new)
+        self._surfaces |= {ref: polygon(geometry) for ref, geometry in new}
         surfaces = np.array([self._surfaces[ref] for ref, _ in known], dtype=object)
         if known and reach_m < math.inf:
             near = shapely.dwithin(surfaces, shapely.box(*box), reach_m)

@@ -39,8 +39,10 @@ class CubicProfile:
         ordered = list(cubics)
         if not ordered:
             return cls((origin_m,), ((0.0, 0.0, 0.0, 0.0),))
-        if len(ordered) > 1:
-            ordered.sort(key=lambda cubic: cubic.s_m)
+        if len(ordered) == 1:
+            (only,) = ordered
+            return cls((origin_m + only.s_m,), ((only.a, only.b, only.c, only.d),))
+        ordered.sort(key=lambda cubic: cubic.s_m)
         return cls([origin_m + c.s_m for c in ordered], [(c.a, c.b, c.c, c.d) for c in ordered])
 
     @classmethod

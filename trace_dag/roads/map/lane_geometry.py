@@ -7,29 +7,28 @@ One :class:`RoadGeometry` per road, one :class:`LaneGeometry` per lane; both are
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from operator import attrgetter
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from trace_dag.geometry import Pose
 from trace_dag.roads.map.cubic_profile import CubicProfile
 from trace_dag.roads.map.reference_line import ReferenceLine
+from trace_dag.roads.map.sampling import Stations, sample_profiles, sample_reference_lines, stations_between
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.model import Lane, LaneSection, Road
 
-LANE_STEP_M = 2.0
+
+_number = attrgetter("id")
+
+
+LANE_STEP_M: Final = 2.0
 """Points of a sampled lane are at most so far apart along the reference line."""
-
-
-class LaneProjection(NamedTuple):
-    """A point relative to a lane: ``s_m``, ``offset_m`` left of its centre in travel direction, ``outside_m``."""
-
-    s_m: float
-    offset_m: float
-    outside_m: float
 
 
 class SectionLine(NamedTuple):
@@ -48,12 +47,21 @@ class SectionLine(NamedTuple):
 
 
 class LaneSamples(NamedTuple):
-    """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line: its centre and its
-    borders next to that line and away from it, shape (n, 3) each, x, y, z."""
+    """A lane along its section every :data:`LANE_STEP_M`, in the direction of the reference line: ``s_m``, (n,), its
+    centre, and its borders next to that line and away from it, shape (n, 3) each, x, y, z."""
 
+    stations_m: FloatArray
     centre_m: FloatArray
     inner_m: FloatArray
     outer_m: FloatArray
+
+
+class LaneProjection(NamedTuple):
+    """A point relative to a lane: ``s_m``, ``offset_m`` left of its centre in travel direction, ``outside_m``."""
+
+    s_m: float
+    offset_m: float
+    outside_m: float
 
 
 class RoadGeometry:
@@ -68,13 +76,18 @@ class RoadGeometry:
 
     def section_line(self, begin_m: float, end_m: float) -> SectionLine:
         """The reference line between the ends of a lane section."""
-        found = self._section_lines.get((begin_m, end_m))
-        if found is None:
-            stations_m = self.line.stations(LANE_STEP_M, begin_m, end_m)
-            line, height_m = self.line.sample(stations_m), self.elevation.sample(stations_m)
-            found = SectionLine(stations_m, line, height_m, np.sin(line[:, 2]), np.cos(line[:, 2]))
-            self._section_lines[begin_m, end_m] = found
-        return found
+        if (begin_m, end_m) not in self._section_lines:
+            (made,) = sample_sections([self], np.array([begin_m]), np.array([end_m]))
+            self._section_lines[begin_m, end_m] = made
+        return self._section_lines[begin_m, end_m]
+
+    def has_section_line(self, begin_m: float, end_m: float) -> bool:
+        """Whether the reference line between these ends has been sampled."""
+        return (begin_m, end_m) in self._section_lines
+
+    def keep_section_line(self, begin_m: float, end_m: float, line: SectionLine) -> None:
+        """What :meth:`section_line` is to give, where it was sampled together with others."""
+        self._section_lines[begin_m, end_m] = line
 
     def section_span(self, index: int) -> tuple[float, float]:
         """``s_m`` where a lane section begins and ends."""
@@ -102,7 +115,7 @@ class RoadGeometry:
 
 
 def _outward(section: LaneSection, sign: int) -> list[Lane]:
-    return sorted((lane for lane in section.lanes if lane.id * sign > 0), key=lambda lane: abs(lane.id))
+    return sorted([lane for lane in section.lanes if lane.id * sign > 0], key=_number, reverse=sign < 0)
 
 
 class LaneGeometry:
@@ -118,6 +131,7 @@ class LaneGeometry:
         self.width = width
         self.direction = -1 if lane.id > 0 else 1
         self._centrelines: dict[float, FloatArray] = {}
+        self._samples: LaneSamples | None = None
 
     @property
     def length_m(self) -> float:
@@ -173,34 +187,36 @@ class LaneGeometry:
         stations = self.road.line.stations(step_m, low_m, high_m)
         return self.sample(stations if self.direction > 0 else stations[::-1])
 
-    @cached_property
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the lane has been sampled."""
+        return self._samples is not None
+
+    @property
     def samples(self) -> LaneSamples:
         """The lane as points: sampled once for all that look at it."""
-        line = self.road.section_line(self.begin_m, self.end_m)
-        centre_m, half_m = self.centre.sample(line.stations_m), self.width.sample(line.stations_m) / 2
-        outward_m = -self.direction * half_m
-        return LaneSamples(
-            self._search_samples[1], line.beside(centre_m - outward_m), line.beside(centre_m + outward_m)
-        )
+        if self._samples is None:
+            sample_lanes([self])
+        assert self._samples is not None
+        return self._samples
+
+    def keep_samples(self, samples: LaneSamples) -> None:
+        """What :attr:`samples` is to be, where the lane was sampled together with others."""
+        self._samples = samples
 
     def borders(self) -> tuple[FloatArray, FloatArray]:
         """Left and right border as seen in the direction of travel, shape (n, 3) each, in that direction."""
-        _, left, right = self.samples  # traffic keeps to the right: a reference line is to the left of its lanes
+        _, _, left, right = self.samples  # traffic keeps to the right: a reference line is to the left of its lanes
         return (left, right) if self.direction > 0 else (left[::-1], right[::-1])
-
-    @cached_property
-    def _search_samples(self) -> tuple[FloatArray, FloatArray]:
-        line = self.road.section_line(self.begin_m, self.end_m)
-        return line.stations_m, line.beside(self.centre.sample(line.stations_m))
 
     @property
     def search_line(self) -> FloatArray:
         """Coarse centre along increasing ``s``, shape (n, 2), for spatial indexes."""
-        return self._search_samples[1][:, :2]
+        return self.samples.centre_m[:, :2]
 
     def project(self, x_m: float, y_m: float) -> LaneProjection:
         """The point in the lane's own coordinates, exact; the inverse of :meth:`pose` within the lane's span."""
-        stations, points = self._search_samples
+        stations, points = self.samples.stations_m, self.samples.centre_m
         nearest = int(np.argmin((points[:, 0] - x_m) ** 2 + (points[:, 1] - y_m) ** 2))
         s_m, t_m, beyond_m = self.road.line.project(x_m, y_m, float(stations[nearest]))
         if s_m < self.begin_m or s_m > self.end_m:
@@ -213,3 +229,86 @@ class LaneGeometry:
         offset_m = (t_m - self.centre.at(s_m)) * self.direction
         aside_m = max(abs(offset_m) - self.width.at(s_m) / 2, 0.0)
         return LaneProjection(s_m, offset_m, math.hypot(aside_m, beyond_m))
+
+
+def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
+    """Where each of some lanes begins and where it ends along its reference line.
+
+    >>> lane = network.geometry(map_report.placement.lane.lane)
+    >>> lane_ends([lane]).s_m.tolist() == [lane.begin_m, lane.end_m]
+    True
+    """
+    ends_m = np.array([(lane.begin_m, lane.end_m) for lane in lanes]).ravel()
+    return Stations(ends_m, np.repeat(np.arange(len(lanes)), 2), 2 * np.arange(len(lanes)))
+
+
+def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: FloatArray) -> list[SectionLine]:
+    """The reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,) each."""
+    stations = stations_between(begin_m, end_m, LANE_STEP_M)
+    line = sample_reference_lines([road.line for road in roads], stations)
+    height_m = sample_profiles([road.elevation for road in roads], stations)
+    sine, cosine = np.sin(line[:, 2]), np.cos(line[:, 2])
+    return [
+        SectionLine(stations.s_m[where], line[where], height_m[where], sine[where], cosine[where])
+        for where in stations.slices
+    ]
+
+
+def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
+    """Sample those of some lanes that have not been yet: their ``samples`` are there then."""
+    wanted = [lane for lane in dict.fromkeys(lanes) if not lane.is_sampled]
+    if not wanted:
+        return
+    sections = {(lane.road, lane.begin_m, lane.end_m): None for lane in wanted}
+    missing = [each for each in sections if not each[0].has_section_line(*each[1:])]
+    if missing:
+        roads, begin_m, end_m = zip(*missing, strict=True)
+        made = sample_sections(roads, np.array(begin_m), np.array(end_m))
+        for (road, begin, end), section_line in zip(missing, made, strict=True):
+            road.keep_section_line(begin, end, section_line)
+    lines = [lane.road.section_line(lane.begin_m, lane.end_m) for lane in wanted]
+    counts = np.array([len(line.stations_m) for line in lines])
+    owner = np.repeat(np.arange(len(lines)), counts)
+    together = SectionLine(*(np.concatenate(columns) for columns in zip(*lines, strict=True)))
+    stations = Stations(together.stations_m, owner, np.cumsum(counts) - counts)
+    centre_m = sample_profiles([lane.centre for lane in wanted], stations)
+    half_m = sample_profiles([lane.width for lane in wanted], stations) / 2
+    outward_m = np.array([-lane.direction for lane in wanted])[owner] * half_m
+    points = together.beside(centre_m), together.beside(centre_m - outward_m), together.beside(centre_m + outward_m)
+    for lane, line, where in zip(wanted, lines, stations.slices, strict=True):
+        lane.keep_samples(LaneSamples(line.stations_m, *(each[where] for each in points)))
+
+
+def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:
+    """Centres of several lanes, each at its stations, (n, 4): x, y, z (metres), heading (radians) in the direction of
+    travel, continuous along each lane.
+
+    >>> lane = network.geometry(map_report.placement.lane.lane)
+    >>> stations = stations_between(np.array([lane.begin_m]), np.array([lane.end_m]), 2.0)
+    >>> bool((sample_at([lane], stations) == lane.sample(stations.s_m)).all())
+    True
+    """
+    owner, s_m = stations.owner, stations.s_m
+    line = sample_reference_lines([lane.road.line for lane in lanes], stations)
+    begin_m, end_m, length_m, direction = (
+        np.array([(lane.begin_m, lane.end_m, lane.road.line.length_m, lane.direction) for lane in lanes])
+        .reshape(-1, 4)
+        .T
+    )
+    on_lane = stations._replace(s_m=np.clip(s_m, begin_m[owner], end_m[owner]))
+    on_road = stations._replace(s_m=np.clip(s_m, 0.0, length_m[owner]))
+    t = sample_profiles([lane.centre for lane in lanes], on_lane)
+    out = np.empty((len(s_m), 4))
+    out[:, 0] = line[:, 0] - t * np.sin(line[:, 2])
+    out[:, 1] = line[:, 1] + t * np.cos(line[:, 2])
+    out[:, 2] = sample_profiles([lane.road.elevation for lane in lanes], on_road)
+    out[:, 3] = line[:, 2]
+    for lane, where in zip(lanes, stations.slices, strict=True):
+        if lane.centre.constant is None:
+            slope = lane.centre.sample_slope(on_lane.s_m[where])
+            out[where, 3] += np.arctan2(slope, np.maximum(1.0 - line[where, 3] * t[where], 1e-6))
+    out[:, 3] += np.where(direction < 0, np.pi, 0.0)[owner]
+    # Full turns are taken off a whole lane, so that it starts in (-pi, pi] and stays continuous.
+    begins = out[stations.first, 3].tolist()
+    out[:, 3] += np.array([math.remainder(begin, math.tau) - begin for begin in begins])[owner]
+    return out

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from trace_dag.roads.map.arcs import along_arcs
+from trace_dag.roads.map.lane_geometry import sample_lanes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -45,13 +46,15 @@ class LaneIndex:
         low_x, low_y, high_x, high_y = self._boxes
         apart_x = np.maximum(np.maximum(low_x - x_m, x_m - high_x), 0.0)
         apart_y = np.maximum(np.maximum(low_y - y_m, y_m - high_y), 0.0)
-        for number in np.flatnonzero(np.hypot(apart_x, apart_y) <= distance_m):
-            lines = self._lines(int(number))
+        near_roads = np.flatnonzero(np.hypot(apart_x, apart_y) <= distance_m).tolist()
+        self._look_up(near_roads)
+        for number in near_roads:
+            lines = self._looked_up[number]
             if lines is None:
                 continue
             apart_2 = (lines.points[:, 0] - x_m) ** 2 + (lines.points[:, 1] - y_m) ** 2
             near = np.minimum.reduceat(apart_2, lines.first) <= (distance_m + lines.reach_m) ** 2
-            for lane in np.flatnonzero(near):
+            for lane in np.flatnonzero(near).tolist():
                 yield lines.lanes[lane]
 
     def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
@@ -61,12 +64,14 @@ class LaneIndex:
         touching = (low_x < east) & (high_x > west) & (low_y < north) & (high_y > south)
         return [self._roads[number] for number in np.flatnonzero(touching)]
 
-    def _lines(self, number: int) -> _Lines | None:
-        """The lanes of a road with their lines; None if it has none to drive in."""
-        if number not in self._looked_up:
-            lanes = list(self._lanes_of(self._roads[number]))
+    def _look_up(self, numbers: Iterable[int]) -> None:
+        """Have the lanes of some roads with their lines at hand; None of a road that has none to drive in."""
+        lanes_of = {
+            number: list(self._lanes_of(self._roads[number])) for number in numbers if number not in self._looked_up
+        }
+        sample_lanes(geometry for lanes in lanes_of.values() for _, geometry in lanes)
+        for number, lanes in lanes_of.items():
             self._looked_up[number] = _Lines.of(lanes) if lanes else None
-        return self._looked_up[number]
 
 
 class _Lines(NamedTuple):
@@ -166,6 +171,8 @@ def _width_bound_m(section: LaneSection, length_m: float) -> float:
 
 def _bound_m(cubics: Sequence[Cubic], length_m: float) -> float:
     """An upper bound for piecewise cubics over a length: each term is taken at its largest."""
+    if len(cubics) == 1 and not (cubics[0].b or cubics[0].c or cubics[0].d):
+        return abs(cubics[0].a)
     bound = 0.0
     for number, cubic in enumerate(cubics):
         end_m = cubics[number + 1].s_m if number + 1 < len(cubics) else length_m

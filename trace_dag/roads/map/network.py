@@ -6,6 +6,7 @@ Frame and lane ids are those of :mod:`trace_dag.roads.map.model`.
 
 from __future__ import annotations
 
+from bisect import bisect
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -251,10 +252,9 @@ class RoadNetwork:
 def _lanes_of(road: Road) -> Iterator[LaneRef]:
     """Every lane of a road but the centre ones: by section, outward on the left, then on the right."""
     for index, section in enumerate(road.lane_sections):
-        ids = sorted(
-            (lane.id for lane in section.lanes if lane.id != 0), key=lambda lane_id: (lane_id < 0, abs(lane_id))
-        )
-        for lane_id in ids:
+        ids = sorted([lane.id for lane in section.lanes if lane.id])
+        first = bisect(ids, 0)
+        for lane_id in (*ids[first:], *reversed(ids[:first])):
             yield LaneRef(road.id, index, lane_id)
 
 

@@ -134,8 +134,14 @@ class ReferenceLine:
         curvature = element.curvature_1pm
         return *along_arc(element.x_m, element.y_m, element.heading_rad, ds, curvature), curvature
 
+    @property
+    def has_cubics(self) -> bool:
+        """Whether a piece of it is a ``paramPoly3``."""
+        return bool(self._polys)
+
     @cached_property
-    def _arrays(self) -> FloatArray:
+    def table(self) -> FloatArray:
+        """``s``, x, y, heading and curvature at the beginning of each piece, shape (5, n)."""
         return np.array([(e.s_m, e.x_m, e.y_m, e.heading_rad, e.curvature_1pm) for e in self.elements]).T
 
     @cached_property
@@ -148,8 +154,8 @@ class ReferenceLine:
         if len(self.elements) == 1:
             index: NDArray[np.intp] | int = 0
         else:
-            index = np.maximum(np.searchsorted(self._arrays[0], inside, side="right") - 1, 0)
-        start, x, y, heading, curvature = self._arrays[:, index]
+            index = np.maximum(np.searchsorted(self.table[0], inside, side="right") - 1, 0)
+        start, x, y, heading, curvature = self.table[:, index]
         ds = inside - start
         out = np.empty((len(s_m), 4))
         if self._curved:

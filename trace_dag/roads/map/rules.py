@@ -12,8 +12,9 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 from lxml import etree
 
@@ -73,6 +74,7 @@ _LANE_TYPES: Final = frozenset(
         *("special1", "special2", "special3", "roadWorks", "tram", "rail", "bus", "taxi", "HOV", "mwyEntry", "mwyExit"),
     }
 )
+_SIDES: Final = ("left", "center", "right")
 _MARK_TYPES: Final = frozenset(
     {
         *("none", "solid", "broken", "solid solid", "solid broken", "broken solid", "broken broken", "botts dots"),
@@ -137,29 +139,57 @@ def _float(element: etree._Element, key: str) -> float:
 def _schema(root: etree._Element) -> Iterator[str]:
     """Order of elements, required attributes, numbers, and words of the enumerations."""
     for element in root.iter(tag=etree.Element):
-        rules = _RULES_OF_TAG.get(element.tag)
-        if rules is None:
-            continue
         tag = element.tag
-        if rules.order:
-            positions = [rules.order.get(child.tag, -1) for child in element.iterchildren(tag=etree.Element)]
-            if -1 in positions:
-                yield f"<{tag}> holds <{element[positions.index(-1)].tag}>, out of place ({_place(element)})"
-            elif positions != sorted(positions):
-                yield f"children of <{tag}> are out of order ({_place(element)})"
+        if tag not in _RULES_OF_TAG:
+            continue
+        if tag in _CHILDREN:
+            problem = _out_of_order(tag, tuple([child.tag for child in element.iterchildren(tag=etree.Element)]))
+            if problem:
+                yield f"{problem} ({_place(element)})"
         attributes = cast("list[tuple[str, str]]", element.items())
-        missing = rules.required.difference([key for key, _ in attributes]) if rules.required else ()
-        for key in sorted(missing):
+        layout = _layout(tag, tuple([key for key, _ in attributes]))
+        for key in layout.missing:
             yield f"<{tag}> without {key!r} ({_place(element)})"
-        for key, value in attributes:
-            if key in rules.numbers:
-                if not _finite(value):
+        if not _are_finite([attributes[at][1] for at in layout.numbers]):
+            for key, value in (attributes[at] for at in layout.numbers):
+                if not _are_finite([value]):
                     yield f"<{tag} {key}={value!r}> is not a finite number ({_place(element)})"
-            elif key in rules.words:
-                if value not in rules.words[key]:
-                    yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
-            elif (tag, key) == ("roadMark", "height") and not (_finite(value) and float(value) > 0.0):
-                yield f"<{tag} {key}={value!r}> is not above 0 ({_place(element)})"
+        for at, words in layout.words:
+            key, value = attributes[at]
+            if value not in words:
+                yield f"<{tag} {key}={value!r}> is not in the enumeration ({_place(element)})"
+        if tag == "roadMark":
+            height = element.get("height", "1")
+            if not (_are_finite([height]) and float(height) > 0.0):
+                yield f"<{tag} height={height!r}> is not above 0 ({_place(element)})"
+
+
+@lru_cache(maxsize=1024)  # few kinds of elements differ in what they hold
+def _out_of_order(tag: str, children: _Order) -> str:
+    """What is wrong with the order of an element's children; empty if nothing is."""
+    order = _RULES_OF_TAG[tag].order
+    positions = [order.get(child, -1) for child in children]
+    if -1 in positions:
+        return f"<{tag}> holds <{children[positions.index(-1)]}>, out of place"
+    return "" if positions == sorted(positions) else f"children of <{tag}> are out of order"
+
+
+class _Layout(NamedTuple):
+    """Which of an element's attributes are missing, and the places of those that are numbers and words."""
+
+    missing: _Order
+    numbers: tuple[int, ...]
+    words: tuple[tuple[int, frozenset[str]], ...]
+
+
+@lru_cache(maxsize=1024)
+def _layout(tag: str, keys: _Order) -> _Layout:
+    rules = _RULES_OF_TAG[tag]
+    return _Layout(
+        tuple(sorted(rules.required.difference(keys))),
+        tuple(at for at, key in enumerate(keys) if key in rules.numbers),
+        tuple((at, rules.words[key]) for at, key in enumerate(keys) if key in rules.words),
+    )
 
 
 _NUMBERS: Final[dict[str, _Order]] = {
@@ -190,9 +220,9 @@ _RULES_OF_TAG: Final = {
 }
 
 
-def _finite(text: str) -> bool:
+def _are_finite(texts: Iterable[str]) -> bool:
     try:
-        return math.isfinite(float(text))
+        return math.isfinite(sum(map(float, texts)))
     except ValueError:
         return False
 
@@ -219,9 +249,10 @@ def _ids(root: etree._Element) -> Iterator[str]:
 
 
 def _ascending(elements: Iterable[etree._Element], key: str, what: str) -> Iterator[str]:
-    values = [float(element.get(key, "nan")) for element in elements]
-    if values == [0.0]:
+    texts = [element.get(key, "nan") for element in elements]
+    if texts in (["0"], ["0.0"]):  # most have one record
         return
+    values = list(map(float, texts))
     if values and abs(values[0]) > 1e-9:
         yield f"first {what} at {key}={values[0]:g}, expected 0"
     if any(b <= a for a, b in pairwise(values)):
@@ -229,32 +260,36 @@ def _ascending(elements: Iterable[etree._Element], key: str, what: str) -> Itera
 
 
 def _plan_view(root: etree._Element) -> Iterator[str]:
-    for road in root.iterfind("road"):
-        where, length = _place(road), _float(road, "length")
-        pieces = road.findall("planView/geometry")
+    for road in root.iterchildren("road"):
+        length = _float(road, "length")
+        pieces = [piece for plan in road.iterchildren("planView") for piece in plan.iterchildren("geometry")]
         if not pieces or length <= 0:
-            yield f"no plan view or no length ({where})"
+            yield f"no plan view or no length ({_place(road)})"
             continue
-        for problem in _ascending(pieces, "s", "geometry"):
-            yield f"{problem} ({where})"
-        if abs(_float(pieces[-1], "s") + _float(pieces[-1], "length") - length) > _S_TOLERANCE_M:
-            yield f"plan view ends at another length than {length:g} ({where})"
-        for piece, following in pairwise(pieces):
-            yield from (f"{problem} ({where})" for problem in _joint(piece, following))
-        for piece in pieces:
-            shapes = [child for child in piece if child.tag not in _TAIL]
-            if len(shapes) != 1 or _float(piece, "length") <= 0:
-                found = f"{len(shapes)} shapes, length {piece.get('length')}"
-                yield f"geometry at s={piece.get('s')}: {found}; expected one shape with a length ({where})"
+        for problem in _problems_of_plan(pieces, length):
+            yield f"{problem} ({_place(road)})"
 
 
-def _joint(piece: etree._Element, following: etree._Element) -> Iterator[str]:
+def _problems_of_plan(pieces: list[etree._Element], length: float) -> Iterator[str]:
+    yield from _ascending(pieces, "s", "geometry")
+    if abs(_float(pieces[-1], "s") + _float(pieces[-1], "length") - length) > _S_TOLERANCE_M:
+        yield f"plan view ends at another length than {length:g}"
+    shapes = [[child for child in piece if child.tag not in _TAIL] for piece in pieces]
+    for (piece, following), own in zip(pairwise(pieces), shapes, strict=False):
+        yield from _joint(piece, own, following)
+    for piece, own in zip(pieces, shapes, strict=True):
+        if len(own) != 1 or _float(piece, "length") <= 0:
+            found = f"{len(own)} shapes, length {piece.get('length')}"
+            yield f"geometry at s={piece.get('s')}: {found}; expected one shape with a length"
+
+
+def _joint(piece: etree._Element, shapes: list[etree._Element], following: etree._Element) -> Iterator[str]:
     """Position and heading where two pieces of plan view meet; only lines and arcs are followed."""
     s, length = _float(piece, "s"), _float(piece, "length")
     if abs(s + length - _float(following, "s")) > _S_TOLERANCE_M:
         yield f"gap in s after geometry at s={s:g}"
-    arc = piece.find("arc")
-    if arc is None and piece.find("line") is None:
+    arc = next((shape for shape in shapes if shape.tag == "arc"), None)
+    if arc is None and not any(shape.tag == "line" for shape in shapes):
         return
     curvature = _float(arc, "curvature") if arc is not None else 0.0
     x, y, heading = along_arc(_float(piece, "x"), _float(piece, "y"), _float(piece, "hdg"), length, curvature)
@@ -285,31 +320,43 @@ def _profiles(root: etree._Element) -> Iterator[str]:
 
 
 def _lanes(root: etree._Element) -> Iterator[str]:
-    for section in root.iterfind("road/lanes/laneSection"):
-        where = f"{_place(section)}, section at s={section.get('s')}"
-        sides = {side: _grouped(section.iterchildren(side))["lane"] for side in ("left", "center", "right")}
-        centre = [lane.get("id") for lane in sides["center"]]
-        left = [int(lane.get("id", "0")) for lane in sides["left"]]
-        right = [int(lane.get("id", "0")) for lane in sides["right"]]
-        if centre != ["0"]:
-            yield f"centre lanes {centre}, expected one with id 0 ({where})"
-        if left != list(range(len(left), 0, -1)):
-            yield f"left lanes {left}, expected n to 1 ({where})"
-        if right != list(range(-1, -len(right) - 1, -1)):
-            yield f"right lanes {right}, expected -1 to -n ({where})"
-        if not left and not right:
-            yield f"no lane but the centre one ({where})"
-        for lane in (lane for lanes in sides.values() for lane in lanes):
-            parts = _grouped([lane])
-            if lane.get("id") == "0":
-                if parts["width"]:
-                    yield f"centre lane with a width ({where})"
-                continue
-            if not parts["width"] and not parts["border"]:
-                yield f"lane {lane.get('id')} without width ({where})"
-            for what in ("width", "roadMark"):
-                for problem in _ascending(parts[what], "sOffset", what):
-                    yield f"{problem}, lane {lane.get('id')} ({where})"
+    sections = (
+        section
+        for road in root.iterchildren("road")
+        for lanes in road.iterchildren("lanes")
+        for section in lanes.iterchildren("laneSection")
+    )
+    for section in sections:
+        for problem in _problems_of_section(section):
+            yield f"{problem} ({_place(section)}, section at s={section.get('s')})"
+
+
+def _problems_of_section(section: etree._Element) -> Iterator[str]:
+    sides = {
+        side: [lane for each in section.iterchildren(side) for lane in each.iterchildren("lane")] for side in _SIDES
+    }
+    centre = [lane.get("id") for lane in sides["center"]]
+    left = [int(lane.get("id", "0")) for lane in sides["left"]]
+    right = [int(lane.get("id", "0")) for lane in sides["right"]]
+    if centre != ["0"]:
+        yield f"centre lanes {centre}, expected one with id 0"
+    if left != list(range(len(left), 0, -1)):
+        yield f"left lanes {left}, expected n to 1"
+    if right != list(range(-1, -len(right) - 1, -1)):
+        yield f"right lanes {right}, expected -1 to -n"
+    if not left and not right:
+        yield "no lane but the centre one"
+    for lane in (lane for lanes in sides.values() for lane in lanes):
+        parts = _grouped([lane])
+        if lane.get("id") == "0":
+            if parts["width"]:
+                yield "centre lane with a width"
+            continue
+        if not parts["width"] and not parts["border"]:
+            yield f"lane {lane.get('id')} without width"
+        for what in ("width", "roadMark"):
+            for problem in _ascending(parts[what], "sOffset", what):
+                yield f"{problem}, lane {lane.get('id')}"
 
 
 def _grouped(owners: Iterable[etree._Element]) -> defaultdict[str, list[etree._Element]]:

@@ -48,11 +48,13 @@ def find_separations(network: RoadNetwork, *, between_levels: bool = False) -> l
     corners = [_corners(road) for road in roads]
     owners = np.repeat(np.arange(len(roads)), [len(points) for points in corners])
     shapes = np.asarray(shapely.linestrings(np.concatenate(corners), indices=owners), dtype=object)
-    crossing = shapely.STRtree(shapes).query(shapes[asked], predicate="crosses").T.tolist()
+    touching = shapely.STRtree(shapes).query(shapes[asked], predicate="intersects").T.tolist()
     found = []
-    for i, j in sorted({(min(asked[k], other), max(asked[k], other)) for k, other in crossing}):
+    for i, j in sorted({(min(asked[k], other), max(asked[k], other)) for k, other in touching}):
         a, b = roads[i], roads[j]
-        if _roads_meet(a, b) or (between_levels and _level(a) == _level(b)):
+        if i == j or _roads_meet(a, b) or (between_levels and _level(a) == _level(b)):
+            continue
+        if not shapely.crosses(shapes[i], shapes[j]):  # dear, and most that touch meet
             continue
         for point in shapely.get_parts(shapely.intersection(shapes[i], shapes[j])):
             centre = point.centroid
