@@ -17,7 +17,7 @@ import sys
 from benchmarks.measuring import Figure, exit_code
 from benchmarks.results import keep
 
-SUITES = ("cold_start", "stages", "orchestration", "growth", "throughput", "mask_and_predict")
+SUITES = ("cold_start", "stages", "orchestration", "growth", "throughput", "mask_and_predict", "masked_reports")
 
 
 def main() -> int:
@@ -42,7 +42,10 @@ def main() -> int:
 
 def _line(figure: Figure) -> str:
     text = f"{figure.name:60} {figure.value:10.4g} {figure.unit}"
-    if figure.ratio is not None:
+    if figure.hidden is not None:
+        asked = "".join(f", {name} {share:.3g}" for name, share in figure.asked.items())
+        text += f" of {figure.hidden} recovered; {figure.peer} {figure.peer_value:.3g}{asked}"
+    elif figure.ratio is not None:
         text += f", {figure.ratio:.3g} times {figure.peer} ({figure.peer_value:.4g})"
     if figure.reached is not None:
         what = "ratio " if figure.goal_of_ratio else ""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import median, quantiles
 from typing import Final
 from unittest.mock import patch
 
@@ -37,6 +37,7 @@ from trace_dag.states.speeds import STOP_CONTROLS, speed_profile, travel_speed
 from trace_dag.units import mps_to_mph
 
 FOLDS: Final = 10
+NEAR_MPH: Final = 5.0
 _LOW, _HIGH = 0.1, 0.9
 _STEPS: Final = 40
 _NOTHING: Final = CrashRecord(
@@ -128,6 +129,29 @@ def measure(runs: int) -> Iterator[Figure]:
             f"{what}: median error", median(errors), "mph", "the rule", median(of_rule), 0.8, goal_of_ratio=True
         )
         yield Figure(f"{what}: share within 80 %, off 80", abs(100 * _within(guesses) - 80), "points", goal=5.0)
+        near = [abs(each.estimate - each.hidden) <= NEAR_MPH for each in guesses]
+        by_rule = [abs(each.rule - each.hidden) <= NEAR_MPH for each in guesses]
+        hidden = [each.hidden for each in guesses]
+        yield Figure(
+            f"{what}, of all crashes: within {NEAR_MPH:g} mph",
+            100 * sum(near) / len(near),
+            "%",
+            "by chance",
+            100 * sum(abs(one - two) <= NEAR_MPH for one in hidden for two in hidden) / len(hidden) ** 2,
+            note=f"the rule {100 * sum(by_rule) / len(by_rule):.0f} %",
+            hidden=len(hidden),
+        )
+        low, high = quantiles(hidden, n=10)[0], quantiles(hidden, n=10)[-1]
+        yield Figure(
+            f"{what}, of all crashes: in the interval of 80 %",
+            100 * _within(guesses),
+            "%",
+            "by chance",
+            80.0,
+            note=f"intervals {median(each.high - each.low for each in guesses):.0f} mph wide in the median; by chance "
+            f"{high - low:.0f}, of all that were hidden",
+            hidden=len(hidden),
+        )
 
 
 def _pairs(guesses: Sequence[Guess]) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:

@@ -11,7 +11,7 @@ import resource
 import statistics
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 SHARED = Path(os.environ.get("TRACE_DAG_SHARED", Path(__file__).resolve().parents[2] / "shared")) / "data"
@@ -22,6 +22,8 @@ class Figure:
     """One measured figure. ``peer_value`` has the same unit; ``ratio`` is ours to the peer's.
 
     ``goal`` is what the figure (or, if ``goal_of_ratio``, the ratio) must not exceed, or must reach if ``at_least``.
+    With ``hidden`` it belongs to the table of calibration: so many things were hidden, the value is the share that came
+    back, the peer's is chance, and ``asked`` has the shares of language models by their names.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Figure:
     at_least: bool = False
     goal_of_ratio: bool = False
     note: str = ""
+    hidden: int | None = None
+    asked: dict[str, float] = field(default_factory=dict)
 
     @property
     def ratio(self) -> float | None:

@@ -51,7 +51,7 @@ def keep(figures: Sequence[Figure]) -> None:
 
 def page(measurements: Sequence[dict[str, Any]]) -> str:
     """The figures of the latest versions as Markdown, the newest on the right."""
-    shown = measurements[-_SHOWN:]
+    shown = [_without_calibration(each) for each in measurements[-_SHOWN:]]
     names = list(dict.fromkeys(name for each in reversed(shown) for name in each["figures"]))
     lines = [
         "# Benchmarks",
@@ -76,7 +76,44 @@ def page(measurements: Sequence[dict[str, Any]]) -> str:
     lines += ["", *(f"- {each['version']}: {each['measured_at']}, {each['machine']}{_loop(each)}" for each in shown)]
     notes = {name: each["figures"][name]["note"] for each in shown for name in each["figures"]}
     lines += [f"- {name}: {note}" for name, note in notes.items() if note]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_calibration(measurements)]) + "\n"
+
+
+def _without_calibration(measurement: dict[str, Any]) -> dict[str, Any]:
+    figures = {name: figure for name, figure in measurement["figures"].items() if figure.get("hidden") is None}
+    return {**measurement, "figures": figures}
+
+
+def _calibration(measurements: Sequence[dict[str, Any]]) -> list[str]:
+    """The table of what came back when it was hidden, each row as it was measured last."""
+    rows = {
+        name: (figure, each["version"])
+        for each in measurements
+        for name, figure in each["figures"].items()
+        if figure.get("hidden") is not None
+    }
+    if not rows:
+        return []
+    models = list(dict.fromkeys(model for figure, _ in rows.values() for model in figure["asked"]))
+    columns = ["hidden", "number", "recovered", "by chance", *(models or ["published model's kind"]), "measured with"]
+    lines = [
+        "",
+        "## Calibration",
+        "",
+        "One thing that is known is hidden, estimated again from the rest, and compared: the share that comes back,",
+        "and what chance gives, which draws the answer from what all crashes have. [How sure the estimates",
+        "are](how-sure-the-estimates-are.md) says what each row is. A language model that is configured",
+        "(`TRACE_DAG_STATES__LLM_MODEL`) has a column of its own: it is asked for coordinates, as the published study",
+        "asked, and what it cannot answer counts as not recovered." + ("" if models else " None was, here."),
+        "",
+        "| " + " | ".join(columns) + " |",
+        "|---|" + "---:|" * (len(columns) - 2) + "---|",
+    ]
+    for name, (figure, version) in rows.items():
+        asked = [f"{figure['asked'][model]:.0f} %" if model in figure["asked"] else "" for model in models] or ["-"]
+        shares = [f"{figure[key]:.0f} %" for key in ("value", "peer_value")]
+        lines.append(f"| {' | '.join([name, str(figure['hidden']), *shares, *asked, version])} |")
+    return [*lines, "", *(f"- {name}: {figure['note']}" for name, (figure, _) in rows.items() if figure["note"])]
 
 
 def _loop_ms() -> float:

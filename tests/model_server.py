@@ -120,3 +120,21 @@ def asked_about(request: Request) -> str:
     question = json.loads(request.body)["messages"][1]["content"]
     data = question[question.index("<data>") + len("<data>") : question.index("</data>")]
     return str(json.loads(data)["report"]["summary"]).removeprefix("Crash ").partition(":")[0]
+
+
+def as_coordinates(case: Case, answer: dict) -> dict:
+    """The same answer to the question for coordinates."""
+    choices = choices_of(case)
+    vehicles = []
+    for vehicle in answer["vehicles"]:
+        approach = next(each for each in choices.approaches if each.id == vehicle["candidate"])
+        pose = approach.stream.path.pose(approach.stream.station_m - vehicle["position_m"])
+        vehicles.append(
+            {
+                "vehicle_number": vehicle["vehicle_number"],
+                "x_m": pose.x_m,
+                "y_m": pose.y_m,
+                "heading_deg": vehicle["heading_deg"],
+            }
+        )
+    return {**answer, "vehicles": vehicles}

@@ -40,3 +40,20 @@ def test_figures_are_kept_and_the_page_shows_what_misses_its_goal(tmp_path):
     text = page([{**kept[0], "version": "0.0"}, *kept])
     assert "| slow | s | a peer | ≤ 1 | **2 (2)** | **2 (2)** |" in text
     assert "| quick | s |  | ≤ 1 | 0.5 | 0.5 |" in text
+
+
+def test_calibration_is_one_table_with_chance_and_the_models_that_were_asked(tmp_path):
+    file = tmp_path / "results.json"
+    append([Figure("quick", 0.5, "s")], file)
+    append([Figure("area", 88.0, "%", "by chance", 45.0, hidden=155, note="within an hour")], file)
+    text = page(append([Figure("lane", 90.0, "%", "by chance", 81.0, hidden=7)], file))
+    table = text.partition("## Calibration")[2]
+    assert "| hidden | number | recovered | by chance | published model's kind | measured with |" in table
+    assert "| area | 155 | 88 % | 45 % | - |" in table
+    assert "None was, here." in table
+    assert "- area: within an hour" in table
+    assert "area" not in text.partition("## Calibration")[0]
+    asked = page(append([Figure("lane", 90.0, "%", "by chance", 81.0, hidden=7, asked={"llm:x": 41.0})], file))
+    assert "| hidden | number | recovered | by chance | llm:x | measured with |" in asked
+    assert "| lane | 7 | 90 % | 81 % | 41 % |" in asked
+    assert "| area | 155 | 88 % | 45 % |  |" in asked
