@@ -1,19 +1,24 @@
 """What Dagster costs per crash: all seven stages with next to no work in them, through Dagster and without it.
 
+    python -m benchmarks orchestration                       100 and 1,000 crashes
+    python -m benchmarks.orchestration 500 36000 --runs 2    two runs of 250 crashes in cohorts of these sizes
+
 Dagster's event log is included: a planned and a done event for each stage and crash, and the metadata the UI shows.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measuring import Figure, medians
+from benchmarks.measuring import Figure, cpu_s, medians
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
@@ -36,6 +41,25 @@ def measure(runs: int) -> Iterator[Figure]:
         )
 
 
+def main() -> int:
+    """Print what each size asked for takes: CPU milliseconds per crash, of its parts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("crashes", type=int, nargs="+")
+    parser.add_argument("--runs", type=int, help="carry out so many runs of each size, and leave the others")
+    options = parser.parse_args()
+    _through_dagster(10)  # modules are read
+    for crashes in options.crashes:
+        told = [cpu_s()]
+        done = _through_dagster(crashes, options.runs, lambda told=told: told.append(cpu_s()))  # type: ignore[misc]
+        preparing, planning, running = (1e3 * (end - start) for start, end in pairwise(told))
+        print(
+            f"{crashes:,} crashes, CPU ms for each: preparing {preparing / crashes:.2f}, planning "
+            f"{planning / crashes:.2f}, running {running / done:.2f} (of {done:,})",
+            flush=True,
+        )
+    return 0
+
+
 def _prepared(folder: str, crashes: int) -> Any:
     import fake_flow
 
@@ -48,7 +72,9 @@ def _prepared(folder: str, crashes: int) -> Any:
     return workspace
 
 
-def _through_dagster(crashes: int) -> None:
+def _through_dagster(crashes: int, runs: int | None = None, tell: Callable[[], None] = lambda: None) -> int:
+    """How many crashes went through, in all runs or in the first ones; ``tell`` is called when all is prepared, when it
+    is planned, and when it has run."""
     from trace_dag.definitions.launch import open_instance, planned, run_batches
     from trace_dag.flow.selection import select_stale
 
@@ -57,12 +83,16 @@ def _through_dagster(crashes: int) -> None:
         workspace = _prepared(folder, crashes)
         workspace = workspace.with_settings(SETTINGS)
         with open_instance(workspace) as instance:
+            tell()
             batches = planned(workspace, instance, select_stale(workspace))
-            report = run_batches(workspace, instance, batches, settings=SETTINGS)
+            tell()
+            report = run_batches(workspace, instance, batches[:runs], settings=SETTINGS)
+            tell()
     os.environ.clear()
     os.environ.update(environment)
     if report.errors:
         raise RuntimeError(report.errors[0])
+    return sum(len(batch.keys) for batch in batches[:runs])
 
 
 def _bare(crashes: int) -> None:
@@ -72,3 +102,7 @@ def _bare(crashes: int) -> None:
         workspace = _prepared(folder, crashes).with_settings(SETTINGS)
         for _ in run_stages(workspace, workspace.registry.keys(), run_id="bare"):
             pass
+
+
+if __name__ == "__main__":
+    sys.exit(main())

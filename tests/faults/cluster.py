@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from loopback import free_port
 
+from tests.loopback import free_port
 from tests.waiting import eventually
 from trace_dag.storage import Storage
 
@@ -20,26 +20,35 @@ BUCKET = "crashes"
 
 
 @contextmanager
-def object_store() -> Iterator[dict[str, str]]:
-    """An S3-compatible server with an empty bucket; the environment in which it is found."""
+def object_store(delay_s: float = 0.0) -> Iterator[dict[str, str]]:
+    """An S3-compatible server with an empty bucket; the environment in which it is found.
+
+    Each of its answers waits for ``delay_s`` (:mod:`tests.faults.slow_relay`).
+    """
     pytest.importorskip("moto")
     pytest.importorskip("s3fs")
     address = f"http://127.0.0.1:{free_port()}"
+    seen_at = f"http://127.0.0.1:{free_port()}" if delay_s else address
     environment = {
-        "AWS_ENDPOINT_URL": address,
+        "AWS_ENDPOINT_URL": seen_at,
         "AWS_ACCESS_KEY_ID": "test",
         "AWS_SECRET_ACCESS_KEY": "test",
         "AWS_DEFAULT_REGION": "us-east-1",
     }
-    port = address.rpartition(":")[2]
-    server = _start([sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", port], {})
+    port, seen_port = (each.rpartition(":")[2] for each in (address, seen_at))
+    processes = [_start([sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", port], {})]
     try:
-        _wait_for(address, server)
+        _wait_for(address, processes[0])
+        if delay_s:
+            relay = [sys.executable, "-m", "tests.faults.slow_relay", seen_port, port, str(delay_s)]
+            processes.append(_start(relay, {}))
+            _wait_for(seen_at, processes[1])
         request = urllib.request.Request(f"{address}/{BUCKET}", method="PUT")
         urllib.request.urlopen(request).close()
         yield environment
     finally:
-        _end(server)
+        for process in processes:
+            _end(process)
 
 
 class DaskCluster:
@@ -59,6 +68,12 @@ class DaskCluster:
         self.scheduler, *self.workers = (
             _start([sys.executable, "-m", *command], self._environment) for command in self._commands
         )
+
+    def wait_for_workers(self, workers: int) -> None:
+        """Wait until so many workers have come."""
+        distributed = pytest.importorskip("distributed")
+        with distributed.Client(self.address, timeout="120s", set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=120)
 
     def settings(self) -> dict[str, str]:
         """The environment that sends a run's work here."""

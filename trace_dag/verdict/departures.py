@@ -239,7 +239,8 @@ def departing(
     right = told in sides or (told is DepartureSide.AHEAD and not left)
     detail = ""
     if told is None:
-        detail = "the report does not say to which side"
+        on_it = zone is RoadZone.ROADWAY
+        detail = "the first harmful event was on the roadway" if on_it else "the report does not say to which side"
     elif not right:
         went = f"left the road {_IN_WORDS[sides[0]]}" if sides else "did not leave the road"
         detail = f"the vehicle {went}, reported is {told}"
