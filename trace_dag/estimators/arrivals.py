@@ -235,7 +235,7 @@ def _placings(
     """Stations, and the times at which the vehicle is there: beside the other party then, or standing near its way."""
     reach = (math.hypot(*size_m) + math.hypot(*target.size_m)) / 2
     x, y, _ = target.at(meets_s)
-    near = np.array([way.path.project(float(px), float(py)) for px, py in zip(x, y, strict=True)])
+    near = way.path.project_all(x, y)
     near_s, aside = near[:, 0], np.abs(near[:, 1])
     use = aside <= reach
     if not use.any():
@@ -263,7 +263,8 @@ def _gaps_m(newcomer: Poses, size_m: tuple[float, float], other: SimulatedMotion
     """Gaps between each row of the newcomer's motion and another body; infinite where they are far from each other."""
     x, y, heading = other.at(time_s)
     reach = (math.hypot(*size_m) + math.hypot(*other.size_m)) / 2 + _QUEUE_GAP_M
-    rows, columns = np.nonzero(np.hypot(newcomer[0] - x, newcomer[1] - y) <= reach)
+    dx, dy = newcomer[0] - x, newcomer[1] - y
+    rows, columns = np.nonzero(dx * dx + dy * dy <= reach * reach)
     found = np.full(newcomer[0].shape, np.inf)
     if len(rows):
         bodies = (newcomer[0][rows, columns], newcomer[1][rows, columns], newcomer[2][rows, columns])

@@ -130,17 +130,20 @@ class BeyondEdge:
         """Whether a point lies on what is paved."""
         return self._paved is None or self._paved.has(x_m, y_m)
 
-    def at(self, x_m: float, y_m: float) -> Bank:
-        """The ground at a point."""
+    def at(self, x_m: float, y_m: float, *, paved: bool | None = None) -> Bank:
+        """The ground at a point; ``paved`` says whether it is, where that is known."""
         for profile in self._profiles:
             bank = profile.at(x_m, y_m)
             if bank != LEVEL:
                 return bank
-        if self._open is None or self._kerbed is None or self.is_paved(x_m, y_m):
+        if self._open is None or self._kerbed is None:
+            return LEVEL
+        if self.is_paved(x_m, y_m) if paved is None else paved:
             return LEVEL
         point = shapely.Point(x_m, y_m)
         opened, closed = self._open.edge_near(x_m, y_m), self._kerbed.edge_near(x_m, y_m)
-        if not (_comes_near(opened, point) or _comes_near(closed, point)):
+        near = shapely.dwithin([opened, closed], point, FORE_SLOPE_M)  # much sooner said than how near
+        if not near.any():
             return _BELOW_SLOPE
         from_open_m, from_kerb_m = _distance_m(opened, point), _distance_m(closed, point)
         edge, away_m = (opened, from_open_m) if from_open_m <= from_kerb_m else (closed, from_kerb_m)
@@ -154,12 +157,6 @@ class BeyondEdge:
 def _is_open(road: Road) -> bool:
     """Whether a road has open sides; ways through junctions are as the fastest road there."""
     return is_high_speed(road.highway, road.speed_mps)
-
-
-def _comes_near(edge: shapely.Geometry, point: shapely.Point) -> bool:
-    """Whether an edge comes as near to a point as the ground slopes: much sooner said than how near."""
-    shapely.prepare(edge)
-    return bool(shapely.dwithin(edge, point, FORE_SLOPE_M))
 
 
 def _distance_m(edge: shapely.Geometry, point: shapely.Point) -> float:

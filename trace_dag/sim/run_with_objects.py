@@ -114,12 +114,12 @@ class RoadsideRun(VehicleRun):
             friction = self._friction if paved else self._soft_friction
             vehicle.stand_on(friction)
             if self._beyond.slopes:
-                self._stand_on_bank(i, vehicle, friction)
+                self._stand_on_bank(i, vehicle, paved, friction)
         self._bodies.set_heights([vehicle.z for vehicle in self._vehicles])
 
-    def _stand_on_bank(self, i: int, vehicle: Vehicle, friction: float) -> None:
+    def _stand_on_bank(self, i: int, vehicle: Vehicle, paved: bool, friction: float) -> None:
         """Take the height and the slope of the ground beyond the edge, where there is such."""
-        bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y)
+        bank = self._banks[i] = self._beyond.at(vehicle.x, vehicle.y, paved=paved)
         vehicle.z += bank.height_m
         if vehicle.crashed and not bank.level:  # drivers hold their course on slopes that can be recovered from
             vehicle.ground = _tilted(vehicle, bank)

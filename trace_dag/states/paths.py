@@ -77,7 +77,16 @@ class Path:
         squared = (self.x_m - x_m) ** 2 + (self.y_m - y_m) ** 2
         if near_s_m is not None:
             squared = np.where(np.abs(self.s_m - near_s_m) <= 60.0, squared, np.inf)
-        i = int(np.argmin(squared))
+        return self._beside(int(np.argmin(squared)), x_m, y_m)
+
+    def project_all(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """Distances along the path and offsets to the left of points, shape (n, 2); as :meth:`project` for one."""
+        squared = (self.x_m - x_m[:, None]) ** 2 + (self.y_m - y_m[:, None]) ** 2
+        nearest = zip(squared.argmin(axis=1).tolist(), x_m.tolist(), y_m.tolist(), strict=True)
+        return np.array([self._beside(*each) for each in nearest])
+
+    def _beside(self, i: int, x_m: float, y_m: float) -> tuple[float, float]:
+        """Where a point is by the path's point nearest to it: distance along the path, offset to the left."""
         c, s = math.cos(self.heading_rad[i]), math.sin(self.heading_rad[i])
         dx, dy = x_m - float(self.x_m[i]), y_m - float(self.y_m[i])
         return float(self.s_m[i]) + dx * c + dy * s, dy * c - dx * s

@@ -89,10 +89,9 @@ class Area:
 
     def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """How far points are beyond the edge (m), negative within the area; not a number where there is no area."""
-        points = shapely.points(x_m, y_m)
         for area, reach_m in self._growing(_box_about(x_m, y_m)):
-            outside_m = shapely.distance(points, area)
-            found = np.asarray(np.where(outside_m > 0, outside_m, -shapely.distance(points, area.boundary)))
+            from_edge_m = _from_edge_m(x_m, y_m, area.boundary)
+            found = np.asarray(np.where(shapely.contains_xy(area, x_m, y_m), -from_edge_m, from_edge_m))
             if bool((np.abs(found) < reach_m).all()):
                 break
         return found
@@ -116,6 +115,7 @@ class Area:
         at = _tile_of(x_m, y_m)
         if at not in self._edges:
             self._edges[at] = self._tile(x_m, y_m).boundary
+            shapely.prepare(self._edges[at])
         return self._edges[at]
 
     def _piece(self, x_m: FloatArray, y_m: FloatArray) -> shapely.MultiPolygon:
@@ -132,6 +132,20 @@ class Area:
             west, south = at[0] * _TILE_M, at[1] * _TILE_M
             self._tiles[at] = self.within((west, south, west + _TILE_M, south + _TILE_M), _AROUND_M)
         return self._tiles[at]
+
+
+def _from_edge_m(x_m: FloatArray, y_m: FloatArray, edge: shapely.Geometry) -> FloatArray:
+    """How far points are from an edge, which may have thousands of segments; not a number where there is none."""
+    rings = [shapely.get_coordinates(line) for line in shapely.get_parts(edge)]
+    if not rings:
+        return np.full(len(x_m), np.nan)
+    segments = shapely.STRtree(np.concatenate([shapely.linestrings(np.stack([r[:-1], r[1:]], axis=1)) for r in rings]))
+    (of_point, _), away_m = segments.query_nearest(
+        shapely.points(np.column_stack([x_m, y_m])), return_distance=True, all_matches=False
+    )
+    found = np.empty(len(x_m))
+    found[of_point] = away_m
+    return found
 
 
 def _tile_of(x_m: float, y_m: float) -> tuple[int, int]:
