@@ -20,10 +20,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
-import httpx
 from tenacity import (
     RetryCallState,
     RetryError,
@@ -37,6 +36,9 @@ from tenacity import (
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.rate_limit import take_turn
 from trace_dag.wording import counted
+
+if TYPE_CHECKING:
+    import httpx
 
 TRANSIENT_STATUS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 USER_AGENT: Final = "trace-dag (crash reconstruction research)"
@@ -182,6 +184,8 @@ class HttpClient:
         data: Mapping[str, str] | None,
         check: Check | None,
     ) -> bytes:
+        import httpx  # which takes a tenth of a second to load, and nothing is asked in most runs
+
         self._wait_for_turn()
         try:
             with self._connection().stream(method, url, params=params, data=data) as response:
@@ -251,6 +255,8 @@ class HttpClient:
             self.sleep(turn_s - now_s)
 
     def _connection(self) -> httpx.Client:
+        import httpx
+
         with self._lock:
             if self._client is None:
                 self._client = httpx.Client(
@@ -270,6 +276,8 @@ class HttpClient:
 
 def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, timeout_s: float = 10.0) -> None:
     """POST a document to a web hook. Raises :class:`Failure`, which names the host alone: the path may be a secret."""
+    import httpx
+
     host = urlsplit(url).hostname or "the web hook"
     trying = Retrying(
         retry=retry_if_exception_type(TransientFailure), stop=stop_after_attempt(attempts), wait=wait_random(0.2, 1.0)

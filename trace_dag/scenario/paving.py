@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
 import shapely
 
 from trace_dag.geometry import FloatArray
@@ -33,19 +34,18 @@ def paved_gaps(lanes: Sequence[FloatArray], junctions: Iterable[Sequence[int]]) 
     its lanes, a gap is paved where it is narrower than a lane: islands are wider. What separates carriageways outside
     is not a gap.
 
-    >>> import numpy as np
     >>> lane = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 3.5], [0.0, 3.5]])
     >>> list(paved_gaps([lane], [[0]]))  # a single lane leaves nothing between
     []
     """
-    outlines = [shapely.make_valid(shapely.Polygon(lane)) for lane in lanes]
+    outlines = np.array([shapely.make_valid(shapely.Polygon(lane)) for lane in lanes], object)
     tree = shapely.STRtree(outlines)
     for numbers in junctions:
-        hull = shapely.convex_hull(shapely.union_all([outlines[number] for number in numbers]))
+        hull = shapely.convex_hull(shapely.geometrycollections(outlines[list(numbers)]))
         around = shapely.buffer(hull, LANE_WIDTH_M)
-        near = [shapely.intersection(outlines[number], around) for number in tree.query(around, "intersects")]
-        paved = shapely.union_all(near)
-        closed = shapely.buffer(shapely.buffer(paved, LANE_WIDTH_M / 2), -LANE_WIDTH_M / 2)
+        paved = shapely.union_all(shapely.intersection(outlines[tree.query(around, "intersects")], around))
+        widened = shapely.buffer(paved, LANE_WIDTH_M / 2)
+        closed = shapely.buffer(widened, -LANE_WIDTH_M / 2)
         for gap in shapely.get_parts(shapely.difference(shapely.intersection(closed, hull), paved)):
             if isinstance(gap, shapely.Polygon) and gap.area > _LEAST_AREA_M2:
                 bordering = tree.query(gap, "dwithin", distance=_TOUCHING_M)

@@ -6,6 +6,7 @@ between its hubs.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,7 @@ _HELMET: Final = Material("#E8E8E8", roughness=0.4)
 _DENIM: Final = Material("#39465C")
 
 
+@lru_cache(maxsize=64)  # crashes have the same few vehicles
 def motorcycle_shape(body: Body, colour: str) -> VehicleShape:
     """A motorcycle and its rider; the rider stays on it, as in the log, which has one body of both.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -79,6 +80,7 @@ _PLANS: Final = {
 }
 
 
+@lru_cache(maxsize=64)  # crashes have the same few vehicles
 def vehicle_shape(body: Body, colour: str) -> VehicleShape:
     """A vehicle of that class and size, painted in a colour; motorcycles are
     :func:`trace_dag.scenario.solid.two_wheelers.motorcycle_shape`'s.
@@ -160,6 +162,7 @@ def _wheels(body: Body, plan: _Plan, *, steered: bool = True) -> tuple[Wheel, ..
     return tuple(made)
 
 
+@lru_cache(maxsize=64)  # crashes have the same few vehicles
 def wheel_parts(radius_m: float, width_m: float) -> Parts:
     """A wheel about the axis to its left: tyre, and a rim with spokes, so that it is seen to turn.
 
