@@ -8,6 +8,7 @@ thing are in :mod:`trace_dag.scenario.animation`.
 
 from __future__ import annotations
 
+import codecs
 import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.map_scene import Window
-from trace_dag.scenario.page_templates import packed, templates
+from trace_dag.scenario.page_templates import in_base64, in_letters, templates, zipped
 from trace_dag.scenario.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -56,8 +57,8 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
             paired=paired,
             in_3d=solid is not None,
             data=_script_safe(content.columns),
-            map_svg=content.packed_map,
-            solid=packed(packed_glb(solid)) if solid is not None else "",
+            map_svg=in_base64(content.zipped_map),
+            solid=in_base64(zipped(packed_glb(solid))) if solid is not None else "",
             library=packed_library() if solid is not None else "",
         )
         .encode()
@@ -65,17 +66,20 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """What the page of a site reads of one crash: a script that calls it with the packed parts of the content.
+    """What the page of a site reads of one crash: a script that calls it with the zipped parts of the content.
+
+    It is in UTF-16, in which they take the least; its byte order mark says so to browsers, whatever a server says.
 
     >>> from trace_dag.scenario.replay_content import replay_content
-    >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
-    b'replay({'
+    >>> replay_script(replay_content(record, network, log, in_3d=False)).decode("utf-16")[:8]
+    'replay({'
     """
     said = json.dumps(content.columns, separators=(",", ":"), allow_nan=False)
-    kept = {"data": packed(said.encode()), "map": content.packed_map}
+    parts = {"data": zipped(said.encode()), "map": content.zipped_map}
     if content.solid is not None:
-        kept["solid"] = packed(packed_glb(content.solid))
-    return f"replay({json.dumps(kept, separators=(',', ':'))})\n".encode()
+        parts["solid"] = zipped(packed_glb(content.solid))
+    held = ",".join(f'"{name}":"{in_letters(data)}"' for name, data in parts.items())
+    return codecs.BOM_UTF16_LE + f"replay({{{held}}})\n".encode("utf-16-le")
 
 
 def write_html_player(

@@ -25,7 +25,7 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
-from trace_dag.scenario.page_templates import packed
+from trace_dag.scenario.page_templates import zipped
 from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
@@ -96,9 +96,9 @@ class ReplayContent:
         return with_columns(self.said)
 
     @cached_property
-    def packed_map(self) -> str:
-        """The map as pages hold it."""
-        return packed(self.map_svg.encode())
+    def zipped_map(self) -> bytes:
+        """The map as pages hold it, before it is written in letters."""
+        return zipped(self.map_svg.encode())
 
 
 def replay_content(

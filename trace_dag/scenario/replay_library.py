@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Final
 
-from trace_dag.scenario.page_templates import packed, read, templates
+from trace_dag.scenario.page_templates import in_base64, read, templates, zipped
 
 PAGE: Final = "replay.html"
 """The page of a site that shows every replay of it: ``replay.html?KEY``."""
@@ -25,7 +25,7 @@ def packed_library() -> str:
     >>> len(packed_library()) < len(read(LIBRARY))
     True
     """
-    return packed(read(LIBRARY).encode())
+    return in_base64(zipped(read(LIBRARY).encode()))
 
 
 def site_files() -> dict[str, bytes]:

@@ -56,7 +56,7 @@ def log_to_json(key: str, log: SimulationLog) -> bytes:
         "contacts": [_plain(contact) for contact in log.contacts],
         **({"objects": [_plain(item) for item in log.objects]} if log.objects else {}),
     }
-    return (json.dumps(document, sort_keys=True, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":")) + "\n").encode()
 
 
 def log_from_json(data: bytes, *, name: str) -> SimulationLog:
