@@ -257,9 +257,15 @@ class VehicleRun:
     def _go_alone(self, step: int, until: int) -> None:
         """Take the steps up to another one with each vehicle by itself."""
         self._state = self._before = None
-        for vehicle in self._vehicles:
+        for i, vehicle in enumerate(self._vehicles):
             for each in range(step, until):
-                vehicle.advance(vehicle.road_force(each), self._step_s)
+                force = vehicle.road_force(each)
+                vehicle.advance(force, self._step_s)
+                if vehicle.roll is not None and vehicle.crashed:
+                    self._roll(i, vehicle, force, (each + 1) * self._step_s)
+
+    def _roll(self, i: int, vehicle: Vehicle, force: tuple[float, float, float], now_s: float) -> None:
+        """Tip and roll for a step under the road's force x, y (N) and moment: beside the road vehicles do."""
 
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         """Take one step under the road's forces on each vehicle."""

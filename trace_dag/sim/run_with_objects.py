@@ -171,23 +171,23 @@ class RoadsideRun(VehicleRun):
 
     # --- steps -----------------------------------------------------------------------------------------------
     def _alone_until(self, step: int) -> int:
-        if any(vehicle.crashed for vehicle in self._vehicles):
-            return step  # it may roll
-        until = min([super()._alone_until(step), *(vehicle.turned_from_step for vehicle in self._vehicles)])
-        if self._skids:  # they are put on their trajectories at the end of each step
-            until = min(until, math.floor(min(each.skids_from_s for each in self._skids) / self._step_s) - 1)
+        until = super()._alone_until(step)
+        for vehicle in self._skids:
+            if not vehicle.crashed:  # it is put on its trajectory at the end of each step
+                until = min(until, math.floor(vehicle.skids_from_s / self._step_s) - 1)
         return min(until, self._clear_until_step) if self._obstacles else until
 
     def _advance(self, step: int, forces: list[tuple[float, float, float]]) -> None:
         super()._advance(step, forces)
         self._carry((step + 1) * self._step_s)
-        for i, (vehicle, (fx, fy, _)) in enumerate(zip(self._vehicles, forces, strict=True)):
-            if vehicle.crashed and vehicle.roll is not None:
-                self._roll(i, vehicle, fx, fy, (step + 1) * self._step_s)
+        for i, (vehicle, force) in enumerate(zip(self._vehicles, forces, strict=True)):
+            if vehicle.roll is not None and vehicle.crashed:
+                self._roll(i, vehicle, force, (step + 1) * self._step_s)
 
-    def _roll(self, i: int, vehicle: Vehicle, fx: float, fy: float, now_s: float) -> None:
-        """Dig in, tip and roll for a step under the road's force x, y (N)."""
+    def _roll(self, i: int, vehicle: Vehicle, force: tuple[float, float, float], now_s: float) -> None:
+        """Dig in, tip and roll."""
         assert vehicle.roll is not None
+        fx, fy, _ = force
         c, s = math.cos(vehicle.heading), math.sin(vehicle.heading)
         left_mps, mass = vehicle.vy * c - vehicle.vx * s, vehicle.model.body.mass_kg
         if self._on_soil[i] and not vehicle.roll.over:
