@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from trace_dag.assets.partitions import add_partitions, remove_partitions
+from trace_dag.definitions.launch import open_instance
 
 
 def test_thousands_are_added_in_order_and_taken_away_with_what_is_asked_for_alone(campaign):
@@ -13,3 +14,16 @@ def test_thousands_are_added_in_order_and_taken_away_with_what_is_asked_for_alon
     assert remove_partitions(instance, [*keys[1:-1], "2023-599999"]) == len(keys) - 2
     assert list(instance.get_dynamic_partitions("crashes")) == [keys[0], keys[-1]]
     assert remove_partitions(instance, keys[1:-1]) == 0
+
+
+def test_partitions_that_another_process_has_added_or_taken_away_are_seen(campaign):
+    made = campaign({})
+    keys = ["2023-510003", "2023-510001", "2023-510002"]
+    made.instance.add_dynamic_partitions("crashes", keys)
+    made.instance.add_dynamic_partitions("others", ["something"])
+    assert list(made.instance.get_dynamic_partitions("crashes")) == keys, "in the order in which they came"
+    with open_instance(made.workspace) as another:
+        another.delete_dynamic_partition("crashes", keys[2])
+        another.add_dynamic_partitions("crashes", ["2023-510004"])
+    assert list(made.instance.get_dynamic_partitions("crashes")) == [*keys[:2], "2023-510004"]
+    assert list(made.instance.get_dynamic_partitions("nobody")) == []

@@ -41,6 +41,18 @@ def test_registering_again_changes_nothing_and_more_extends(registry):
     assert [file.location for file in sources["2023-510002"].maps] == ["/m1.osm"]
 
 
+def test_what_another_process_registers_and_removes_is_seen(registry, tmp_path):
+    another = Registry(Storage.open(tmp_path / "root"))
+    registry.register("va", {"2023-510001": source("a")})
+    assert another.keys() == ["2023-510001"]
+    registry.register("va", {"2023-510002": source("b")})
+    assert another.keys() == ["2023-510001", "2023-510002"]
+    registry.remove("va", ["2023-510001"])
+    assert another.keys() == ["2023-510002"]
+    registry.remove("va")
+    assert another.keys() == []
+
+
 def test_a_crash_belongs_to_one_cohort(registry):
     registry.register("a", {"2023-510001": source("a")})
     second = registry.register("b", {"2023-510001": source("a"), "2023-510002": source("b")})
