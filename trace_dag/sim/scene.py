@@ -169,7 +169,8 @@ class FigureBodies(RigidBodies):
         moving = [each for each in figures if not (self.lying_still and each[1].crashed and each[1].at_rest)]
         if not moving:
             return
-        self._measure()
+        self._measure_places()
+        self._measure_velocities()
         for figure, person in moving:
             figure.look(person, time_s)
         touched = [tree for tree in self._trees if tree.person.crashed]
@@ -307,7 +308,7 @@ class FigureBodies(RigidBodies):
         if not free:
             return
         wanted = []
-        self._measure()
+        self._measure_places()
         for tree in free:
             push_x, push_y, push_z = self._pushed.get(tree, (0.0, 0.0, 0.0))
             per_mass = step_s / tree.mass_kg
@@ -323,22 +324,22 @@ class FigureBodies(RigidBodies):
                 tree.turning -= min(most, max(-most, turning)) * tree.upward
                 tree.of_joints *= math.exp(-lost / self._person_friction / _LIMBS_MPS)
             wanted.append((x, y, z))
-        if self._carried:
-            self._mujoco.mj_comVel(self._model, self._data)
-            self._mujoco.mj_subtreeVel(self._model, self._data)
+        self._measure_velocities()
         for tree, (x, y, z) in zip(free, wanted, strict=True):
             was_x, was_y, was_z = tree.measured.tolist()
             at_x, at_y, at_z = tree.moving.tolist()
             tree.moving[:] = at_x + (x - was_x), at_y + (y - was_y), at_z + (z - was_z)
             tree.velocity = (x, y, z)
 
-    def _measure(self) -> None:
-        """Bring places, centres of mass and their velocities up to the state as it is."""
-        mujoco, model, data = self._mujoco, self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_subtreeVel(model, data)
+    def _measure_places(self) -> None:
+        """Bring places and centres of mass up to the state as it is."""
+        self._mujoco.mj_kinematics(self._model, self._data)
+        self._mujoco.mj_comPos(self._model, self._data)
+
+    def _measure_velocities(self) -> None:
+        """Bring the velocities of centres of mass up to the state, whose places are measured."""
+        self._mujoco.mj_comVel(self._model, self._data)
+        self._mujoco.mj_subtreeVel(self._model, self._data)
 
     # --- the model ---------------------------------------------------------------------------------------------
     def _in_mujoco(self, models: list[VehicleModel]) -> tuple[Any, Any]:
