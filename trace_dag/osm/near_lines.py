@@ -53,6 +53,7 @@ class NearLines:
         self.nearer_areas = _tree_of(nearer)
         self._begin_areas = _tree_of(nearer, _LONGEST_BUILDING_DEG)
         self._measure_bounds = measure_bounds
+        self._with_things = bool(nearer)
         self._values_of_roads: dict[bytes, list[bytes]] = {}
         for key, value in road_tags(service_roads=service_roads):
             self._values_of_roads.setdefault(key.encode(), []).append(value.encode())
@@ -66,12 +67,15 @@ class NearLines:
 
     def of_ways(self, ways: Lines) -> Iterator[NearWays]:
         """Roads, and other things, near sites."""
-        highways = ways.having(b"highway")
-        roads = highways & np.any([ways.having(*tag) for tag in self._values_of_roads.items()], axis=0)
+        roads = highways = ways.having(b"highway")
+        if self._with_things:  # else nothing but roads was copied
+            roads = highways & np.any([ways.having(*tag) for tag in self._values_of_roads.items()], axis=0)
         found, bounds = self._overlapping(ways.some(roads), self._areas, roads=True)
         if self._measure_bounds and bounds.size:
             self.bounds_deg.append(np.concatenate([bounds[:2].min(axis=1), bounds[2:].max(axis=1)]))
         yield found
+        if not self._with_things:
+            return
         buildings = ~highways & ways.having(b"building")
         near = self._begun_near(ways.some(buildings))
         things = np.concatenate([np.flatnonzero(~highways & ~buildings), np.flatnonzero(buildings)[near]])
