@@ -11,18 +11,24 @@ from collections import Counter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+import shapely
 
-from trace_dag.roads.map.lane_geometry import lane_ends, sample_at
+from trace_dag.roads.map.lane_geometry import lane_ends, sample_at, sample_lanes
+from trace_dag.roads.map.lane_index import polygon
 from trace_dag.roads.map.model import LaneRef, LaneType
-from trace_dag.roads.map.sampling import stations_between
+from trace_dag.roads.map.sampling import Stations, stations_between
 from trace_dag.roads.map.separations import find_separations
 from trace_dag.units import wrap_angle
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.network import RoadNetwork
 
 _TURN_STEP_M: Final = 0.25
 _BESIDE_STEP_M: Final = 5.0
+_COARSE_M: Final = 0.5  # more than a lane and its surface as a polygon are apart
 _THERE_M: Final = 0.3  # a lane narrower than this is only beginning or ending
 
 
@@ -83,22 +89,41 @@ def lanes_beside(network: RoadNetwork) -> LanesBeside:
     >>> lanes_beside(network).share_on_roadway
     0.0
     """
-    length_m, places = 0.0, 0
-    wrong: Counter[str] = Counter()
+    lanes, stations = [], []
     for ref in network.lanes():
         lane_type, in_junction = network.lane(ref).type, network.road_by_id[ref.road_id].junction_id is not None
         if lane_type is not LaneType.SIDEWALK and (lane_type is not LaneType.BIKING or in_junction):
             continue
         geometry = network.geometry(ref)
-        stations = geometry.road.line.stations(_BESIDE_STEP_M, geometry.begin_m, geometry.end_m)
-        stations = stations[geometry.width.sample(stations) >= _THERE_M]
-        length_m += _BESIDE_STEP_M * max(len(stations) - 1, 0)
-        places += len(stations)
-        for x, y, z, _ in geometry.sample(stations).tolist() if len(stations) else ():
-            matches = network.nearest_lanes(x, y, 0.0, z_m=z)
-            wrong[ref.road_id] += any(match.outside_m <= 0.0 for match in matches)
+        there_m = geometry.road.line.stations(_BESIDE_STEP_M, geometry.begin_m, geometry.end_m)
+        there_m = there_m[geometry.width.sample(there_m) >= _THERE_M]
+        if len(there_m):
+            lanes.append(ref)
+            stations.append(there_m)
+    if not lanes:
+        return LanesBeside(0.0, 0.0, None)
+    counts = np.array([len(each) for each in stations])
+    owner = np.repeat(np.arange(len(lanes)), counts)
+    at = Stations(np.concatenate(stations), owner, np.cumsum(counts) - counts)
+    places = sample_at([network.geometry(ref) for ref in lanes], at)[:, :3]
+    wrong: Counter[str] = Counter()
+    for index in _near_drivable(network, places).tolist():
+        x_m, y_m, z_m = places[index].tolist()
+        matches = network.nearest_lanes(x_m, y_m, 0.0, z_m=z_m)
+        wrong[lanes[owner[index]].road_id] += any(match.outside_m <= 0.0 for match in matches)
     worst = wrong.most_common(1)
-    return LanesBeside(length_m, wrong.total() / places if places else 0.0, worst[0][0] if worst else None)
+    length_m = _BESIDE_STEP_M * float((counts - 1).sum())
+    return LanesBeside(length_m, wrong.total() / len(places), worst[0][0] if worst else None)
+
+
+def _near_drivable(network: RoadNetwork, places: FloatArray) -> NDArray[np.intp]:
+    """The numbers of those of some places, (n, 3), that may lie on a lane for vehicles: the others need no exact
+    look."""
+    lanes = [network.geometry(ref) for ref in network.drivable_lanes()]
+    sample_lanes(lanes)
+    surfaces = shapely.STRtree([polygon(lane) for lane in lanes])
+    pairs = surfaces.query(shapely.points(places[:, :2]), predicate="dwithin", distance=_COARSE_M)
+    return np.unique(pairs[0])
 
 
 def one_sided_links(network: RoadNetwork) -> list[str]:

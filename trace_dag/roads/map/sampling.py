@@ -81,17 +81,16 @@ def sample_reference_lines(lines: Sequence[ReferenceLine], stations: Stations) -
     """
     lengths_m = np.array([line.length_m for line in lines])
     inside = np.minimum(np.maximum(stations.s_m, 0.0), lengths_m[stations.owner])
-    first_row: dict[ReferenceLine, int] = {}
-    rows = 0
-    for line in dict.fromkeys(lines):
-        first_row[line] = rows
-        rows += len(line.elements)
-    at = np.array([first_row[line] for line in lines])[stations.owner]
-    slices = stations.slices
-    for line, where in zip(lines, slices, strict=True):
-        if len(line.elements) > 1:
-            at[where] += np.maximum(np.searchsorted(line.table[0], inside[where], side="right") - 1, 0)
-    start, x, y, heading, curvature = np.concatenate([line.table for line in first_row], axis=1)[:, at]
+    numbers = {line: number for number, line in enumerate(dict.fromkeys(lines))}
+    table = np.concatenate([line.table for line in numbers], axis=1)
+    sizes = np.array([len(line.elements) for line in numbers])
+    first = np.cumsum(sizes) - sizes
+    of_line = np.array([numbers[line] for line in lines])[stations.owner]
+    at = first[of_line]
+    for step in range(1, int(sizes.max(initial=0))):  # past each piece that ends before the station
+        starts_m = np.where(step < sizes, table[0][np.minimum(first + step, table.shape[1] - 1)], np.inf)
+        at += inside >= starts_m[of_line]
+    start, x, y, heading, curvature = table[:, at]
     out = np.empty((len(at), 4))
     out[:, 0], out[:, 1], out[:, 2] = along_arcs(x, y, heading, inside - start, curvature)
     out[:, 3] = curvature
@@ -101,6 +100,7 @@ def sample_reference_lines(lines: Sequence[ReferenceLine], stations: Stations) -
         out[:, 1] += beyond * np.sin(out[:, 2])
     steps = np.abs(np.diff(out[:, 2]))
     steps[stations.first[1:] - 1] = 0.0
+    slices = stations.slices
     turned = set(stations.owner[:-1][steps >= np.pi].tolist())
     for number in turned | {number for number, line in enumerate(lines) if line.has_cubics}:
         out[slices[number]] = lines[number].sample(stations.s_m[slices[number]])
