@@ -46,9 +46,9 @@ def warehouse(context: AssetExecutionContext) -> MaterializeResult[Any]:
     }
     if report.damaged:
         metadata[DAMAGED] = MetadataValue.json([str(damaged) for damaged in report.damaged])
-    for view in _SHOWN:
-        metadata[view] = MetadataValue.md(markdown.table(*query(workspace.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
     with open_warehouse(workspace.warehouse) as connection:
+        for view in _SHOWN:
+            metadata[view] = MetadataValue.md(markdown.table(*query(workspace.warehouse, f"SELECT * FROM {view}")))  # noqa: S608
         columns = [
             TableColumn(f"{table}.{name}", type=kind.lower(), description=as_markdown(comment))
             for table, documented in table_documentation(connection).items()

@@ -113,8 +113,9 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     That is seen by its size, with ``contents`` by its SHA-256.
     """
     storage, warehouse = workspace.storage, workspace.warehouse
-    table = _table(warehouse)
-    crashes = _crashes(workspace, warehouse, table)
+    *of_table, outcomes = query.rows_of(warehouse, (*_TABLE, "stage_outcomes"))
+    table = _table(*of_table)
+    crashes = _crashes(workspace, outcomes, table)
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
     before = sound_ledger(storage, SUBJECT)
     damaged = {crash_of(file.name) for file, _ in not_as_made(storage, before, contents=contents)}
@@ -148,19 +149,21 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
 
-def _table(warehouse: Path) -> list[dict[str, Any]]:
+_TABLE = ("crashes", "verdicts")
+
+
+def _table(table: list[dict[str, Any]], verdicts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The warehouse's crashes, each with what the pages say of its verdict."""
-    table = query.rows(warehouse, "crashes")
-    verdicts = {row["key"]: row for row in query.rows(warehouse, "verdicts")}
+    by_key = {row["key"]: row for row in verdicts}
     for row in table:
-        verdict = verdicts.get(row["key"], {})
+        verdict = by_key.get(row["key"], {})
         row |= {name: verdict.get(name) for name in ("grade", "contact_distance_m")}
     return table
 
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
     """Write the leaderboard and the index that links it anew, without the pages of the crashes."""
-    table, ledger = _table(warehouse), sound_ledger(storage, SUBJECT)
+    table, ledger = _table(*query.rows_of(warehouse, _TABLE)), sound_ledger(storage, SUBJECT)
     rights = _rights(table, read_records(storage, [row["key"] for row in table]))
     pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, ledger.files)}
     write_ledger(storage, SUBJECT, (ledger.files | pages).values(), ledger.made_of)
@@ -177,12 +180,14 @@ def benchmark_is_whole(storage: Storage) -> bool:
     return bool(ledger.files) and not not_as_made(storage, ledger)
 
 
-def _crashes(workspace: Workspace, warehouse: Path, table: Sequence[Mapping[str, Any]]) -> list[_Crash]:
+def _crashes(
+    workspace: Workspace, stage_outcomes: Sequence[Mapping[str, Any]], table: Sequence[Mapping[str, Any]]
+) -> list[_Crash]:
     keys = [row["key"] for row in table]
     files = {each.key: each for each in crash_files(workspace, keys)}
     records = {key: each.records for key, each in files.items()}
     outcomes: dict[str, list[Mapping[str, Any]]] = {}
-    for row in query.rows(warehouse, "stage_outcomes"):
+    for row in stage_outcomes:
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
     code, at_once = _code(), noted(workspace.storage)
@@ -310,7 +315,7 @@ def _write_index(
     from trace_dag.scenario.site import IndexRows, static_files, write_index
 
     names = ("funnel", "coverage", "failure_reasons", "leaderboard", "leaderboard_by_class", "evaluations")
-    rows = {name: query.rows(warehouse, name) for name in names}
+    rows = dict(zip(names, query.rows_of(warehouse, names), strict=True))
     moving = [row for row in table if thumbnail_name(row["key"]) in files]
     shown = IndexRows(
         table, moving, rows["funnel"], rows["coverage"], rows["failure_reasons"], bool(rows["leaderboard"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,6 +116,12 @@ def rows(path: Path, table: str) -> list[dict[str, Any]]:
     """All rows of one table as dictionaries."""
     names, values = query(path, f'SELECT * FROM "{table}"')  # noqa: S608 - a name of ours
     return [dict(zip(names, row, strict=True)) for row in values]
+
+
+def rows_of(path: Path, tables: Sequence[str]) -> list[list[dict[str, Any]]]:
+    """:func:`rows` of several tables. The file is opened once, which takes longer than most questions."""
+    with open_warehouse(path):  # who connects to a file that this process has open shares it
+        return [rows(path, table) for table in tables]
 
 
 def tables_of(path: Path) -> list[tuple[Any, ...]]:
