@@ -25,7 +25,10 @@ from trace_dag.storage import Storage, StoredFile
 
 FOLDER = "benchmark"
 REPLAYS = "replays"
-MADE_WITH = (  # modules that take a while to load
+MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
+    "jinja2",
+    "matplotlib.backends.backend_agg",
+    "matplotlib.figure",
     "trace_dag.evaluation.drives",
     "trace_dag.scenario.package",
     "trace_dag.scenario.thumbnail",

@@ -13,6 +13,7 @@ import click
 
 from trace_dag.cli.progress import progress_of_run, progress_told
 from trace_dag.errors import UserError
+from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import complain
 
 if TYPE_CHECKING:
@@ -72,9 +73,10 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
 
 def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], selection: Selection) -> tuple[str, ...]:
     """Run a selection, and bring the warehouse and the benchmark up to date; what failed."""
-    from trace_dag.benchmark.build import benchmark_is_whole
-    from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
-    from trace_dag.flow.run_summary import RunSummary
+    with no_garbage_collection():  # which takes an eighth of the time it takes to load Dagster
+        from trace_dag.benchmark.build import benchmark_is_whole
+        from trace_dag.definitions.launch import dagster_records, planned, run_batches, summarise, summary_is_current
+        from trace_dag.flow.run_summary import RunSummary
 
     errors: tuple[str, ...] = ()
     with dagster_records(workspace) as instance:

@@ -52,6 +52,8 @@ from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
 
+_IMPORTED_WHERE_USED = ("mujoco", "pyarrow.parquet", "pyproj")  # by stages, and by nearly every crash
+
 
 def _may_pass(error: BaseException) -> bool:
     """Whether trying again may help: not if the code that raised the error has tried several times already."""
@@ -63,6 +65,7 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
     log.warning("%s %s: %s; trying again", key, stage, error)
 
 
+@no_garbage_collection()
 def get_ready(flow: Flow, settings: Settings, modules: Sequence[str] = ()) -> None:
     """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them, and
     reading the code's version.
@@ -74,7 +77,7 @@ def get_ready(flow: Flow, settings: Settings, modules: Sequence[str] = ()) -> No
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 referred(reference)
-    for name in (*modules, *([flow.picture.partition(":")[0]] if flow.picture else [])):
+    for name in (*_IMPORTED_WHERE_USED, *modules, *([flow.picture.partition(":")[0]] if flow.picture else [])):
         import_module(name)
     gc.collect()
     gc.freeze()
