@@ -40,9 +40,10 @@ def run(
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0, 45.0])
 @pytest.mark.parametrize("friction", [0.75, 0.3])
 def test_with_locked_wheels_a_car_stops_in_the_textbook_distance(speed: float, friction: float) -> None:
-    """Struck by something far too light to matter, its wheels locked: v^2 / (2 mu g)."""
+    """Struck by something far too light to matter, which ends the drive all the same, its wheels locked: v^2 / (2 mu
+    g)."""
     feather = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 1.0, 1.0, 1.0, 0.001)
-    settings = SimSettings(friction=friction, locked_wheels=1.0, time_limit_s=60.0)
+    settings = SimSettings(friction=friction, locked_wheels=1.0, time_limit_s=60.0, crash_delta_v_mps=1e-9)
     log = run(
         participant(1, straight(0.0, 0.0, 0.0, speed)),
         participant(2, straight(20.0, 0.0, 0.0, 0.0), feather),
@@ -129,7 +130,7 @@ def test_a_grade_pulls_a_sliding_car() -> None:
     s = np.linspace(-300.0, 300.0, 301)
     surface = Surface(np.stack([s, 0 * s, -0.1 * s], -1), np.tile([-0.1, 0.0], (301, 1)))
     feather = Body(BodyKind.MOTOR_VEHICLE, VehicleClass.CAR, 1.0, 1.0, 1.0, 0.001)
-    settings = SimSettings(locked_wheels=0.0, time_limit_s=4.0)
+    settings = SimSettings(locked_wheels=0.0, time_limit_s=4.0, crash_delta_v_mps=1e-9)
     log = run(
         participant(1, straight(0.0, 0.0, 0.0, 10.0)),
         participant(2, straight(8.0, 0.0, 0.0, 0.0), feather),

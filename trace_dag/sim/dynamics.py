@@ -243,10 +243,11 @@ class Vehicle:
             return (*state, self.model.body.height_m / 2, 0.0)
         return (*state, self.roll.above_road_m, self.roll.roll_rad)
 
-    def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
-        """From now on the driver has struck a person; of several the first is what the driver answers."""
+    def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
+        """From now on the driver has struck a person, or was pushed ``beside`` the path; of several the first
+        is what the driver answers."""
         if self._after_strike is None:
-            self._after_strike = DriverAfterStrike(self._plan, step, response, step_s)
+            self._after_strike = DriverAfterStrike(self._plan, step, response, step_s, beside=beside)
 
     @property
     def stops(self) -> bool:

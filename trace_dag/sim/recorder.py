@@ -155,6 +155,11 @@ class ContactEpisode:
         """Until when its pulse is under way."""
         return min(self.over_s, self.pulse_end_s)
 
+    @property
+    def impulse_ns(self) -> float:
+        """Of its pulse, so far."""
+        return math.hypot(self.impulse_x_ns, self.impulse_y_ns)
+
     def add(self, force_x_n: float, force_y_n: float, time_s: float, step_s: float) -> None:
         """Count the force on the second body over a step that ends at ``time_s``."""
         self.last_s = time_s
@@ -174,7 +179,7 @@ class ContactEpisode:
             z_m=(self.poses[0].z_m + self.poses[1].z_m) / 2,
             normal_x=self.normal[0],
             normal_y=self.normal[1],
-            impulse_ns=math.hypot(px, py),
+            impulse_ns=self.impulse_ns,
             closing_speed_mps=self.closing_speed_mps,
             number_1=party_of_body(self.one.number),
             number_2=party_of_body(self.two.number),

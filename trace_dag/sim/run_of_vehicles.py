@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from trace_dag.settings import SimSettings
+from trace_dag.sim.at_the_wheel import AtTheWheel
 from trace_dag.sim.commanded import CommandedVehicle
 from trace_dag.sim.crush import Crush
 from trace_dag.sim.driving import Driver
@@ -74,6 +75,7 @@ class VehicleRun:
         self._vehicles: list[Vehicle] = []
         turned_wheels = {p.number: p.turned_wheels for p in participants}
         self._driven: list[tuple[CommandedVehicle, Driver, int]] = []  # and the steps from one command to the next
+        self._wheels = AtTheWheel(participants, settings, friction, led_by=drivers)
         for participant in participants:
             if participant.body.is_figure:
                 continue
@@ -479,6 +481,7 @@ class VehicleRun:
         for pair, episode in list(self._open.items()):
             if now_s > episode.over_s:
                 self._closed.append(self._open.pop(pair))
+                self._wheels.after(episode, self._open.values())
 
     def _begin(
         self, pair: tuple[int, int], before: BodyStates, now: BodyStates, before_s: float, part_s: float

@@ -283,7 +283,8 @@ class RoadsideRun(VehicleRun):
         falls = vehicle.model.body.vehicle_class is VehicleClass.MOTORCYCLE
         skids = now_s >= vehicle.skids_from_s and vehicle.follows_plan
         rolls_over = obstacle.item.resistance is Resistance.DRIVEN_OVER
-        vehicle.crashed = vehicle.crashed or falls or skids or not rolls_over
+        if falls or skids or not rolls_over:
+            self._wheels.lose(vehicle)
         if obstacle.item.code == _CURB:
             self._trip(vehicle, struck)
         return struck
@@ -297,7 +298,7 @@ class RoadsideRun(VehicleRun):
             return
         left_mps = vehicle.roll.trip(left_mps)
         vehicle.vx, vehicle.vy = ahead_mps * c - left_mps * s, ahead_mps * s + left_mps * c
-        vehicle.crashed = True
+        self._wheels.lose(vehicle)
         self._state = None
         self._taken_over()
 

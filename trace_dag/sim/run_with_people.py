@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from itertools import product
 
-from trace_dag.crash.parties import party_of_body
 from trace_dag.errors import Failure
 from trace_dag.sim.dynamics import Vehicle
 from trace_dag.sim.outlines import separation
@@ -20,9 +19,7 @@ from trace_dag.sim.recorder import BodyMotion, ContactEpisode, Pulled, begin_str
 from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleRun
 from trace_dag.sim.scene import FigureBodies
 from trace_dag.sim.towing import Towed
-from trace_dag.sim.types import AfterStriking, party_name
-from trace_dag.sim.vehicles import vehicle_model
-from trace_dag.units import GRAVITY_MPS2
+from trace_dag.sim.types import party_name
 
 _STRIKE_STEP_S = 0.00125
 _NEAR_STEP_S = 0.0025
@@ -45,15 +42,9 @@ class PeopleRun(VehicleRun):
         self._strikes_in_parts = max(1, math.ceil(self._step_s / _STRIKE_STEP_S - 1e-9))
         self._near_in_parts = max(1, math.ceil(self._step_s / _NEAR_STEP_S - 1e-9))
         self._flight_in_parts = max(1, math.ceil(self._step_s / _FLIGHT_STEP_S - 1e-9))
-        self._responses: dict[int, AfterStriking] = {}
-        braking_mps2 = self._settings.braking_share * self._friction * GRAVITY_MPS2
         people = []
         for participant in self._participants:
             if not participant.body.is_figure:
-                grip = vehicle_model(participant.body, participant.trailer).tyre_grip
-                self._responses[participant.number] = participant.after_striking or AfterStriking(
-                    self._settings.reaction_s, braking_mps2 * grip
-                )
                 continue
             if participant.number in self._drivers:
                 who = party_name(participant.body, participant.number)
@@ -220,7 +211,7 @@ class PeopleRun(VehicleRun):
             motion = BodyMotion(by.x, by.y, by.heading, by.vx, by.vy, by.yaw_rate)
             episode = of_combinations(episode, (Pulled(by, motion, motion), None), 0.0)
         person.crashed = True
-        vehicle.strike(round(now_s / self._step_s), self._responses[party_of_body(vehicle.number)], self._step_s)
+        self._wheels.react(vehicle, now_s)
         return episode
 
     def _watch_contacts(self, time_s: float) -> None:
@@ -232,6 +223,5 @@ class PeopleRun(VehicleRun):
             if time_s > episode.pulse_end_s and pair not in self._sliding:
                 self._sliding.add(pair)
                 self._bodies.let_slide(pair)
-            if not episode.one.crashed:
-                delta_v_mps = math.hypot(episode.impulse_x_ns, episode.impulse_y_ns) / episode.masses_kg[0]
-                episode.one.crashed = delta_v_mps >= self._settings.crash_delta_v_mps
+            if not episode.one.crashed and self._wheels.is_crash(episode.impulse_ns, episode.masses_kg[0]):
+                self._wheels.lose(episode.one)

@@ -95,9 +95,9 @@ class Towed(Vehicle):
         """Whether its driver brakes to a stop."""
         return self.puller.stops
 
-    def strike(self, step: int, response: AfterStriking, step_s: float) -> None:
-        """Note that the trailer has struck a person: the driver of the vehicle that pulls it reacts."""
-        self.puller.strike(step, response, step_s)
+    def strike(self, step: int, response: AfterStriking, step_s: float, *, beside: bool = False) -> None:
+        """Note that the trailer has struck a person or was touched: the driver of the vehicle that pulls it reacts."""
+        self.puller.strike(step, response, step_s, beside=beside)
 
     @property
     def pedals(self) -> tuple[float, float]:
