@@ -196,8 +196,8 @@ class SimSettings(_Section):
     reaction_s: float = Field(
         1.1,
         ge=0,
-        description="After striking a person: until a driver who was not braking brakes (mean of surprised drivers, "
-        "Fambro et al., NCHRP Report 400).",
+        description="After striking a person or a graze: until a driver who was not braking brakes (mean of surprised "
+        "drivers, Fambro et al., NCHRP Report 400).",
     )
     braking_share: float = Field(
         0.8, gt=0, le=1, description="And how hard, as a share of what tyres and road allow (0.6 g when dry; ibid.)."
@@ -205,8 +205,8 @@ class SimSettings(_Section):
     crash_delta_v_mps: float = Field(
         2.2,
         gt=0,
-        description="Change of velocity from which striking a person ends a driver's drive: the 8 km/h from which an "
-        "event data recorder records (49 CFR 563.5).",
+        description="Change of velocity from which a contact ends a driver's drive: the 8 km/h from which an event "
+        "data recorder records (49 CFR 563.5).",
     )
     carla_host: str = Field("127.0.0.1", description="Where the CARLA server is.", json_schema_extra=_NOT_IN_PROVENANCE)
     carla_port: int = Field(2000, description="Its port.", json_schema_extra=_NOT_IN_PROVENANCE)
