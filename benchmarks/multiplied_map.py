@@ -19,6 +19,7 @@ from typing import BinaryIO
 import deflate
 import numpy as np
 import numpy.typing as npt
+import osmium
 
 from trace_dag.osm.extraction import read_header
 from trace_dag.osm.segments import varint
@@ -26,9 +27,8 @@ from trace_dag.osm.types import BoundingBox
 
 _WIDEST_GAP = 64  # between ids
 _NANODEGREES = 10**9
-_EAST_DEG, _NORTH_DEG = 2.0, 2.0  # from each copy to the next; the extracts are smaller than that
-_ROWS = 12  # of so many degrees, and more where there is no room for the copies else
-_COLUMNS = 170
+_ROWS = 12  # and more where there is no room for the copies else
+_ROW_DEG = 340.0  # length of a row
 _PRIMITIVE_GROUP, _LAT_OFFSET, _LON_OFFSET = 2, 19, 20  # PrimitiveBlock
 _DENSE, _WAYS, _RELATIONS = 2, 3, 4  # PrimitiveGroup
 _REFS = {_WAYS: 8, _RELATIONS: 9}  # packed ids, each the difference to the one before
@@ -39,34 +39,56 @@ _ID_BYTES = 6  # of a number of 42 bits: twice an id
 _Field = tuple[int, int, bytes]  # number, wire type, value as it stands (with its length where it has one)
 
 
-def multiply_map(files: Sequence[Path], target: Path, least_bytes: int, last_id: int = 0) -> list[BoundingBox]:
+def multiply_map(
+    files: Sequence[Path], target: Path, least_bytes: int, last_id: int = 0, *, first_in_place: bool = False
+) -> list[BoundingBox]:
     """Write ``target`` with as many copies of all the files as make it that large; where each copy lies.
 
-    With ``last_id`` the copies are spread over the ids up to there, as a country's are over all ids there are.
+    With ``last_id`` the copies are spread over the ids up to there, as a country's are over all ids there are. With
+    ``first_in_place`` the first copy of each file is not moved: crashes find their maps in it.
     """
     sources = [(file, header.box) for file in files if (header := read_header(file)).sorted_by_type and header.box]
     copies = -(-least_bytes // sum(file.stat().st_size for file, _ in sources))
     blocks = {file: _Blocks(file) for file, _ in sources}
-    rows = max(_ROWS, -(-copies * len(sources) // _COLUMNS))
+    # From each copy to the next, a little more than the largest file covers.
+    apart_deg = 1.1 * max(max(box.north_deg - box.south_deg, box.east_deg - box.west_deg) for _, box in sources)
+    rows = max(_ROWS, -(-copies * len(sources) // int(_ROW_DEG / apart_deg)))
     apart = last_id // (copies * len(sources))
-    places = []
-    for at, (_, box) in enumerate(sources * copies):
-        places.append(_box_moved(box, *_moved(at, box, rows)))
+    moves = [_moved(at, box, rows, apart_deg) for at, (_, box) in enumerate(sources * copies)]
+    if first_in_place:
+        moves[: len(sources)] = [(0.0, 0.0)] * len(sources)
+    places = [_box_moved(box, *move) for (_, box), move in zip(sources * copies, moves, strict=True)]
     with target.open("wb") as out:
         _write_blob(out, b"OSMHeader", _header(places))
         for kind in (_DENSE, _WAYS, _RELATIONS):
             ids = 0
-            for at, (file, box) in enumerate(sources * copies):
+            for (file, _), move in zip(sources * copies, moves, strict=True):
                 for block in blocks[file].of_kind(kind):
-                    _write_blob(out, b"OSMData", block(ids, *_moved(at, box, rows)))
+                    _write_blob(out, b"OSMData", block(ids, *move))
                 ids += max(blocks[file].ids, apart)
     return places
 
 
-def _moved(at: int, box: BoundingBox, rows: int) -> tuple[float, float]:
+def as_sorted_pbf(file: Path, folder: Path) -> Path:
+    """A file, or the same as ``.osm.pbf`` with a header that says so where it is XML."""
+    if file.name.endswith(".pbf"):
+        return file
+    box = read_header(file).box
+    if box is None:
+        raise ValueError(f"{file} does not say what it covers")
+    header = osmium.io.Header()
+    header.set("sorting", "Type_then_ID")
+    header.add_box(osmium.osm.Box(box.west_deg, box.south_deg, box.east_deg, box.north_deg))
+    made = folder / f"{file.name.partition('.')[0]}.osm.pbf"
+    with osmium.SimpleWriter(str(made), header=header) as writer:
+        osmium.apply(str(file), writer)
+    return made
+
+
+def _moved(at: int, box: BoundingBox, rows: int, apart_deg: float) -> tuple[float, float]:
     """How far to the north and east a copy has to go for its place on a chessboard."""
     column, row = divmod(at, rows)
-    south_deg, west_deg = -rows + row * _NORTH_DEG, -179.0 + column * _EAST_DEG
+    south_deg, west_deg = (row - rows / 2) * apart_deg, -179.0 + column * apart_deg
     return round(south_deg - box.south_deg, 6), round(west_deg - box.west_deg, 6)
 
 
