@@ -80,6 +80,7 @@ _LANE_CROSSED: Final = -0.4  # log-likelihood for each lane between the vehicle'
 _ON_MAP: Final = 1.0  # of a way that passes an object of the reported kind on the reported side
 _BEGINS_M: Final = 15.0  # before the place: nearer than that a road that begins led nobody there
 _NO_ROAD: Final = -4.0  # of a way that begins where the crash is: off the end of a road, onto it
+_ANGLE: Final = "angle of departure"
 _NO_END: Final = -4.0  # of a way that does not end, for a departure at the end of the road
 
 
@@ -136,10 +137,15 @@ def estimate_departure(
 def _plans(scene: Scene, departure: Departure) -> Iterator[DeparturePlan]:
     who = party(scene.record, departure.vehicle)
     for option, speed, terms in ways_of(scene, who):
-        for course in courses_of(departure, option, speed.speed_mps):
-            plan = _plan(scene, departure, who, option, speed, terms, course)
-            if plan is not None:
-                yield plan
+        courses = courses_of(departure, option, speed.speed_mps)
+        tried = (_plan(scene, departure, who, option, speed, terms, course) for course in courses)
+        plans = [plan for plan in tried if plan is not None]
+        # Angles tell the courses of one way apart, not the ways: from a lane farther inside all of them are steeper.
+        likeliest = max((plan.terms.get(_ANGLE, 0.0) for plan in plans), default=0.0)
+        for plan in plans:
+            if _ANGLE in plan.terms:
+                plan.terms[_ANGLE] -= likeliest
+            yield plan
 
 
 def _plan(
@@ -180,7 +186,7 @@ def _plan(
     if not ahead:
         along = base.pose(base.project(pose.x_m, pose.y_m, near_s_m=place_m)[0])
         course_rad = path.pose(station_m).heading_rad - along.heading_rad
-        terms["angle of departure"] = angle_log_likelihood(math.remainder(course_rad, math.tau))
+        terms[_ANGLE] = angle_log_likelihood(math.remainder(course_rad, math.tau))
     terms["lanes crossed"] = _LANE_CROSSED * _lanes_crossed(departure.side, option)
     option = replace(option, manoeuvre=Manoeuvre.LEAVE_ROAD)
     return DeparturePlan(departure, option, course, path, station_m, speed, profile, objects, planned, terms)

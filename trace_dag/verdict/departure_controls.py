@@ -81,7 +81,7 @@ def mirrored_departure(crash: JudgedCrash) -> Shift | None:
     ahead, which is its own mirror image.
 
     >>> (tree,), (mirrored,) = judged_tree.hypothesis.objects, mirrored_departure(judged_tree).hypothesis.objects
-    >>> tree.pose.y_m > 0.0 > mirrored.pose.y_m  # it went west: north of the road, and south of it
+    >>> tree.pose.y_m < 0.0 < mirrored.pose.y_m  # it went east: south of the road, and north of it
     True
     """
     departure, hypothesis = departure_of(crash.record), crash.hypothesis

@@ -243,7 +243,14 @@ def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
 
 
 def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: FloatArray) -> list[SectionLine]:
-    """The reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,) each."""
+    """The reference lines of several lane sections: of the road of each from ``begin_m`` to ``end_m``, (n,) each, in
+    metres along it.
+
+    >>> road = network.geometry(map_report.placement.lane.lane).road
+    >>> (line,) = sample_sections([road], np.array([0.0]), np.array([10.0]))
+    >>> line.stations_m.min(), line.stations_m.max()
+    (np.float64(0.0), np.float64(10.0))
+    """
     stations = stations_between(begin_m, end_m, LANE_STEP_M)
     line = sample_reference_lines([road.line for road in roads], stations)
     height_m = sample_profiles([road.elevation for road in roads], stations)
@@ -255,7 +262,13 @@ def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: F
 
 
 def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
-    """Sample those of some lanes that have not been yet: their ``samples`` are there then."""
+    """Sample those of some lanes that have not been yet: their ``samples`` are there then.
+
+    >>> lane = network.geometry(map_report.placement.lane.lane)
+    >>> sample_lanes([lane])
+    >>> lane.is_sampled
+    True
+    """
     wanted = [lane for lane in dict.fromkeys(lanes) if not lane.is_sampled]
     if not wanted:
         return
