@@ -7,13 +7,14 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from faults.stores import TroubledStore
 from sample_runs import KEYS, ingest, reports_of
 
 from trace_dag.benchmark.crash_files import (
     forget_noted,
-    made_at_once,
     made_of,
     make_files,
+    making_at_once,
     note_made,
     noted,
     package_name,
@@ -24,6 +25,7 @@ from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import InProcessExecutor
 from trace_dag.flow.tasks import MadeFiles
 from trace_dag.flow.workspace import Workspace
+from trace_dag.storage import Storage
 from trace_dag.studies.stored_crashes import stored_crash
 
 VERIFIED, REJECTED = KEYS[0], "2023-319070"
@@ -36,13 +38,14 @@ def workspace(tmp_path: Path) -> Workspace:
     return replace(Workspace.open(str(tmp_path / "root")), executor=InProcessExecutor())
 
 
-def run(workspace: Workspace, **options: object) -> dict[str, MadeFiles]:
-    events = run_stages(workspace, workspace.registry.keys(), run_id="x", **options)  # type: ignore[arg-type]
+def run(workspace: Workspace) -> dict[str, MadeFiles]:
+    keys = workspace.registry.keys()
+    events = run_stages(workspace, keys, run_id="x", afterwards=making_at_once(workspace.storage, keys))
     return {event.key: event.made for event in events if event.made is not None}
 
 
 def test_a_worker_makes_what_would_be_made_later(workspace: Workspace) -> None:
-    made = run(workspace, afterwards=made_at_once)
+    made = run(workspace)
     assert made.keys() == {VERIFIED, REJECTED}
     assert [file.name for file in made[REJECTED].files] == [replay_name(REJECTED)]
     names = [replay_name(VERIFIED), package_name(VERIFIED), thumbnail_name(VERIFIED)]
@@ -57,7 +60,7 @@ def test_a_worker_makes_what_would_be_made_later(workspace: Workspace) -> None:
 
 
 def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
-    made = run(workspace, afterwards=made_at_once)
+    made = run(workspace)
     assert noted(workspace.storage) == {}
     note_made(workspace.storage, {REJECTED: made[REJECTED]})
     note_made(workspace.storage, {VERIFIED: made[VERIFIED]})
@@ -70,6 +73,12 @@ def test_it_is_noted_until_the_benchmark_lists_it(workspace: Workspace) -> None:
 
 def test_what_is_there_already_is_left_to_who_builds_the_benchmark(workspace: Workspace) -> None:
     workspace.storage.write(replay_name(VERIFIED), b"as an earlier run made it")
-    assert run(workspace, afterwards=made_at_once).keys() == {REJECTED}
+    assert run(workspace).keys() == {REJECTED}
     assert workspace.storage.read(replay_name(VERIFIED)) == b"as an earlier run made it"
-    assert run(workspace, afterwards=made_at_once) == {}  # nothing was computed
+    assert run(workspace) == {}  # nothing was computed
+
+
+def test_what_is_there_costs_an_object_store_a_listing_of_each_kind_and_nothing_for_each_crash() -> None:
+    TroubledStore.reset()
+    making_at_once(Storage("troubled://bucket/root"), [f"2023-51{number:04}" for number in range(100)])
+    assert TroubledStore.requests == {"list": 3}, "of replays, packages and thumbnails"

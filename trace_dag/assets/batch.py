@@ -29,7 +29,7 @@ from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
 from trace_dag.assets.verdicts import VERDICTS
-from trace_dag.benchmark.crash_files import made_at_once, note_made
+from trace_dag.benchmark.crash_files import making_at_once, note_made
 from trace_dag.errors import UserError
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.run_summary import RunSummary
@@ -87,7 +87,7 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             stages,
             run_id=context.run.run_id,
             force=force,
-            afterwards=made_at_once,
+            afterwards=making_at_once(workspace.storage, context.partition_keys),
         )
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}

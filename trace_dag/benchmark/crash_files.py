@@ -1,16 +1,17 @@
 """What the benchmark has of one crash beside its page: its replay, its scenario package, its moving picture.
 
-A run lets its workers make them when the last stage of a crash is done (:func:`made_at_once`): all that the stages made
-is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to do to
-the end. Until the benchmark is built, a ledger says what was made so; what it does not list is made by then. Does not
-belong here: pages, and what all crashes have together (:mod:`trace_dag.benchmark.build`).
+A run lets its workers make them when the last stage of a crash is done (:func:`making_at_once`): all that the stages
+made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
+do to the end. Until the benchmark is built, a ledger says what was made so; what it does not list is made by then. Does
+not belong here: pages, and what all crashes have together (:mod:`trace_dag.benchmark.build`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Set
+from functools import partial
 
 from trace_dag.benchmark.packaging import package_of
 from trace_dag.code_versions import code_version
@@ -76,16 +77,21 @@ def made_of(records: Records) -> str:
     return hashlib.sha256(json.dumps([code_version((__name__,)).digest, listed]).encode()).hexdigest()
 
 
-def made_at_once(files: CrashFiles) -> MadeFiles | None:
-    """The files of a crash that has just come to its end, for :func:`trace_dag.flow.batch.run_stages`.
+def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
+    """What makes the files of a crash of a run that has come to its end, for :func:`trace_dag.flow.batch.run_stages`.
 
-    None where some are there already, which the ledger of the benchmark lists: they are for whoever builds it to
-    replace; and where a later stage's record is from before this run.
+    It makes none where some are there already, which the ledger of the benchmark lists: they are for whoever builds it
+    to replace; nor where a later stage's record is from before this run. What is there is asked once for the whole run:
+    an object store takes two requests, one of them a listing, to say of one file that it is not there.
     """
-    records, storage = files.records, files.storage
+    names = [name(key) for name in (replay_name, package_name, thumbnail_name) for key in keys]
+    return partial(_made_at_once, already=frozenset(crash_of(name) for name in storage.sizes(names)))
+
+
+def _made_at_once(files: CrashFiles, already: Set[str]) -> MadeFiles | None:
+    records = files.records
     valid = valid_records(records)
-    names = [name(files.key) for name in (replay_name, package_name, thumbnail_name)]
-    if valid.keys() != records.keys() or storage.sizes(names):
+    if valid.keys() != records.keys() or files.key in already:
         return None
     verified = standing_of_valid(files.key, valid).final_state is FinalState.VERIFIED
     return MadeFiles(make_files(files, verified=verified), made_of(valid))

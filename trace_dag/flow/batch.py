@@ -97,7 +97,7 @@ def run_stages(
     """Run the selected stages for some crashes: one event for each crash and selected stage, as they come.
 
     A current result is not made again unless its stage is in ``force``. A crash that fails does not stop the others.
-    Events of one crash come in the order of the stages. Workers call ``afterwards``, a function of a module, with each
+    Events of one crash come in the order of the stages. Workers call ``afterwards``, which can be pickled, with each
     crash that they are done with and have changed; the last event of the crash has what it returns.
 
     Raises :class:`trace_dag.errors.UserError`, before anything is touched, for what :func:`check_requirements` finds.
