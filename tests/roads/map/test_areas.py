@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from tests.roads.networks import WIDTH_M, crossroads, one_road
-from trace_dag.roads.map.lane_index import drivable_area
+from trace_dag.roads.map.lane_index import polygon, united
 from trace_dag.roads.map.model import PlanElement
 from trace_dag.roads.map.network import RoadNetwork
 
@@ -51,12 +51,40 @@ def test_how_far_a_point_is_beyond_the_edge(x_m: float, y_m: float, beyond_m: fl
 
 def test_many_points_are_answered_as_the_surfaces_of_all_lanes_answer() -> None:
     network = crossroads()
-    whole = drivable_area(network.geometry(ref) for ref in network.drivable_lanes())
+    whole = united(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
     x, y = (each.ravel() for each in np.meshgrid(np.arange(-120.25, 120.0, 3.0), np.arange(-30.25, 30.0, 3.0)))
     assert (network.drivable_area.contains(x, y) == shapely.contains_xy(whole, x, y)).all()
     assert [network.drivable_area.has(*xy) for xy in zip(x, y, strict=True)] == shapely.contains_xy(
         whole, x, y
     ).tolist()
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(5.0, 9.0), (31.9, -9.0), (-40.0, 14.0), (64.0, 5.0)])
+def test_near_a_place_the_edge_is_that_of_all_lanes(x_m: float, y_m: float) -> None:
+    network = crossroads()
+    whole = united(polygon(network.geometry(ref)) for ref in network.drivable_lanes())
+    near = shapely.Point(x_m, y_m).buffer(11.9)
+    edges = [shapely.intersection(edge, near) for edge in (whole.boundary, network.drivable_area.edge_near(x_m, y_m))]
+    assert edges[0].length > 1.0
+    assert shapely.hausdorff_distance(*edges) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "outlines",
+    [
+        [[(0.15, 0.95), (0.9, 0.55), (0.4, 0.45), (2.8, 0.75), (1.5, 0.2)]],  # GEOS closes it to one that is not valid
+        [
+            [(0.15, 0.8), (0.2, 0.2), (1.6, 0.6), (1.5, 0.85)],  # and leaves half of these out
+            [(0.75, 0.2), (1.75, 0.25), (2.3, 0.2), (2.6, 0.1)],
+            [(1.4, 0.3), (2.4, 0.35), (2.7, 0.5), (1.95, 1.0)],
+        ],
+    ],
+)
+def test_borders_that_cross_at_sharp_angles_lose_nothing(outlines: list[list[tuple[float, float]]]) -> None:
+    surfaces = [shapely.Polygon(outline) for outline in outlines]
+    together = united(surfaces)
+    assert together.is_valid
+    assert together.area >= shapely.union_all(shapely.make_valid(surfaces)).area
 
 
 def test_no_lane_at_the_level_of_a_place_is_an_empty_area() -> None:

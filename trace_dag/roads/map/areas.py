@@ -8,13 +8,14 @@ not count: a point's place in an area depends on the lanes around it alone.
 from __future__ import annotations
 
 import math
+from itertools import compress
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
 
 from trace_dag.roads.map.lane_geometry import sample_lanes
-from trace_dag.roads.map.lane_index import drivable_area, polygon
+from trace_dag.roads.map.lane_index import polygon, united
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.lane_geometry import LaneGeometry
+    from trace_dag.roads.map.lane_index import Box
     from trace_dag.roads.map.model import LaneRef
 
-    Box = tuple[float, float, float, float]  # west, south, east, north; m
     LanesWithin = Callable[[Box], Iterable[tuple[LaneRef, LaneGeometry]]]
 
 _TILE_M: Final = 32.0
 _AROUND_M: Final = 12.0
-"""Lanes this near to a tile are part of its piece."""
+"""What lanes cover this near to a tile is part of its piece."""
 _TOUCHING_M: Final = 1.0  # more than what closing the slivers between lanes can reach
 
 
@@ -39,10 +40,13 @@ class LaneAreas:
 
     def __init__(self) -> None:
         self._surfaces: dict[LaneRef, shapely.Polygon] = {}
-        self._areas: dict[tuple[LaneRef, ...], shapely.MultiPolygon] = {}
+        self._areas: dict[tuple[tuple[LaneRef, ...], Box | None], shapely.MultiPolygon] = {}
 
-    def of(self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float) -> shapely.MultiPolygon:
-        """The area of those of some lanes that come within some distance of a box."""
+    def of(
+        self, lanes: Iterable[tuple[LaneRef, LaneGeometry]], box: Box, reach_m: float, *, cut: bool = False
+    ) -> shapely.MultiPolygon:
+        """The area of those of some lanes that come within some distance of a box: of whole lanes, or ``cut`` at that
+        distance, which takes a third of the time where lanes go on."""
         known = list(lanes)
         new = [(ref, geometry) for ref, geometry in known if ref not in self._surfaces]
         sample_lanes(geometry for _, geometry in new)
@@ -50,13 +54,14 @@ class LaneAreas:
         surfaces = np.array([self._surfaces[ref] for ref, _ in known], dtype=object)
         if known and reach_m < math.inf:
             near = shapely.dwithin(surfaces, shapely.box(*box), reach_m)
-            known = [lane for lane, is_near in zip(known, near, strict=True) if is_near]
-        refs = tuple(ref for ref, _ in known)
-        if refs not in self._areas:
-            area = drivable_area(geometry for _, geometry in known)
+            known, surfaces = list(compress(known, near)), surfaces[near]
+        edge = _wider(box, reach_m) if cut else None
+        kept = (tuple(ref for ref, _ in known), edge)
+        if kept not in self._areas:
+            area = united(surfaces, within=edge)
             shapely.prepare(area)
-            self._areas[refs] = area
-        return self._areas[refs]
+            self._areas[kept] = area
+        return self._areas[kept]
 
 
 class Area:
@@ -75,9 +80,7 @@ class Area:
 
     def within(self, box: Box, reach_m: float) -> shapely.MultiPolygon:
         """The surfaces that come within some distance of a box, whole."""
-        west, south, east, north = box
-        wider = (west - reach_m, south - reach_m, east + reach_m, north + reach_m)
-        return self._lane_areas.of(self._lanes_within(wider), box, reach_m)
+        return self._lane_areas.of(self._lanes_within(_wider(box, reach_m)), box, reach_m)
 
     def has(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies in the area."""
@@ -111,7 +114,8 @@ class Area:
             yield self.within(box, reach_m), reach_m
 
     def edge_near(self, x_m: float, y_m: float) -> shapely.MultiLineString:
-        """The edge of the area around a point: all of it that is within twelve metres."""
+        """The edge of the area around a point: all of it that is within twelve metres. Farther away lines may be of
+        it at which the area is cut."""
         at = _tile_of(x_m, y_m)
         if at not in self._edges:
             self._edges[at] = self._tile(x_m, y_m).boundary
@@ -130,7 +134,9 @@ class Area:
         at = _tile_of(x_m, y_m)
         if at not in self._tiles:
             west, south = at[0] * _TILE_M, at[1] * _TILE_M
-            self._tiles[at] = self.within((west, south, west + _TILE_M, south + _TILE_M), _AROUND_M)
+            tile = (west, south, west + _TILE_M, south + _TILE_M)
+            lanes = self._lanes_within(_wider(tile, _AROUND_M))
+            self._tiles[at] = self._lane_areas.of(lanes, tile, _AROUND_M, cut=True)
         return self._tiles[at]
 
 
@@ -150,6 +156,11 @@ def _from_edge_m(x_m: FloatArray, y_m: FloatArray, edge: shapely.Geometry) -> Fl
 
 def _tile_of(x_m: float, y_m: float) -> tuple[int, int]:
     return math.floor(x_m / _TILE_M), math.floor(y_m / _TILE_M)
+
+
+def _wider(box: Box, by_m: float) -> Box:
+    west, south, east, north = box
+    return west - by_m, south - by_m, east + by_m, north + by_m
 
 
 def _box_about(x_m: FloatArray, y_m: FloatArray) -> Box:

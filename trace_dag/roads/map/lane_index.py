@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from trace_dag.roads.map.lane_geometry import LaneGeometry
     from trace_dag.roads.map.model import Cubic, LaneRef, LaneSection, Road
 
+    Box = tuple[float, float, float, float]  # west, south, east, north; m
     LanesOf = Callable[[Road], Iterable[tuple[LaneRef, LaneGeometry]]]
 
 _JOIN_M = 0.02
@@ -57,7 +58,7 @@ class LaneIndex:
             for lane in np.flatnonzero(near).tolist():
                 yield lines.lanes[lane]
 
-    def roads_within(self, box_m: tuple[float, float, float, float]) -> list[Road]:
+    def roads_within(self, box_m: Box) -> list[Road]:
         """Roads that may have a lane in a box (west, south, east, north), in their order."""
         west, south, east, north = box_m
         low_x, low_y, high_x, high_y = self._boxes
@@ -102,29 +103,32 @@ def polygon(geometry: LaneGeometry) -> shapely.Polygon:
     return shapely.Polygon(np.concatenate([left, right[::-1]])[:, :2])
 
 
-def drivable_area(lanes: Iterable[LaneGeometry]) -> shapely.MultiPolygon:
-    """Union of the lanes' surfaces.
-
-    >>> import shapely
-    >>> area = drivable_area(network.geometry(ref) for ref in network.drivable_lanes())
-    >>> bool(shapely.contains_xy(area, map_report.placement.x_m, map_report.placement.y_m))
-    True
-    """
-    return united(polygon(geometry) for geometry in lanes)
-
-
-def united(surfaces: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
+def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) -> shapely.MultiPolygon:
     """What surfaces of lanes cover together, without slivers between them; they may cross themselves.
+
+    Of what lies ``within`` a box (west, south, east, north; m) alone, if one is given.
 
     >>> united([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.51, 5.0, 7.0)]).area  # 1 cm apart
     35.0
+    >>> united([shapely.box(0.0, 0.0, 5.0, 3.5)], within=(0.0, 0.0, 2.0, 9.0)).area
+    7.0
     """
-    made = np.array(list(surfaces), dtype=object)
-    area = shapely.union_all(shapely.make_valid(made)) if len(made) else shapely.MultiPolygon()
+    made = shapely.make_valid(np.array(list(surfaces), dtype=object))
+    if within is not None:
+        made = shapely.make_valid(shapely.clip_by_rect(made, *within))  # GEOS promises no valid pieces
+    area = shapely.union_all(made)
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero here, with a correct result
-        closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
-    parts = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
-    return shapely.MultiPolygon(parts)
+        closed: shapely.Geometry = shapely.buffer(
+            shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre"
+        )
+    if not closed.is_valid or closed.area < area.area:  # where borders cross at sharp angles GEOS may lose a piece
+        closed = _valid(shapely.union(area, _valid(closed)))
+    return shapely.MultiPolygon([part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"])
+
+
+def _valid(area: shapely.Geometry) -> shapely.Geometry:
+    """Without lines that its borders would leave."""
+    return shapely.make_valid(area, method="structure", keep_collapsed=False)
 
 
 def _widest_m(geometry: LaneGeometry) -> float:
