@@ -118,12 +118,10 @@ def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) ->
         made = shapely.make_valid(shapely.clip_by_rect(made, *within))  # GEOS promises no valid pieces
     area = shapely.union_all(made)
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero here, with a correct result
-        closed: shapely.Geometry = shapely.buffer(
-            shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre"
-        )
-    if not closed.is_valid or closed.area < area.area:  # where borders cross at sharp angles GEOS may lose a piece
-        closed = _valid(shapely.union(area, _valid(closed)))
-    return shapely.MultiPolygon([part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"])
+        closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
+    # Where borders cross at sharp angles GEOS may lose a piece.
+    sound = closed if closed.is_valid and closed.area >= area.area else _valid(shapely.union(area, _valid(closed)))
+    return shapely.MultiPolygon([part for part in shapely.get_parts(sound) if part.geom_type == "Polygon"])
 
 
 def _valid(area: shapely.Geometry) -> shapely.Geometry:
