@@ -20,7 +20,7 @@ from trace_dag.version import __version__
 _ROOT = Path(__file__).resolve().parents[1]
 RESULTS = _ROOT / "benchmarks" / "results.json"
 PAGE = _ROOT / "docs" / "explanation" / "benchmarks.md"
-_SHOWN = 5  # versions side by side
+_SHOWN = 5  # measurements whose figures are shown: what has not been measured since is out of date
 
 
 def append(figures: Sequence[Figure], path: Path = RESULTS) -> list[dict[str, Any]]:
@@ -50,38 +50,35 @@ def keep(figures: Sequence[Figure]) -> None:
 
 
 def page(measurements: Sequence[dict[str, Any]]) -> str:
-    """The figures of the latest versions as Markdown, the newest on the right."""
-    shown = [_without_calibration(each) for each in measurements[-_SHOWN:]]
-    names = list(dict.fromkeys(name for each in reversed(shown) for name in each["figures"]))
+    """Each figure of the latest measurements as it was measured last, as Markdown."""
+    latest = {
+        name: (figure, each)
+        for each in measurements[-_SHOWN:]
+        for name, figure in each["figures"].items()
+        if figure.get("hidden") is None
+    }
     lines = [
         "# Benchmarks",
         "",
         "Each figure is the median of several runs. Where the table names a peer (another way to do the same work),",
         "the two ran by turns, and the ratio to the peer stands in brackets. Times are CPU time unless a note says",
-        "otherwise. **Bold** figures miss their goal. A column is one version of the code, the newest on the right; an",
-        "empty cell was not measured then. Shared machines change their speed from minute to minute, so the list below",
-        "the table says how long one fixed loop of plain Python took beside each version's figures: compare columns",
-        "with that in mind.",
+        "otherwise. **Bold** figures miss their goal. The last column is the version of the code that was measured.",
+        "Shared machines change their speed from minute to minute, so the list below the table says how long one",
+        "fixed loop of plain Python took beside each version's figures: compare versions with that in mind.",
         "",
         "`python -m benchmarks` measures and writes this page; all measurements, older ones too, are in",
         "`benchmarks/results.json`.",
         "",
-        "| | unit | peer | goal | " + " | ".join(f"{each['version']}" for each in shown) + " |",
-        "|---|---|---|---|" + "---:|" * len(shown),
+        "| | unit | peer | goal | measured | with |",
+        "|---|---|---|---|---:|---|",
     ]
-    for name in names:
-        latest = next(each["figures"][name] for each in reversed(shown) if name in each["figures"])
-        cells = [_cell(each["figures"].get(name)) for each in shown]
-        lines.append(f"| {name} | {latest['unit']} | {latest['peer']} | {_goal(latest)} | {' | '.join(cells)} |")
+    for name, (figure, measured) in latest.items():
+        cells = [name, figure["unit"], figure["peer"], _goal(figure), _cell(figure), measured["version"]]
+        lines.append(f"| {' | '.join(cells)} |")
+    shown = [each for each in measurements if any(measured is each for _, measured in latest.values())]
     lines += ["", *(f"- {each['version']}: {each['measured_at']}, {each['machine']}{_loop(each)}" for each in shown)]
-    notes = {name: each["figures"][name]["note"] for each in shown for name in each["figures"]}
-    lines += [f"- {name}: {note}" for name, note in notes.items() if note]
+    lines += [f"- {name}: {figure['note']}" for name, (figure, _) in latest.items() if figure["note"]]
     return "\n".join([*lines, *_calibration(measurements)]) + "\n"
-
-
-def _without_calibration(measurement: dict[str, Any]) -> dict[str, Any]:
-    figures = {name: figure for name, figure in measurement["figures"].items() if figure.get("hidden") is None}
-    return {**measurement, "figures": figures}
 
 
 def _calibration(measurements: Sequence[dict[str, Any]]) -> list[str]:
@@ -131,17 +128,22 @@ def _loop(measurement: dict[str, Any]) -> str:
     return f", loop {min(times_ms):.0f} to {max(times_ms):.0f} ms" if times_ms else ""
 
 
-def _cell(figure: dict[str, Any] | None) -> str:
-    if figure is None:
-        return ""
-    text = f"{figure['value']:.3g}" + (f" ({figure['ratio']:.2g})" if figure["ratio"] else "")
+def _cell(figure: dict[str, Any]) -> str:
+    text = _short(figure["value"], 3) + (f" ({_short(figure['ratio'], 2)})" if figure["ratio"] else "")
     return f"**{text}**" if figure["reached"] is False else text
 
 
 def _goal(figure: dict[str, Any]) -> str:
     if figure["goal"] is None:
         return ""
-    return f"{'ratio ' if figure['goal_of_ratio'] else ''}{'≥' if figure['at_least'] else '≤'} {figure['goal']:.3g}"
+    return (
+        f"{'ratio ' if figure['goal_of_ratio'] else ''}{'≥' if figure['at_least'] else '≤'} {_short(figure['goal'], 3)}"
+    )
+
+
+def _short(number: float, digits: int) -> str:
+    """To so many digits, without an exponent."""
+    return f"{number:,.0f}" if abs(number) >= 10**digits else f"{number:.{digits}g}"
 
 
 def _revision() -> str:

@@ -37,9 +37,11 @@ def test_figures_are_kept_and_the_page_shows_what_misses_its_goal(tmp_path):
     kept = append([Figure("quick", 0.5, "s", goal=1.0)], file)
     assert json.loads(file.read_text()) == kept
     assert len(kept) == 1, "of one version on one machine"
-    text = page([{**kept[0], "version": "0.0"}, *kept])
-    assert "| slow | s | a peer | ≤ 1 | **2 (2)** | **2 (2)** |" in text
-    assert "| quick | s |  | ≤ 1 | 0.5 | 0.5 |" in text
+    earlier = {"version": "0.0", "machine": "", "measured_at": "then", "figures": dict(kept[0]["figures"])}
+    later = {**earlier, "version": "0.1", "figures": {"quick": {**kept[0]["figures"]["quick"], "value": 5123.0}}}
+    text = page([earlier, later])
+    assert "| slow | s | a peer | ≤ 1 | **2 (2)** | 0.0 |" in text
+    assert "| quick | s |  | ≤ 1 | 5,123 | 0.1 |" in text
 
 
 def test_calibration_is_one_table_with_chance_and_the_models_that_were_asked(tmp_path):

@@ -2,6 +2,7 @@
 
 A block that needs what a test cannot have (a server, a cluster, the network) stands below a comment
 ``<!-- not run: why -->``: its shell is checked by bash, and its trace-dag commands by the command line's own parser.
+Tables and lists are held to be shown as such.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import markdown
 import prepared
 import pytest
 import sample_runs
@@ -128,3 +130,11 @@ def test_blocks_are_of_a_kind_that_is_checked(path: Path):
         assert block.language in (*SHELL, "python", "toml", "text"), f"{block.page}:{block.line}: {block.language!r}"
         if block.language == "toml":
             tomllib.loads(block.text)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(REPOSITORY)) for path in PAGES])
+def test_tables_and_lists_are_shown_as_such(path: Path):
+    # GitHub begins a table or list right below a line of text; the site's Markdown goes on with the text.
+    html = markdown.markdown(path.read_text(), extensions=["tables", "pymdownx.superfences", "md_in_html"])
+    paragraphs = re.findall(r"<p>(.*?)</p>", html, re.DOTALL)
+    assert [each[:80] for each in paragraphs if re.search(r"^(\||[-*] |\d+\. )", each, re.MULTILINE)] == []
