@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -51,6 +52,7 @@ _SHAPE_MPS: Final = 7.0
 _LONGEST_AFTER_S: Final = 8.0
 _SLIDES: Final = 3
 _DECIMALS: Final = 6
+_ROUNDED: Final = 1e-5  # more than rounding takes from a score
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,38 +133,54 @@ def parked_contacts(scene: Scene, contact: VehicleContact, *, lead_time_s: float
     driven_one, parked = sorted((contact.one, contact.two), key=lambda vehicle: not vehicle.in_transport)
     who = party(scene.record, contact.vehicle(driven_one.number))
     standing = contact.vehicle(parked.number)
-    found: list[_Plan] = []
-    for option, speed, terms in ways_of(scene, who):
-        for stand in stands(scene, standing):
-            plan = _best(scene, who, option, speed, terms, stand, standing)
-            if plan is not None:
-                found.append(plan)
-    found.sort(key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
+    tries = [
+        _Try(number, speed, profile, terms, stand, moved)
+        for number, (option, speed, terms, stand) in enumerate(
+            (*way, stand) for way in ways_of(scene, who) for stand in stands(scene, standing)
+        )
+        if (profile := speed_profile(who.vehicle, speed.speed_mps)).impact_mps >= 1.0
+        for share in _OVERLAPS
+        for moved in _towards(scene, who, option, stand, standing, share)
+    ]
+    tries.sort(key=lambda each: -each.most)  # stable: of equal ones the first
+    best: dict[int, _Plan] = {}
+    leading: dict[tuple[str, str, float], float] = {}  # the best score of each group
+    for each in tries:
+        if len(leading) >= most and each.most < sorted(leading.values())[-most] - _ROUNDED:
+            break  # what is known of these before the contact is looked at makes them too unlikely already
+        plan = _plan(scene, who, each, standing)
+        if plan is None:
+            continue
+        before = best.get(each.pair)
+        if before is None or plan.score > before.score:
+            best[each.pair] = plan
+        leading[plan.group] = max(plan.score, leading.get(plan.group, -math.inf))
+    found = sorted(best.values(), key=lambda plan: (-plan.score, plan.drive.name, plan.stand.option.name))
     chosen = leaders_first(found, lambda plan: plan.group)[:most]
     return tuple(_hypothesis(scene, plan, standing, lead_time_s) for plan in chosen)
 
 
 # --- one plan --------------------------------------------------------------------------------------------------------
-def _best(
-    scene: Scene,
-    who: Party,
-    option: Option,
-    speed: TravelSpeed,
-    terms: dict[str, float],
-    stand: Stand,
-    parked: VehicleRecord,
-) -> _Plan | None:
-    """The likeliest overlap of a way to drive with a place to stand."""
-    profile = speed_profile(who.vehicle, speed.speed_mps)
-    if profile.impact_mps < 1.0:
-        return None
-    plans = [
-        plan
-        for share in _OVERLAPS
-        for moved in _towards(scene, who, option, stand, parked, share)
-        if (plan := _plan(scene, who, moved, speed, profile, terms, stand, parked)) is not None
-    ]
-    return max(plans, key=lambda plan: plan.score, default=None)
+@dataclass(frozen=True, eq=False)
+class _Try:
+    """A way to drive, one of a ``pair`` with a place to stand, ``moved`` aside towards it."""
+
+    pair: int
+    speed: TravelSpeed
+    profile: SpeedProfile
+    terms: dict[str, float]
+    stand: Stand
+    moved: Option
+
+    @property
+    def known(self) -> dict[str, float]:
+        """What is known of it before its contact is looked at, which can only make it less likely."""
+        return self.terms | self.moved.costs | self.stand.terms
+
+    @cached_property
+    def most(self) -> float:
+        """The most that its score can be."""
+        return sum(self.known.values())
 
 
 def _towards(
@@ -203,16 +221,8 @@ def _departure(who: Party, stream: Stream, off_m: float) -> dict[str, float]:
     return {"other side than reported": _OTHER_SIDE}
 
 
-def _plan(
-    scene: Scene,
-    who: Party,
-    option: Option,
-    speed: TravelSpeed,
-    profile: SpeedProfile,
-    terms: dict[str, float],
-    stand: Stand,
-    parked: VehicleRecord,
-) -> _Plan | None:
+def _plan(scene: Scene, who: Party, tried: _Try, parked: VehicleRecord) -> _Plan | None:
+    option, stand, profile = tried.moved, tried.stand, tried.profile
     parked_path = stand.option.path()
     parked_m = _nearest_m(parked_path, scene)
     contacts: Contacts | None = None
@@ -232,8 +242,6 @@ def _plan(
     assert contacts is not None
     bearing, parked_bearing = float(contacts.bearing_1_rad[0]), float(contacts.bearing_2_rad[0])
     more = {
-        **option.costs,
-        **stand.terms,
         f"impact area (vehicle {who.vehicle.number})": _area(who.vehicle, bearing),
         f"impact area (vehicle {parked.number})": _area(parked, parked_bearing),
         "place of the impact": _place(scene, option, stand, contacts),
@@ -242,7 +250,7 @@ def _plan(
         who,
         option,
         path,
-        speed,
+        tried.speed,
         profile,
         station + profile.impact_mps * float(contacts.time_1_s[0]),
         stand,
@@ -250,7 +258,7 @@ def _plan(
         parked_m - float(missing @ at.forward),
         (bearing, parked_bearing),
         (float(contacts.x_m[0]), float(contacts.y_m[0])),
-        terms | more,
+        tried.known | more,
     )
 
 
