@@ -200,7 +200,7 @@ def test_another_side_zone_or_object_is_not_what_happened() -> None:
 def test_the_other_side_and_a_moved_object_are_rejected(code: int) -> None:
     crash = judged_crash(left_road(code))
     reasons = []
-    for shift in (mirrored_departure(crash), object_moved(crash)):
+    for shift in (mirrored_departure(crash), object_moved(crash, VerdictSettings())):
         assert shift is not None
         changed = shifted_estimate(crash, shift)
         (log,) = simulate(EmbeddedBackend(SimSettings()), STREET, b"", changed, SimSettings(), record=crash.record)

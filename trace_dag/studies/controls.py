@@ -98,7 +98,7 @@ def _of_crash(
     if reconstruction in (Reconstruction.DEPARTURE, Reconstruction.OVERTURN):
         of_kind = of_same_kind(crash, verified)
         yield from against_other_reports(crash, of_kind, settings, departure_controls.in_place_of, departures_differ)
-        for kind, changed in (("mirrored", mirrored_departure(crash)), ("object_moved", object_moved(crash))):
+        for kind, changed in (("mirrored", mirrored_departure(crash)), ("object_moved", object_moved(crash, settings))):
             if changed is not None:
                 yield replace(judged(crash, changed), kind=kind, shift_s=None)
         return

@@ -14,7 +14,7 @@ import numpy as np
 
 from trace_dag.crash.departures import Departure, DepartureSide, departure_of, overturns_first
 from trace_dag.crash.record import CrashRecord
-from trace_dag.geometry import Pose
+from trace_dag.geometry import Pose, rectangle_corners
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.roadside import RoadZone, roadside_at
 from trace_dag.settings import VerdictSettings
@@ -23,10 +23,11 @@ from trace_dag.states.types import Hypothesis, ParticipantState, Trajectory
 from trace_dag.verdict.controls import JudgedCrash, Shift
 from trace_dag.verdict.departures import observe_departure, reported_zone
 from trace_dag.verdict.metrics import clock_error_h
+from trace_dag.verdict.rules import RULE_SETS
 
 _ALONG_RAD: Final = math.radians(1.5)  # who goes off at less goes along the road
 _LOOKED_AT: Final = 4  # steps of the plan between two looks at it
-_ALONG_M, _ACROSS_M = 5.0, 3.0
+_ACROSS_M: Final = 3.0
 
 
 def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
@@ -145,13 +146,17 @@ def _last_along_road(crash: JudgedCrash, state: ParticipantState) -> tuple[int, 
     return 0, Pose(float(t.x_m[0]), float(t.y_m[0]), float(t.heading_rad[0]))
 
 
-def object_moved(crash: JudgedCrash) -> Shift | None:
-    """The hypothesis with its first object 5 m farther from the reported point along the road; what runs along the
-    road would stay where it is by that, and is moved 3 m away from it. None of what lies across the end of a road.
+def object_moved(crash: JudgedCrash, settings: VerdictSettings) -> Shift | None:
+    """The hypothesis with its first object farther from the reported point along the road: by the distance that the
+    verdict allows and by what the object itself extends along the road, so that no part of it is as near as allowed.
 
-    >>> (tree,), (moved,) = judged_tree.hypothesis.objects, object_moved(judged_tree).hypothesis.objects
-    >>> round(math.dist(tree.pose.xy_m, moved.pose.xy_m), 3)  # metres
-    5.0
+    What runs along the road would stay where it is by that, and is moved 3 m away from it. None of what lies across the
+    end of a road.
+
+    >>> (tree,) = judged_tree.hypothesis.objects
+    >>> (moved,) = object_moved(judged_tree, VerdictSettings()).hypothesis.objects
+    >>> tree.length_m, round(math.dist(tree.pose.xy_m, moved.pose.xy_m), 3)  # metres: 5 m are allowed
+    (0.4, 5.4)
     """
     departure, hypothesis = departure_of(crash.record), crash.hypothesis
     observed = observe_departure(crash.network, hypothesis, crash.log)
@@ -169,8 +174,10 @@ def object_moved(crash: JudgedCrash) -> Shift | None:
     else:
         along_rad = contact.pose_1.heading_rad if place is None else place.along_rad
         along = np.array([math.cos(along_rad), math.sin(along_rad)])
-        farther = math.copysign(_ALONG_M, float(along @ np.array([contact.x_m, contact.y_m])))
-        moved = first.pose.xy_m + farther * along
+        extent_m = float(np.ptp(rectangle_corners(first.pose, first.length_m, first.width_m) @ along))
+        allowed_m = (RULE_SETS[settings.rule_set].limits or settings).max_contact_distance_m
+        farther_m = math.copysign(allowed_m + extent_m, float(along @ np.array([contact.x_m, contact.y_m])))
+        moved = first.pose.xy_m + farther_m * along
     pose = replace(first.pose, x_m=float(moved[0]), y_m=float(moved[1]))
     return _with(hypothesis, state, (replace(first, pose=pose), *rest))
 
