@@ -117,6 +117,14 @@ def test_a_published_benchmark_is_set_beside_ours(root: Path, verified: list[str
     assert rows["published"]["contact"]
     assert rows["published"]["contact_distance_m"] < 5.0
     assert rows["trace-dag"]["accepted"]
+    by_year = tmp_path / "by-year"
+    by_year.mkdir()
+    folder.rename(by_year / "1999")  # a case number is unique only within its year
+    done = trace_dag(root, "peer", str(by_year))
+    assert (done.returncode, "none of its 1 cases" in done.stderr) == (2, True), done.stderr
+    (by_year / "1999").rename(by_year / "2023")
+    done = trace_dag(root, "peer", str(by_year), "--json")
+    assert [row["key"] for row in json.loads(done.stdout)] == 2 * verified[:1], done.stderr
     done = trace_dag(root, "peer", str(tmp_path))
     assert done.returncode == 2
     assert "simulation_<stateCase>.json" in done.stderr

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 def peer(root: str, folder: Path, cohort: str | None, rules: RuleSetName | None, as_json: bool) -> None:
     """Run a published benchmark's scenarios on its own maps, judged by the same rules, beside ours.
 
-    FOLDER holds simulations/ and maps/. Every judgement enters the warehouse, as table benchmark_comparison. Cases in
-    whose report no two vehicles touch are left out of both and named.
+    FOLDER holds simulations/ and maps/, or folders of years (2015/, ...) that do. Every judgement enters the warehouse,
+    as table benchmark_comparison. Cases in whose report no two vehicles touch are left out of both and named.
     """
     from dataclasses import asdict
 

@@ -33,10 +33,11 @@ def published_comparison(
 
     Left out of both: a case whose report names no two vehicles that touched, since it has no collision to judge; and a
     case with a damaged file, which is passed to ``complain``.
-    ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``. Raises
-    :class:`UserError` if it does not, or if none of its cases is in the cohort.
+    ``folder`` holds ``simulations/simulation_<stateCase>.json`` and ``maps/map_<stateCase>.xodr``, or folders of years
+    that do, as :mod:`trace_dag.formats.published` writes them. Raises :class:`UserError` if it does not, or if none of
+    its cases is in the cohort.
     """
-    simulations = {file.stem.removeprefix("simulation_"): file for file in folder.glob("simulations/simulation_*.json")}
+    simulations = _simulations(folder)
     if not simulations:
         raise UserError(
             f"{folder}: no simulations/simulation_<stateCase>.json in it; the published benchmark's folder?"
@@ -46,7 +47,8 @@ def published_comparison(
     for key in workspace.registry.keys(cohort):
         case = key.partition("-")[2]
         files = stored_crash(workspace, key)
-        if case not in simulations or not files.has(RECORD):
+        simulation = simulations.get(key, simulations.get(case))
+        if simulation is None or not files.has(RECORD):
             continue
         try:
             record = files.load(RECORD)
@@ -55,7 +57,7 @@ def published_comparison(
                 left_out[key] = no_collision
                 continue
             ours_of_case = judged_crashes(workspace, [key])
-            theirs = _theirs(workspace, files, simulations[case], folder / "maps" / f"map_{case}.xodr")
+            theirs = _theirs(workspace, files, simulation, simulation.parents[1] / "maps" / f"map_{case}.xodr")
         except DamagedFile as damaged:
             complain(damaged)
             continue
@@ -74,6 +76,15 @@ def published_comparison(
         )
     store(workspace, PUBLISHED, cohort, rows)
     return PublishedComparison(rows, left_out)
+
+
+def _simulations(folder: Path) -> dict[str, Path]:
+    """The scenarios of a published benchmark by their case numbers; those in a folder of a year by the crash's key."""
+    found = {}
+    for file in (*folder.glob("simulations/simulation_*.json"), *folder.glob("*/simulations/simulation_*.json")):
+        case, within = file.stem.removeprefix("simulation_"), file.parents[1]
+        found[case if within == folder else f"{within.name}-{case}"] = file
+    return found
 
 
 def _theirs(workspace: Workspace, files: CrashFiles, simulation: Path, map_file: Path) -> ComparisonRow:
