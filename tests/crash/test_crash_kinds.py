@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from crash_reports import read, rejection, report
 
 from trace_dag.crash.completeness import RULES, check, shortcomings
 from trace_dag.crash.fars_csv import FarsCsvSource
-from trace_dag.crash.kind import CrashKind, kind_of_codes
+from trace_dag.crash.kind import JUDGED_KINDS, CrashKind, kind_of_codes
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.parties import PartyKind
@@ -136,7 +137,10 @@ def test_a_kind_that_cannot_be_judged_names_its_event() -> None:
     assert found is not None
     assert found.reason is Reason.NOT_MODELLED
     assert "vehicle 1 struck a railway vehicle (at 12 o'clock (front)) (SOE 10)" in found.detail
-    assert "the kind of crash is other" in found.detail
+    # People read it: each kind that is judged is named, none by its identifier.
+    modelled = found.detail.partition("modelled are ")[2]
+    assert len(re.split(", | and ", modelled)) == len(JUDGED_KINDS) + 1  # "and no other crashes so far"
+    assert "_" not in modelled
 
 
 def test_a_live_animal_is_judged_and_a_ridden_one_is_not() -> None:
@@ -239,7 +243,7 @@ def test_two_that_never_touched_are_not_said_to_be_of_a_kind_that_is_modelled_an
     assert rejected is not None
     assert rejected.reason is Reason.NOT_MODELLED
     assert "vehicles 1 and 2 never touch in the report" in rejected.detail
-    assert rejected.detail.endswith("such a crash of the kind overturn is not modelled")
+    assert rejected.detail.endswith("such overturns are not modelled")
 
 
 def test_a_report_without_its_vehicles_is_rejected_as_that() -> None:

@@ -35,7 +35,7 @@ OF_STRIKES: Final = OF_PERSONS | {CrashKind.ANIMAL}
 JUDGED_KINDS: Final = frozenset(
     {CrashKind.PARKED, *COLLISIONS, *OF_STRIKES, CrashKind.FIXED_OBJECT, CrashKind.OVERTURN}
 )
-"""Kinds that can be judged. Adding one here is all it takes for its crashes to pass on to the map."""
+"""Kinds that can be judged: adding one here lets its crashes pass on to the map, once a rejection has a name for it."""
 
 _BEFORE_ALL: Final[Mapping[int, CrashKind]] = {
     **dict.fromkeys((codes.PEDESTRIAN, codes.PERSON_ON_CONVEYANCE), CrashKind.PEDESTRIAN),

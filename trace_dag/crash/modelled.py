@@ -20,6 +20,16 @@ from trace_dag.crash.summary import event_in_words
 
 _MOST_TOLD: Final = 4
 """Events that a sentence names."""
+_JUDGED_IN_WORDS: Final = {
+    CrashKind.TWO_VEHICLES: "collisions of two vehicles",
+    CrashKind.MULTI_VEHICLE: "collisions of three or more vehicles",
+    CrashKind.PEDESTRIAN: "crashes with pedestrians",
+    CrashKind.CYCLIST: "crashes with cyclists",
+    CrashKind.PARKED: "crashes with parked vehicles",
+    CrashKind.FIXED_OBJECT: "crashes with fixed objects",
+    CrashKind.OVERTURN: "overturns",
+    CrashKind.ANIMAL: "crashes with animals",
+}
 
 
 def another_kind(record: CrashRecord) -> str | None:
@@ -57,9 +67,10 @@ def another_kind(record: CrashRecord) -> str | None:
     else:
         said = "no two vehicles in transport touch in the report"
     if kind in JUDGED_KINDS:
-        why = f"such a crash of the kind {kind} is not modelled"
+        why = f"such {_JUDGED_IN_WORDS[kind]} are not modelled"
     else:
-        why = f"the kind of crash is {kind}, and modelled so far are {_judged()}"
+        *most, last = _JUDGED_IN_WORDS.values()
+        why = f"modelled are {', '.join(most)} and {last}, and no other crashes so far"
     return f"{said}: {_what_happened(record)}; {why}"
 
 
@@ -99,10 +110,6 @@ def _several_met(record: CrashRecord) -> bool:
     strikes. A parked vehicle that was struck is shown as a later event."""
     moving = {vehicle.number for vehicle in record.vehicles if vehicle.in_transport}
     return any(event.is_vehicle_contact and {event.party_1, event.party_2} <= moving for event in record.events)
-
-
-def _judged() -> str:
-    return ", ".join(kind for kind in CrashKind if kind in JUDGED_KINDS)
 
 
 def _what_happened(record: CrashRecord) -> str:
