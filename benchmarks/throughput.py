@@ -16,7 +16,7 @@ from pathlib import Path
 
 from benchmarks.cohorts import MAPS, repeated_sample
 from benchmarks.measuring import Figure, cpu_s, medians, wall_s
-from trace_dag.benchmark.crash_files import made_at_once
+from trace_dag.benchmark.crash_files import making_at_once
 from trace_dag.cohorts.ingest import ingest
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.executors import InProcessExecutor, ProcessExecutor
@@ -80,7 +80,9 @@ def _records(runs: int) -> Figure:
 
         def bare(crashes: int = CRASHES) -> None:
             workspace = replace(_registered(next(roots), crashes), executor=InProcessExecutor())
-            for _ in run_stages(workspace, workspace.registry.keys(), run_id="bare", afterwards=made_at_once):
+            keys = workspace.registry.keys()
+            afterwards = making_at_once(workspace.storage, keys)
+            for _ in run_stages(workspace, keys, run_id="bare", afterwards=afterwards):
                 pass
 
         with_records(8)  # what is loaded once is not what is measured

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
+import benchmarks
 from benchmarks.measuring import Figure, medians
 from benchmarks.results import append, page
 
@@ -22,6 +25,14 @@ from benchmarks.results import append, page
 )
 def test_goals(figure, reached):
     assert figure.reached is reached
+
+
+def test_every_benchmark_can_be_loaded():
+    """No test runs them: one that asks for what the program no longer has would be found when it is needed."""
+    names = [file.stem for file in Path(benchmarks.__file__).parent.glob("*.py") if file.stem != "__main__"]
+    assert "throughput" in names
+    for name in names:
+        import_module(f"benchmarks.{name}")
 
 
 def test_work_and_its_peer_take_turns():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,8 +22,8 @@ from trace_dag.crash.record import PreCrashMovement
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
-from trace_dag.geometry import Pose
 from trace_dag.stage import Stage
+from trace_dag.states.types import ParticipantState
 
 LEFT_TURN = "2023-319003"
 COORDINATES = f"llm:coordinates-v1@{MODEL}"
@@ -110,15 +111,15 @@ def test_motions_of_one_lane_are_told_from_those_beside_it(root: str) -> None:
     (crash,) = collisions(root, 0, "analytic")
     assert crash.whole is not None
     party = crash.whole[0].best.participants[0]
-    place = party.initial_pose
+    path, place = party.trajectory, party.initial_pose
     assert came_in_same_lane(party, party, 3.5)
-    aside = party.trajectory
-    moved = replace(
-        party,
-        initial_pose=Pose(place.x_m, place.y_m + 4.0, place.heading_rad, place.z_m),
-        trajectory=replace(aside, y_m=aside.y_m + 4.0),
-    )
-    along_east = abs(place.heading_rad) < 0.5 or abs(abs(place.heading_rad) - 3.14) < 0.5
-    assert came_in_same_lane(party, moved, 3.5) is not along_east
-    backwards = replace(party, initial_pose=Pose(place.x_m, place.y_m, place.heading_rad + 3.14159, place.z_m))
+
+    def moved(ahead_m: float, left_m: float) -> ParticipantState:
+        x_m, y_m = place.to_world((ahead_m, left_m)) - place.xy_m
+        began = replace(place, x_m=place.x_m + x_m, y_m=place.y_m + y_m)
+        return replace(party, initial_pose=began, trajectory=replace(path, x_m=path.x_m + x_m, y_m=path.y_m + y_m))
+
+    assert came_in_same_lane(party, moved(4.0, 0.0), 3.5)
+    assert not came_in_same_lane(party, moved(0.0, 4.0), 3.5)
+    backwards = replace(party, initial_pose=replace(place, heading_rad=place.heading_rad + math.pi))
     assert not came_in_same_lane(party, backwards, 3.5)

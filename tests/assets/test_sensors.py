@@ -201,6 +201,15 @@ def test_what_a_run_is_under_way_for_is_not_asked_for_again(elsewhere):
     assert elsewhere.look(run=True) == [[THIRD]]
 
 
+def test_a_run_of_one_crash_that_was_launched_in_the_ui_counts_as_under_way(elsewhere):
+    elsewhere.register(FIRST)
+    elsewhere.look(run=False)
+    tags = {"dagster/partition": FIRST}  # as Dagster's UI marks a run of a single partition
+    elsewhere.instance.add_run(DagsterRun("all_stages", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
+    elsewhere.register(SECOND)
+    assert elsewhere.look(run=True) == [[SECOND]]
+
+
 def test_nothing_but_a_listing_is_read_while_no_cohort_changes(elsewhere, monkeypatch):
     elsewhere.register(FIRST)
     elsewhere.look(run=True)

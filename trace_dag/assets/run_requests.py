@@ -19,6 +19,7 @@ UNFINISHED = (
 )
 """Of runs that are under way or to come."""
 
+_PARTITION_TAG = "dagster/partition"
 _RANGE_START_TAG = "dagster/asset_partition_range_start"
 _RANGE_END_TAG = "dagster/asset_partition_range_end"
 
@@ -36,7 +37,8 @@ def range_tags(batch: PlannedBatch) -> dict[str, str]:
 
 def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]:
     """The partitions, of all in order, that a run with these tags is for; none where the tags name none there is."""
-    ends = tags.get(_RANGE_START_TAG), tags.get(_RANGE_END_TAG)
+    single = tags.get(_PARTITION_TAG)
+    ends = tags.get(_RANGE_START_TAG, single), tags.get(_RANGE_END_TAG, single)
     if not all(end in partitions for end in ends):
         return ()
     first, last = (partitions.index(end) for end in ends if end is not None)

@@ -150,10 +150,10 @@ class _Run:
         since_s = _since_s(course.log, number)
         if since_s is None:
             return course, EstimateCheck(event.name, False, f"vehicle {number} meets nobody before it")
+        order = _order(course.log.contacts)
         for tried, turned in self._ways(course, event, since_s):
-            if overturned_at(tried.log.vehicle_log(number)) is not None and _order(tried.log.contacts) == _order(
-                course.log.contacts
-            ):
+            overturns = overturned_at(tried.log.vehicle_log(number)) is not None
+            if overturns and _order(tried.log.contacts) == order:
                 return tried, EstimateCheck(event.name, True, f"vehicle {number} overturns{turned}")
         return course, EstimateCheck(event.name, False, f"vehicle {number} stays on its wheels")
 

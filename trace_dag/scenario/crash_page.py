@@ -333,9 +333,7 @@ def _harmless(page: CrashPage) -> list[str]:
     if not changes_mps or max(changes_mps) >= LEAST_RECORDED_MPS:
         return []
     change = f"{mps_to_mph(max(changes_mps)):.0f} mph"
-    return [
-        f"The simulated impact is harmless (a change of velocity of {change} at most): it does not show what killed"
-    ]
+    return [f"The simulated impact is harmless (a change of velocity of {change} at most): it does not explain a death"]
 
 
 _CRITERIA = {

@@ -1,12 +1,13 @@
 """Who is at the wheel after a contact.
 
 A crash ends the drive: nobody steers or brakes from then on. A contact that changes a vehicle's velocity by less than
-makes an event data recorder wake up (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
+an event data recorder has to record (``sim.crash_delta_v_mps``, 8 km/h: 49 CFR 563.5) is none to its driver, who reacts
 as to a person that was struck: keeps the planned path, and brakes after a reaction. A motorcycle falls at any touch.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 
 from trace_dag.crash.parties import party_of_body
@@ -37,7 +38,7 @@ class AtTheWheel:
             grip = vehicle_model(each.body, each.trailer).tyre_grip
             usual = AfterStriking(settings.reaction_s, braking_mps2 * grip)
             self._reactions[each.number] = each.after_striking or usual
-            if each.body.vehicle_class is VehicleClass.MOTORCYCLE or each.skids_from_s < float("inf"):
+            if each.body.vehicle_class is VehicleClass.MOTORCYCLE or each.skids_from_s < math.inf:
                 self._lost.add(each.number)
 
     def lose(self, vehicle: Vehicle) -> None:

@@ -180,4 +180,5 @@ def _done(work: EvaluationWork, shared: LoadedCase, step: Step) -> Evaluation | 
         return within(limit_s, step.name, partial(work.do, shared, step))
     except Failure as failure:
         late = time.monotonic() - began_s >= limit_s
+        work.close()  # an agent that was broken off may be in the middle of an answer: the next step has a new one
         return StepLost(f"took longer than {limit_s:g} s" if late else str(failure))

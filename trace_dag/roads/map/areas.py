@@ -114,8 +114,8 @@ class Area:
             yield self.within(box, reach_m), reach_m
 
     def edge_near(self, x_m: float, y_m: float) -> shapely.MultiLineString:
-        """The edge of the area around a point: all of it that is within twelve metres. Farther away lines may be of
-        it at which the area is cut."""
+        """The edge of the area around a point: all of it that is within twelve metres. Lines farther away may be where
+        the area was cut, and no edge."""
         at = _tile_of(x_m, y_m)
         if at not in self._edges:
             self._edges[at] = self._tile(x_m, y_m).boundary

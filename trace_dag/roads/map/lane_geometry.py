@@ -24,11 +24,9 @@ if TYPE_CHECKING:
     from trace_dag.roads.map.model import Lane, LaneSection, Road
 
 
-_number = attrgetter("id")
-
-
 LANE_STEP_M: Final = 2.0
 """Points of a sampled lane are at most so far apart along the reference line."""
+_lane_id: Final = attrgetter("id")
 
 
 class SectionLine(NamedTuple):
@@ -115,7 +113,7 @@ class RoadGeometry:
 
 
 def _outward(section: LaneSection, sign: int) -> list[Lane]:
-    return sorted([lane for lane in section.lanes if lane.id * sign > 0], key=_number, reverse=sign < 0)
+    return sorted([lane for lane in section.lanes if lane.id * sign > 0], key=_lane_id, reverse=sign < 0)
 
 
 class LaneGeometry:
