@@ -15,10 +15,9 @@ import numpy as np
 from trace_dag.settings import SimSettings
 from trace_dag.sim.at_the_wheel import AtTheWheel
 from trace_dag.sim.commanded import CommandedVehicle
-from trace_dag.sim.crush import Crush
 from trace_dag.sim.driving import Driver
 from trace_dag.sim.dynamics import Vehicle
-from trace_dag.sim.outlines import Outline, separation
+from trace_dag.sim.outlines import separation
 from trace_dag.sim.people import Person
 from trace_dag.sim.plan import resample
 from trace_dag.sim.recorder import (
@@ -31,8 +30,9 @@ from trace_dag.sim.recorder import (
 )
 from trace_dag.sim.rigid import RigidBodies
 from trace_dag.sim.surface import Surface
-from trace_dag.sim.towing import Hitch, Towed, pulled_body
+from trace_dag.sim.towing import Towed, couple
 from trace_dag.sim.types import Contact, Participant, SimulationLog, Termination, party_name
+from trace_dag.sim.vehicle_pairs import VehiclePairs, same_level
 from trace_dag.sim.vehicles import vehicle_model
 from trace_dag.states.objects import FixedObject
 
@@ -96,7 +96,8 @@ class VehicleRun:
             turned = turned_wheels[free.number]
             if turned is not None:
                 free.turn_wheels(math.ceil(turned.from_s / settings.step_s), turned.angle_rad)
-        self._hitches = self._couple(friction)
+        self._hitches = couple(self._vehicles, participants, friction)
+        self._bodies_of |= {each.number: each.model.body for each in self._vehicles if isinstance(each, Towed)}
         self._people = self._make_people()
         self._movers: Sequence[Vehicle | Person] = [*self._vehicles, *self._people]
         self._bodies = self._make_bodies()
@@ -104,44 +105,11 @@ class VehicleRun:
         self._recorder = StateRecorder(self._movers)
         self._open: dict[tuple[int, int], ContactEpisode] = {}
         self._closed: list[ContactEpisode] = []
-        self._crushed: dict[tuple[int, int], Crush] = {}  # of those that overlap
-        self._pressed: dict[tuple[int, int], tuple[float, float]] = {}  # force x, y on the second, in this part
         self._state: BodyStates | None = None  # as MuJoCo has it; None while bodies move by themselves
         self._step = 0  # so many are taken
         self._apart_until_step = 0  # no two bodies can touch before it
         self._before: BodyStates | None = None  # the state a part of a step ago, while steps are taken in parts
-        self._pairs = self._can_touch()
-        self._met = [
-            (pair, self._vehicles[pair[0]], self._vehicles[pair[1]], sum(self._vehicles[i].reach_m for i in pair))
-            for pair in self._pairs
-        ]
-        # Of each pair the outlines that were compared last, and how far they are apart.
-        self._compared: dict[tuple[int, int], tuple[Outline, Outline, float]] = {}
-
-    def _can_touch(self) -> list[tuple[int, int]]:
-        """The pairs of vehicles by their places, in the order of the parties that they belong to; nobody touches what
-        is coupled to it."""
-        party = list(range(len(self._vehicles)))
-        for hitch in self._hitches:
-            puller, towed = hitch.pair
-            party[towed] = puller
-        pairs = [(i, j) for j in range(len(self._vehicles)) for i in range(j) if party[i] != party[j]]
-        return [(i, j) if party[i] < party[j] else (j, i) for i, j in pairs]
-
-    def _couple(self, friction: float) -> list[Hitch]:
-        """Put every trailer behind the vehicle that pulls it, after all of those."""
-        participants = {p.number: p for p in self._participants}
-        hitches = []
-        for i, vehicle in enumerate(tuple(self._vehicles)):
-            participant = participants[vehicle.number]
-            body = pulled_body(participant)
-            if body is None:
-                continue
-            towed = Towed(vehicle, participant, body, friction=friction)
-            self._vehicles.append(towed)
-            self._bodies_of[towed.number] = body
-            hitches.append(Hitch(self._vehicles, i, len(self._vehicles) - 1))
-        return hitches
+        self._pairs = VehiclePairs(self._vehicles, self._hitches, settings)
 
     def _make_people(self) -> list[Person]:
         return []
@@ -208,7 +176,7 @@ class VehicleRun:
             self._bodies.set_heights([v.z for v in self._vehicles])
             self._stand_on_surface()
             for one, two in self._could_meet():
-                if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= 0:
+                if same_level(one, two) and separation(one.outline(), two.outline())[0] <= 0:
                     reason = f"{self._names(one.number, two.number)} overlap at the start"
                     return Termination.STARTED_IN_CONTACT, reason
             self._look()
@@ -252,9 +220,9 @@ class VehicleRun:
     def _alone_until(self, step: int) -> int:
         """The step before which nobody can touch anybody and nothing but the road moves anyone: no vehicle's steps
         depend on another's until then."""
-        if self._open or self._crushed or self._hitches or self._driven:
+        if self._open or self._pairs.crushed or self._hitches or self._driven:
             return step
-        return self._apart_until_step if self._pairs else sys.maxsize
+        return self._apart_until_step if self._pairs.places else sys.maxsize
 
     def _go_alone(self, step: int, until: int) -> None:
         """Take the steps up to another one with each vehicle by itself."""
@@ -273,7 +241,7 @@ class VehicleRun:
         """Take one step under the road's forces on each vehicle."""
         if self._contact_possible(step):
             self._step_in_parts(step, [value for force in forces for value in force], self._parts)
-        elif self._open or self._crushed:
+        elif self._open or self._pairs.crushed:
             self._step_leaning(step, [value for force in forces for value in force])
         else:
             self._move_alone(forces)
@@ -290,7 +258,7 @@ class VehicleRun:
         self._recorder.record(time_s)
 
     def _could_meet(self) -> list[tuple[Vehicle, Vehicle | Person]]:
-        return [(self._vehicles[i], self._vehicles[j]) for i, j in self._pairs]
+        return [*self._pairs.vehicles]
 
     def _ended(self, until_s: float, after_contact_s: float) -> tuple[Termination, str] | None:
         now_s = self._step * self._step_s
@@ -357,17 +325,13 @@ class VehicleRun:
             v.z = v.ground.height_m(v.x, v.y)
         self._bodies.set_heights([v.z for v in self._vehicles])
 
-    @staticmethod
-    def _same_level(one: Vehicle, two: Vehicle | Person) -> bool:
-        return one.z < two.z + two.model.body.height_m and two.z < one.z + one.model.body.height_m
-
     def _contact_possible(self, step: int) -> bool:
         """Whether two bodies may come to touch within the next step, or a crash pulse is under way."""
         if step < self._apart_until_step:
             return False
         now_s = step * self._step_s
         apart_s = math.inf
-        for i, j in self._pairs:
+        for i, j in self._pairs.places:
             one, two = self._vehicles[i], self._vehicles[j]
             episode = self._open.get((i, j))
             if episode is not None:
@@ -381,11 +345,11 @@ class VehicleRun:
                 apart_s = min(apart_s, between_m / (BOUND * closing + BOUND_MPS))
                 continue
             apart_s = 0.0
-            if (i, j) in self._crushed:
+            if (i, j) in self._pairs.crushed:
                 continue
             turning = abs(one.yaw_rate) * one.reach_m + abs(two.yaw_rate) * two.reach_m
             travel = (closing + turning) * self._step_s * BOUND
-            if self._same_level(one, two) and separation(one.outline(), two.outline())[0] <= travel:
+            if same_level(one, two) and separation(one.outline(), two.outline())[0] <= travel:
                 return True
         if apart_s < math.inf:
             self._apart_until_step = step + int(apart_s / self._step_s)
@@ -393,29 +357,7 @@ class VehicleRun:
 
     def _forces_now(self, forces: list[float], now_s: float, part_s: float) -> list[float]:
         """The forces on the vehicles in a part of a step: those of the road, and of each other's crush."""
-        self._pressed = {}
-        total = list(forces)
-        for pair, one, two, reach_m in self._met:
-            apart = math.hypot(one.x - two.x, one.y - two.y) > reach_m or not self._same_level(one, two)
-            if apart or self._gap_m(pair) >= 0:
-                self._crushed.pop(pair, None)
-                continue
-            crush = self._crushed.get(pair)
-            if crush is None:
-                crush = Crush(one, two, self._settings.restitution, self._settings.contact_friction)
-            pressed = crush.press(self._compared[pair][:2], now_s, part_s)
-            if pressed is None:
-                continue
-            self._crushed[pair] = crush
-            self._pressed[pair] = pressed.fx, pressed.fy
-            i, j = 3 * pair[0], 3 * pair[1]
-            total[i] -= pressed.fx
-            total[i + 1] -= pressed.fy
-            total[i + 2] += pressed.moment_1
-            total[j] += pressed.fx
-            total[j + 1] += pressed.fy
-            total[j + 2] += pressed.moment_2
-        return total
+        return self._pairs.press(forces, now_s, part_s)
 
     def _held(self, forces: list[float], part_s: float) -> list[float]:
         """The given forces on the vehicles, and those of the hitches added."""
@@ -433,13 +375,13 @@ class VehicleRun:
             self._place_people(start_s)
             now = self._taken_over()
             strikes = self._bodies.step(self._held(self._forces_now(forces, start_s, part_s), part_s), part_s)
-            for pair, (fx, fy) in (*strikes.items(), *self._pressed.items()):
+            for pair, (fx, fy) in (*strikes.items(), *self._pairs.pressed_n.items()):
                 if pair not in self._open:
                     # Found in the state a part begins with: this one came about in the part before.
                     self._open[pair] = self._begin(pair, self._before or now, now, start_s - part_s, part_s)
                 self._open[pair].add(fx, fy, start_s + part_s, part_s)
-                if pair in self._crushed:
-                    self._open[pair].crush_m = self._crushed[pair].depths_m
+                if pair in self._pairs.crushed:
+                    self._open[pair].crush_m = self._pairs.crushed[pair].depths_m
             self._before = now
             self._update(*self._bodies.state)
             self._watch_contacts(start_s + part_s)
@@ -453,7 +395,7 @@ class VehicleRun:
         self._bodies.step(self._held(total, self._step_s), self._step_s)
         self._update(*self._bodies.state)
         end_s = (step + 1) * self._step_s
-        for pair in self._pressed:
+        for pair in self._pairs.pressed_n:
             if pair in self._open:
                 self._open[pair].last_s = end_s
         self._watch_contacts(end_s)
@@ -464,18 +406,7 @@ class VehicleRun:
             self._watch_overlap(pair, time_s)
 
     def _watch_overlap(self, pair: tuple[int, int], time_s: float) -> None:
-        self._recorder.record_overlap(pair, -self._gap_m(pair), time_s)
-
-    def _gap_m(self, pair: tuple[int, int]) -> float:
-        """How far two vehicles are apart now, as :func:`separation` has it: asked at the end of a part, and at the
-        beginning of the next."""
-        one, two = self._vehicles[pair[0]].outline(), self._vehicles[pair[1]].outline()
-        known = self._compared.get(pair)
-        if known is not None and known[0] is one and known[1] is two:
-            return known[2]
-        gap_m = separation(one, two)[0]
-        self._compared[pair] = one, two, gap_m
-        return gap_m
+        self._recorder.record_overlap(pair, -self._pairs.gap_m(pair), time_s)
 
     def _close_ended(self, now_s: float) -> None:
         for pair, episode in list(self._open.items()):

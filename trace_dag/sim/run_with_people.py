@@ -20,6 +20,7 @@ from trace_dag.sim.run_of_vehicles import BOUND, BOUND_MPS, BodyStates, VehicleR
 from trace_dag.sim.scene import FigureBodies
 from trace_dag.sim.towing import Towed
 from trace_dag.sim.types import party_name
+from trace_dag.sim.vehicle_pairs import same_level
 
 _STRIKE_STEP_S = 0.00125
 _NEAR_STEP_S = 0.0025
@@ -97,7 +98,7 @@ class PeopleRun(VehicleRun):
             self._step_in_parts(step, flat, self._parts)
         elif parts := self._strike_parts(step):
             self._step_of_people(step, flat, parts)
-        elif self._crushed or self._vehicles_lean():
+        elif self._pairs.crushed or self._vehicles_lean():
             self._bodies.carry(step * self._step_s)
             self._step_leaning(step, flat)
         elif any(person.crashed and not person.at_rest for person in self._people):
@@ -167,7 +168,7 @@ class PeopleRun(VehicleRun):
                 continue
             apart_s = 0.0
             travel = (closing + abs(vehicle.yaw_rate) * vehicle.reach_m) * self._step_s * BOUND + _NEAR_M
-            if self._same_level(vehicle, person) and separation(vehicle.outline(), person.outline())[0] <= travel:
+            if same_level(vehicle, person) and separation(vehicle.outline(), person.outline())[0] <= travel:
                 parts = max(parts, self._parts_near((i, j + len(self._vehicles)), now_s, closing))
         if apart_s < math.inf:
             self._people_apart_until_step = step + int(apart_s / self._step_s)

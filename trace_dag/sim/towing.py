@@ -195,3 +195,21 @@ class Hitch:
     def _beyond_rad(self) -> float:
         angle = math.remainder(self._one.heading - self._two.heading, math.tau)
         return math.copysign(max(abs(angle) - self._most_rad, 0.0), angle)
+
+
+def couple(vehicles: list[Vehicle], participants: Sequence[Participant], friction: float) -> list[Hitch]:
+    """Put every trailer behind the vehicle that pulls it, after all of those: their hitches.
+
+    >>> from trace_dag.sim.run import participant
+    >>> couple(list(simulated_pair), list(map(participant, hypothesis.participants)), friction=0.7)  # no trailers
+    []
+    """
+    by_number = {each.number: each for each in participants}
+    hitches = []
+    for i, vehicle in enumerate(tuple(vehicles)):
+        participant = by_number[vehicle.number]
+        body = pulled_body(participant)
+        if body is not None:
+            vehicles.append(Towed(vehicle, participant, body, friction=friction))
+            hitches.append(Hitch(vehicles, i, len(vehicles) - 1))
+    return hitches
