@@ -3,9 +3,9 @@
 Works on the blocks of the PBF format (https://wiki.openstreetmap.org/wiki/PBF_Format): a block of nodes is moved by its
 offsets of latitude and longitude and the first of its ids, which all others are differences to; of each way and
 relation the first ids are written anew. These have room for any id, so that numpy writes those of a copy over those of
-the one before, and a gigabyte takes some 20 CPU s. Before that the ids of each file are
-brought closer together, with gaps of at most 64, so that those of all copies are as many as OpenStreetMap's are. Files
-that are not sorted by type are left out: nodes have to come before ways.
+the one before, and a gigabyte takes some 20 CPU s. Before that the ids of each file are brought closer together, with
+gaps of at most 64, so that those of all copies are as many as OpenStreetMap's are. Files that are not sorted by type
+are left out: nodes have to come before ways.
 """
 
 from __future__ import annotations

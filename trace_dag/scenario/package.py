@@ -49,7 +49,8 @@ MANIFEST = "manifest.json"
 
 _CC0, _PUBLIC = "CC0-1.0", "US public domain"
 _ZIP_LEVEL: Final = 7  # level 8 takes half as long again for a fiftieth, and 10 seven times as long for a fifteenth
-_OF_NUMBERS: Final = ("states.json", "trajectories.json")  # of which it makes a sixth less
+_OF_NUMBERS: Final = ("states.json", "trajectories.json")
+_LEVEL_OF_NUMBERS: Final = 10  # makes these a sixth smaller
 _DEFLATED, _UTF8 = 8, 1 << 11  # how entries are compressed, and their names written
 _ZIP_DATE: Final = 1 << 5 | 1  # 1 January 1980, the format's first: a fixed one keeps archives reproducible
 _BY_UNIX, _READABLE = 3 << 8 | 20, 0o644 << 16
@@ -145,7 +146,7 @@ def zip_files(files: Mapping[str, bytes], *, folder: str) -> bytes:
     entries, directory = bytearray(), bytearray()
     for name in sorted(files):
         data, place = files[name], f"{folder}/{name}".encode()
-        packed = deflate.deflate_compress(data, 10 if name in _OF_NUMBERS else _ZIP_LEVEL)
+        packed = deflate.deflate_compress(data, _LEVEL_OF_NUMBERS if name in _OF_NUMBERS else _ZIP_LEVEL)
         sizes = zlib.crc32(data), len(packed), len(data), len(place), 0
         about = struct.pack("<4HHL2L2H", 20, _UTF8, _DEFLATED, 0, _ZIP_DATE, *sizes)
         of_directory = struct.pack("<3H2L", 0, 0, 0, _READABLE, len(entries))

@@ -1,4 +1,5 @@
-"""Negative controls of a cohort: its verdicts against other crashes' reports, and with one party late or mirrored."""
+"""Negative controls of a cohort: its verdicts against other crashes' reports, and with one party late, mirrored or
+moved."""
 
 from __future__ import annotations
 
@@ -44,8 +45,8 @@ def negative_controls(
     complain: Complaint = raised,
 ) -> list[ControlRow]:
     """Every judged crash of a cohort against its own report, every verified one against every other's report of its
-    kind and with one vehicle late; of a crash with people the person late, and from the other side. Stored for the
-    warehouse.
+    kind and with one vehicle late; of a crash with people the person late, and from the other side; of a vehicle that
+    leaves the road the side mirrored, and the object moved. Stored for the warehouse.
 
     Each crash meets every other, so a cohort with more than ``most`` verdicts is represented by so many of them, drawn
     at random. ``tell`` hears how many of how many are read, and then judged; ``complain`` of those left out.
