@@ -23,7 +23,6 @@ from trace_dag.studies.validation.rows import (
     Vector,
     check_recording,
     compared_row,
-    recorded_by,
     simulate,
 )
 from trace_dag.units import kmh_to_mps
@@ -119,11 +118,8 @@ def compare_pair(
                 case, vehicle.number, "one", reason=f"vehicle {vehicle.number} has no recorded delta-v of this event"
             )
             continue
-        damage = vehicle.damage(event.number)
         kind = "both" if both and None not in known else "one"
-        yield compared_row(
-            case, vehicle.number, kind, recording, damage, recorded_by(log, index), plastic[index], log, index == 0
-        )
+        yield compared_row(case, vehicle, event.number, kind, plastic[index], log, index)
 
 
 def _ready(event: RecordedEvent, pair: tuple[RecordedVehicle, RecordedVehicle]) -> _Pair:

@@ -12,7 +12,7 @@ from trace_dag.sim.types import Body
 from trace_dag.states.objects import FixedObject
 from trace_dag.studies.validation.placing import OUTWARD, before_object, damaged_m, struck_side
 from trace_dag.studies.validation.recorded import Damage, RecordedEvent, RecordedVehicle
-from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, recorded_by, simulate
+from trace_dag.studies.validation.rows import Compared, Unusable, check_recording, compared_row, simulate
 from trace_dag.units import mps_to_kmh
 
 _TREE, _POLE, _SIGN = 42, 30, 59  # SOE
@@ -63,7 +63,7 @@ def compare_with_post(case: str, event: RecordedEvent, vehicle: RecordedVehicle,
         raise Unusable("placed by its damage and at this speed the vehicle does not meet the object")
     speed = recording.speed_mps
     stops = (-speed * math.cos(course), -speed * math.sin(course))
-    return compared_row(case, vehicle.number, "object", recording, damage, recorded_by(log, 0), stops, log, first=True)
+    return compared_row(case, vehicle, event.number, "object", stops, log, 0)
 
 
 def _post(kind: int, diameter_m: float) -> FixedObject:

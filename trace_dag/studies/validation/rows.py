@@ -114,22 +114,17 @@ def recorded_by(log: SimulationLog, index: int) -> Vector:
 
 
 def compared_row(
-    case: str,
-    vehicle: int,
-    kind: str,
-    recording: Recording,
-    damage: Damage | None,
-    simulated: Vector,
-    plastic: Vector,
-    log: SimulationLog,
-    first: bool,
+    case: str, vehicle: RecordedVehicle, event: int, kind: str, plastic: Vector, log: SimulationLog, index: int
 ) -> Compared:
-    """The row of a vehicle that could be compared; delta-v ahead and to the left, m/s."""
-    contact = log.first_contact
+    """The row of a vehicle that could be compared: the one of the log with that ``index``, whose change was recorded in
+    that event. ``plastic`` is the peer's delta-v ahead and to the left, m/s."""
+    recording, damage, contact = vehicle.recording(event), vehicle.damage(event), log.first_contact
+    assert recording is not None
     assert contact is not None
+    simulated, first = recorded_by(log, index), index == 0
     return Compared(
         case=case,
-        vehicle=vehicle,
+        vehicle=vehicle.number,
         kind=kind,
         measured_delta_v_kmh=mps_to_kmh(recording.delta_v_mps),
         simulated_delta_v_kmh=mps_to_kmh(_same_parts(simulated, recording)),
