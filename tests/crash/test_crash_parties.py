@@ -70,9 +70,6 @@ def test_every_party_has_a_number_of_its_own() -> None:
         2003: PartyKind.ANIMAL,
         2004: PartyKind.TRAIN,
     }
-    assert record.party_kind(2) is PartyKind.PARKED_VEHICLE
-    with pytest.raises(KeyError):
-        record.party_kind(3)
     assert record.first_contact is record.events[4]
 
 

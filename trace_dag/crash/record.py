@@ -328,10 +328,6 @@ class CrashRecord:
         things = {thing_party(event.number): kind for event in self.events if (kind := thing_struck(event.code))}
         return vehicles | persons | things
 
-    def party_kind(self, number: int) -> PartyKind:
-        """What the party of that number is. Raises ``KeyError`` if the record has none."""
-        return self.parties[number]
-
     @property
     def first_contact(self) -> EventRecord | None:
         """The first event in which two vehicles, or a vehicle and a person, touched.
