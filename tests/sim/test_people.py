@@ -71,6 +71,14 @@ def test_a_person_walks_the_plan_until_touched_and_is_thrown() -> None:
     assert contact.normal_x > 0.9
 
 
+@pytest.mark.parametrize("speed", [8.0, 10.0])
+def test_who_has_come_to_rest_holds_no_limb_up(speed: float) -> None:
+    log = run(*crossing(CAR, CHILD, speed))
+    upward = log.vehicle_log(1001).landmarks_m.reshape(-1, len(LANDMARKS), 3)[:, :, 2]
+    assert log.termination is Termination.AT_REST
+    assert upward[-1].max() < 0.24  # as high as the trunk of an adult who lies (below)
+
+
 @pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
 @pytest.mark.parametrize("vehicle", [CAR, TRUCK], ids=["car", "truck"])
 def test_what_the_person_gains_the_vehicle_loses(vehicle: Body, speed: float) -> None:

@@ -20,7 +20,7 @@ from trace_dag.sim.surface import Ground
 from trace_dag.sim.types import Body, BodyKind, Participant
 
 _THROWN_REACH = 0.62  # of the stature, of an animal its length: how far limbs reach from the centre of mass
-REST_MPS, REST_RPS = 0.08, 0.6  # of the pelvis, and of every joint
+REST_MPS, REST_RPS = 0.08, 0.1  # of the pelvis, and of every joint: dampers let a raised limb fall slowly
 _REST_S = 0.1
 
 
