@@ -2,7 +2,8 @@
 
 Written from the standard: an entity's reference point follows the vertices of its trajectory, linearly in time
 between them; its box has the dimensions of ``BoundingBox`` around a centre given from that point, ahead and to the
-left. Two entities collide when their boxes overlap, seen from above.
+left. Two entities collide when their boxes overlap, seen from above, a vehicle (``V2``) never with its own trailer
+(``T2``).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from shapely.geometry import Polygon
 class Box:
     ahead_m: float
     left_m: float
+    up_m: float
     length_m: float
     width_m: float
 
@@ -42,7 +44,7 @@ class Scenario:
             box = entity.find("*/BoundingBox")
             centre, size = box.find("Center"), box.find("Dimensions")
             self.boxes[entity.get("name")] = Box(
-                *(float(each) for each in (centre.get("x"), centre.get("y"), size.get("length"), size.get("width")))
+                *(float(centre.get(axis)) for axis in "xyz"), float(size.get("length")), float(size.get("width"))
             )
         self.vertices = {}
         for group in self.root.iter("ManeuverGroup"):
@@ -69,10 +71,13 @@ class Scenario:
 
     def centres(self, entity: str, times_s: np.ndarray) -> np.ndarray:
         """Middle of the box seen from above at some times, columns x, y, h."""
-        x, y, _, h, _, _ = self.reference(entity, times_s).T
+        x, y, _, h, p, r = self.reference(entity, times_s).T
         box = self.boxes[entity]
+        # Turned by roll about the axis ahead, pitch about the one to the left, and heading about the vertical.
+        left_m = box.left_m * np.cos(r) - box.up_m * np.sin(r)
+        ahead_m = box.ahead_m * np.cos(p) + (box.left_m * np.sin(r) + box.up_m * np.cos(r)) * np.sin(p)
         c, s = np.cos(h), np.sin(h)
-        return np.stack([x + box.ahead_m * c - box.left_m * s, y + box.ahead_m * s + box.left_m * c, h], axis=-1)
+        return np.stack([x + ahead_m * c - left_m * s, y + ahead_m * s + left_m * c, h], axis=-1)
 
     def outline(self, entity: str, time_s: float) -> Polygon:
         """The box from above."""
@@ -96,6 +101,8 @@ class Scenario:
         places = {entity: self.centres(entity, times) for entity in self.vertices}
         found = []
         for one, two in combinations(self.vertices, 2):
+            if {one[0], two[0]} == {"T", "V"} and one[1:] == two[1:]:
+                continue
             reach = sum(math.hypot(self.boxes[each].length_m, self.boxes[each].width_m) / 2 for each in (one, two))
             near = np.hypot(*(places[one][:, :2] - places[two][:, :2]).T) < reach
             for time_s in times[near]:
