@@ -87,6 +87,18 @@ def test_borders_that_cross_at_sharp_angles_lose_nothing(outlines: list[list[tup
     assert together.area >= shapely.union_all(shapely.make_valid(surfaces)).area
 
 
+def test_surfaces_that_geos_cannot_unite_exactly_are_united_on_a_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    union_all = shapely.union_all
+
+    def refusing(areas: object, grid_size: float | None = None) -> object:
+        if grid_size is None:
+            raise shapely.errors.GEOSException("TopologyException: Ring edge missing at 0 0")
+        return union_all(areas, grid_size=grid_size)
+
+    monkeypatch.setattr(shapely, "union_all", refusing)
+    assert united([shapely.box(0.0, 0.0, 5.0, 3.5), shapely.box(0.0, 3.5, 5.0, 7.0)]).area == pytest.approx(35.0)
+
+
 def test_no_lane_at_the_level_of_a_place_is_an_empty_area() -> None:
     network = street()
     assert not network.carriageway_near(0.0, 0.0, 50.0, z_m=0.0).is_empty

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
+    from shapely.geometry.base import BaseGeometry
 
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.lane_geometry import LaneGeometry
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 _JOIN_M = 0.02
 """Slivers between lanes narrower than this are closed in the drivable area."""
+_GRID_M = 1e-6
 _SEARCH_M = 1.5
 """Room for what lies between two points of a lane's search line, and for what it cuts off in curves."""
 
@@ -116,12 +118,20 @@ def united(surfaces: Iterable[shapely.Polygon], *, within: Box | None = None) ->
     made = shapely.make_valid(np.array(list(surfaces), dtype=object))
     if within is not None:
         made = shapely.make_valid(shapely.clip_by_rect(made, *within))  # GEOS promises no valid pieces
-    area = shapely.union_all(made)
+    area = _union(made)
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS divides by zero here, with a correct result
         closed = shapely.buffer(shapely.buffer(area, _JOIN_M, join_style="mitre"), -_JOIN_M, join_style="mitre")
     # Where borders cross at sharp angles GEOS may lose a piece.
-    sound = closed if closed.is_valid and closed.area >= area.area else _valid(shapely.union(area, _valid(closed)))
+    sound = closed if closed.is_valid and closed.area >= area.area else _valid(_union([area, _valid(closed)]))
     return shapely.MultiPolygon([part for part in shapely.get_parts(sound) if part.geom_type == "Polygon"])
+
+
+def _union(areas: Sequence[shapely.Geometry] | NDArray[np.object_]) -> BaseGeometry:
+    """Of some areas; on a grid where borders that run nearly along each other are too much for exact arithmetic."""
+    try:
+        return shapely.union_all(areas)
+    except shapely.errors.GEOSException:
+        return shapely.union_all(areas, grid_size=_GRID_M)
 
 
 def _valid(area: shapely.Geometry) -> shapely.Geometry:
