@@ -113,7 +113,8 @@ def _equal(one: pd.Series, other: pd.Series) -> np.ndarray:
             atol=TOLERANCE,
             equal_nan=True,
         )
-    return one.astype(str).to_numpy() == other.astype(str).to_numpy()
+    both_missing = (one.isna() & other.isna()).to_numpy()
+    return both_missing | (one.astype(str).to_numpy() == other.astype(str).to_numpy())
 
 
 def _named(row: tuple[object, ...]) -> str:

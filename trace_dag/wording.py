@@ -24,3 +24,18 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     '0 vehicles'
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def beside_limit(value: float, limit: float, digits: int = 1) -> str:
+    """A measured number with as many digits as show on which side of a limit it lies.
+
+    >>> beside_limit(2.04, 2.0), beside_limit(1.98, 2.0, 0), beside_limit(6.3, 5.0)
+    ('2.04', '2', '6.3')
+    >>> beside_limit(5.0, 5.0), beside_limit(7.0004, 7.0)
+    ('5.0', '7.0004')
+    """
+    for more in range(digits, 10):
+        shown = f"{value:.{more}f}"
+        if (float(shown) > limit) == (value > limit) and (float(shown) < limit) <= (value < limit):
+            return shown
+    return f"{value:g}"

@@ -15,8 +15,20 @@ from trace_dag.errors import Reason
 from trace_dag.osm.rights import OSM_ATTRIBUTION, Rights
 from trace_dag.scenario.crash_page import CrashPage, write_crash_page
 from trace_dag.sim.sampled import Interval, SampledRuns
-from trace_dag.units import kmh_to_mps, mph_to_mps
-from trace_dag.verdict.types import Agreement, ComparedWith, Criterion, Fact, Grade, Support, Verdict
+from trace_dag.units import mph_to_mps
+from trace_dag.verdict.types import (
+    Agreement,
+    ComparedWith,
+    Criterion,
+    Doubt,
+    EventOutcome,
+    Fact,
+    Grade,
+    Happening,
+    Reservation,
+    Support,
+    Verdict,
+)
 
 RIGHTS = Rights.of([OSM_ATTRIBUTION])
 SUPPORT = Support(
@@ -36,6 +48,7 @@ VERDICT = Verdict(
     (
         Criterion("contact", 1.0, 1.0, "contacts", True, Reason.NO_COLLISION),
         Criterion("contact_distance", 1.23, 5.0, "m", True, Reason.WRONG_LOCATION),
+        Criterion("reported_distance", 18.54, None, "m", None),
         Criterion("clock_error", 1.5, 2.0, "h", True, Reason.WRONG_IMPACT, "", 1),
         Criterion("clock_error", None, 2.0, "h", None, Reason.WRONG_IMPACT, "not reported", 2),
         Criterion("zone_error", 0.0, 1.0, "m", True, Reason.WRONG_ZONE, "", 1001),
@@ -110,6 +123,13 @@ def test_a_crash_in_one_sentence():
     )
 
 
+def test_a_place_without_a_street_is_named_by_its_state():
+    at_five_past_nine = {"hour": 9, "minute": 5, "trafficway_1": "", "trafficway_2": ""}
+    assert in_one_sentence(replace(on_main_street(), **at_five_past_nine)).startswith(
+        "On January 15, 2023 at 09:05 in Virginia, a car"
+    )
+
+
 def test_a_standing_vehicle_has_no_speed_in_the_sentence():
     crashed = on_main_street()
     for movement, words in (
@@ -177,7 +197,8 @@ def test_the_replay_comes_first_then_a_sentence_then_numbers_then_reasons_and_th
 def test_numbers_and_reasons_are_said_in_words():
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(contradictions=("a, not b",)), verdict=VERDICT))
     glance = seen(page.find_class("glance")[0])
-    assert "1.2 m from the reported place" in glance
+    assert "18.5 m from the reported point to the first contact" in glance
+    assert "1.2 m of it along the road" in glance
     assert "45 mph closing speed" in glance  # 20 m/s
     for_it, against, untold = (seen(page.get_element_by_id(each).getparent()) for each in ("for", "against", "untold"))
     assert "The reported parties touch" in for_it
@@ -189,17 +210,21 @@ def test_numbers_and_reasons_are_said_in_words():
     assert "Vehicle 2 struck where the report says" in untold
 
 
-@pytest.mark.parametrize(("kmh", "harmless"), [(7.9, True), (8.1, False)])
-def test_an_impact_that_cannot_have_killed_speaks_against_a_crash(kmh, harmless):
-    """Below 8 km/h no recorder has to record (49 CFR 563.5); 7.9 km/h are 4.9 mph."""
-    criteria = [
-        Criterion("delta_v", kmh_to_mps(each), None, "mps", None, None, "", number)
-        for number, each in enumerate((1.0, kmh), 1)
-    ]
-    verdict = replace(VERDICT, criteria=(*VERDICT.criteria, *criteria))
+def test_doubts_and_events_that_do_not_happen_are_said_without_unfolding():
+    doubts = (Reservation(Doubt.EVENT_MISSED, "vehicle 1 overturned: does not happen in the simulation"),)
+    events = (
+        EventOutcome(1, 12, Happening.HAPPENED),
+        EventOutcome(2, 1, Happening.MISSED, "not simulated"),
+        EventOutcome(3, 2, Happening.NOT_MODELLED),
+    )
+    unsure = "vehicle 1 from the west (50 %) or from the east (45 %): the report does not say"
+    verdict = replace(VERDICT, reservations=doubts, events=events, alternatives=unsure)
     page = shown(CrashPage(crash(0), (), RIGHTS, record=on_main_street(), verdict=verdict))
-    against = seen(page.get_element_by_id("against").getparent())
-    assert ("The simulated impact is harmless (a change of velocity of 5 mph at most)" in against) is harmless
+    against = page.get_element_by_id("against").getparent()
+    assert "Vehicle 1 overturned: does not happen in the simulation" in seen(against)
+    head = seen(page.get_element_by_id("main")).partition("Speaks for it")[0]
+    assert "1 of 3 reported events happen (1 cannot be simulated)" in head
+    assert f"Not certain: {unsure}" in head
 
 
 @pytest.mark.parametrize(("number", "reported", "simulated"), [(0, (44.0, 0.0), (31.1, 31.1)), (1, None, (0.0, -44.0))])

@@ -115,11 +115,11 @@ def test_one_unknown_impact_is_not_evaluated_and_said_so() -> None:
 
 def test_nothing_known_is_never_a_silent_pass() -> None:
     unknown = with_vehicle(with_vehicle(GOOD, 0, clock_error_h=None), 1, clock_error_h=None)
-    assert judged(unknown)[:2] == (False, Reason.WRONG_IMPACT)
+    assert judged(unknown)[:2] == (False, Reason.INCOMPLETE_IMPACT)
     undirected = replace(GOOD, relation_error_deg=None)
     for index in (0, 1):
         undirected = with_vehicle(undirected, index, turn_error_deg=None)
-    assert judged(undirected)[:2] == (False, Reason.WRONG_DIRECTION)
+    assert judged(undirected)[:2] == (False, Reason.INCOMPLETE_TRAJECTORY)
     found = {(c.name, c.vehicle_number): c for c in criteria(unknown, NO_LOG, SETTINGS)}
     assert found["clock_error", 1].passed is None
     assert found["clock_error", 1].value is None

@@ -116,7 +116,10 @@ def test_verdicts_equal_the_criteria_in_the_artefacts(root):
                 values.setdefault(criterion["name"], []).append(criterion["value"])
         row = found[document["key"]]
         assert row["accepted"] == document["accepted"]
-        assert row["contact_distance_m"] == pytest.approx(values["contact_distance"][0])
+        assert row["contact_distance_m"] == pytest.approx(values["reported_distance"][0])
+        assert row["judged_distance_m"] == pytest.approx(values["contact_distance"][0])
+        harmful = [event["outcome"] for event in document["events"]]
+        assert (row["events_reported"], row["events_happened"]) == (len(harmful), harmful.count("happened"))
         if "clock_error" in values:
             assert row["clock_error_max_h"] == pytest.approx(max(values["clock_error"]))
         if "initial_speed_error" in values:

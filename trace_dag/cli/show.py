@@ -10,6 +10,7 @@ from trace_dag.cli.options import examples
 from trace_dag.cli.printing import print_table, write_json
 
 if TYPE_CHECKING:
+    from trace_dag.flow.contract import CrashFiles
     from trace_dag.flow.records import Records
     from trace_dag.flow.standing import Standing
     from trace_dag.flow.workspace import Workspace
@@ -34,9 +35,15 @@ def show(root: str, key: str, as_json: bool) -> None:
         write_json(said)
         return
     click.echo(f"{key}  {said['outcome']}")
+    for line in said["numbers"]:
+        click.echo(f"  {line}")
     for name in ("what", "why", "meaning", "remedy"):
         if said[name]:
             click.echo(f"\n{said[name]}")
+    if said["against"]:
+        click.echo("\nSpeaks against it:")
+        for line in said["against"]:
+            click.echo(f"  {line}")
     click.echo()
     print_table(["stage", "outcome", "seconds"], [tuple(row.values()) for row in said["stages"]])
     click.echo()
@@ -45,19 +52,28 @@ def show(root: str, key: str, as_json: bool) -> None:
 
 
 def _said(workspace: Workspace, crash: Standing, records: Records) -> dict[str, Any]:
+    from trace_dag.crash.summary import in_one_sentence
+    from trace_dag.flow.artefacts import RECORD
+    from trace_dag.flow.contract import CrashFiles
+
     storage = workspace.storage
+    source = workspace.registry.sources([crash.key])[crash.key]
+    stored = CrashFiles.recorded(crash.key, source, workspace.settings, storage, records)
     outcome = crash.final_state.value
     if crash.corroborated:
         outcome += ", corroborated"
     if crash.reason is not None:
         outcome += f" at {crash.stage_reached}: {crash.reason.value}"
+    numbers, against = _judged(stored)
     files = [file.name for record in records.values() for file in (*record.artefacts, *record.pictures)]
     return {
         "key": crash.key,
         "outcome": outcome,
-        "what": _sentence(workspace, crash.key, records),
+        "numbers": numbers,
+        "what": in_one_sentence(stored.load(RECORD)) if stored.has(RECORD) else "",
         "why": crash.detail,
         "meaning": crash.reason.meaning if crash.reason else "",
+        "against": against,
         "remedy": crash.reason.remedy if crash.reason else _remedy(crash),
         "stages": [
             {"stage": stage.value, "outcome": record.outcome.value, "seconds": round(record.duration_s, 3)}
@@ -67,14 +83,19 @@ def _said(workspace: Workspace, crash: Standing, records: Records) -> dict[str, 
     }
 
 
-def _sentence(workspace: Workspace, key: str, records: Records) -> str:
-    from trace_dag.crash.summary import in_one_sentence
-    from trace_dag.flow.artefacts import RECORD
-    from trace_dag.flow.contract import CrashFiles
+def _judged(stored: CrashFiles) -> tuple[list[str], list[str]]:
+    """The figures of a crash that was judged, and what speaks against it."""
+    from trace_dag.flow.artefacts import MAP_REPORT, VERDICT
+    from trace_dag.verdict.in_words import events_in_words, numbers_of
 
-    source = workspace.registry.sources([key])[key]
-    files = CrashFiles.recorded(key, source, workspace.settings, workspace.storage, records)
-    return in_one_sentence(files.load(RECORD)) if files.has(RECORD) else ""
+    if not stored.has(VERDICT):
+        return [], []
+    verdict = stored.load(VERDICT)
+    placement = stored.load(MAP_REPORT).placement if stored.has(MAP_REPORT) else None
+    figures = [f"{value:>9} {what}" for value, what in numbers_of(verdict, placement)]
+    if verdict.accepted:
+        figures += [line for line in (events_in_words(verdict), verdict.alternatives) if line]
+    return figures, [each.detail for each in verdict.reservations]
 
 
 def _remedy(crash: Standing) -> str:

@@ -75,7 +75,9 @@ def in_one_sentence(record: CrashRecord) -> str:
     'On June 14, 2023 at 15:20 on NE-411, Nebraska, a sedan that was going straight at 45 mph struck a pedestrian.'
     """
     streets = " and ".join(name for name in (record.trafficway_1, record.trafficway_2) if name)
-    place = ", ".join(part for part in (f" on {streets}" if streets else "", record.state_name) if part)
+    place = f" on {streets}" if streets else ""
+    if record.state_name:
+        place += f"{',' if streets else ' in'} {record.state_name}"
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
     event = record.first_contact or next((each for each in record.events if HARM_EV.meaning(each.code)), None)
     involved = [vehicles[party] for party in (event.party_1, event.party_2) if party in vehicles] if event else []

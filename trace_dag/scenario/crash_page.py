@@ -1,8 +1,8 @@
 """The page of one crash: what happened and how it was judged at a glance, then all there is, folded.
 
-At a glance: the replay, one sentence, four numbers, where each vehicle was struck as reported and as simulated, and the
-reasons for and against. Everything shown comes from the warehouse's row and the artefacts. All text is escaped by the
-templates: reports and maps are not trusted.
+At a glance: the replay, one sentence, a few numbers, how many of the reported events happen, what else is as likely,
+where each vehicle was struck as reported and as simulated, and the reasons for and against. Everything shown comes
+from the warehouse's row and the artefacts. All text is escaped by the templates: reports and maps are not trusted.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from trace_dag.crash.codes.vehicle import ACC_TYPE
-from trace_dag.crash.kind import OF_STRIKES, CrashKind
 from trace_dag.crash.parties import party_in_words, party_label
 from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import in_one_sentence
@@ -25,9 +24,10 @@ from trace_dag.scenario.page_templates import templates, words
 from trace_dag.sim.sampled import Interval, SampledRuns
 from trace_dag.states.types import StateEstimate
 from trace_dag.units import mps_to_mph
-from trace_dag.verdict.metrics import LEAST_RECORDED_MPS
+from trace_dag.verdict.in_words import events_in_words, numbers_of
 from trace_dag.verdict.types import Agreement, Criterion, Fact, Grade, Verdict
 from trace_dag.version import __version__
+from trace_dag.wording import beside_limit
 
 Row = Mapping[str, Any]
 
@@ -75,7 +75,11 @@ def write_crash_page(page: CrashPage) -> bytes:
         rights=page.rights,
         sentence=in_one_sentence(page.record) if page.record else "",
         grade=page.verdict.grade if page.verdict and page.verdict.accepted else None,
-        numbers=_numbers(page.verdict) if page.verdict else [],
+        numbers=numbers_of(page.verdict, page.map_report.placement if page.map_report else None)
+        if page.verdict
+        else [],
+        outcomes={each.event_number: words(each.outcome) for each in page.verdict.events} if page.verdict else {},
+        events=events_in_words(page.verdict) if page.verdict and page.verdict.accepted else "",
         clocks=_clocks(page.verdict) if page.verdict else [],
         hours=[(hour, *_on_dial(hour, _HOURS_RADIUS)) for hour in (3, 6, 9, 12)],
         reasons=_reasons(page),
@@ -221,25 +225,6 @@ def _streets(page: CrashPage) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _numbers(verdict: Verdict) -> list[tuple[str, str]]:
-    """The four numbers of a verdict, as value and what it is; those that were measured."""
-    distance, along = verdict.criterion("contact_distance"), verdict.criterion("station_distance")
-    closing = verdict.criterion("closing_speed")
-    clock_error_h = verdict.worst("clock_error")
-    numbers = []
-    if distance and distance.value is not None:
-        numbers.append((f"{distance.value:.1f} m", "from the reported place to the first contact"))
-    elif along and along.value is not None:
-        numbers.append((f"{along.value:.1f} m", "from the reported place, along the road"))
-    if clock_error_h is not None:
-        numbers.append((f"{clock_error_h:.1f}", "clock positions at most between reported and simulated impact"))
-    if closing and closing.value is not None:
-        numbers.append((f"{mps_to_mph(closing.value):.0f} mph", "closing speed at the first contact"))
-    if verdict.support:
-        numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
-    return numbers
-
-
 _CLOCK_RADIUS, _HOURS_RADIUS = 44.0, 56.0  # of the dials and of the hours around them, in units of their drawing
 
 
@@ -312,7 +297,7 @@ def _reasons(page: CrashPage) -> Reasons:
         [in_words(each) for each in deciding if each.passed]
         + [_fact_in_words(fact) for fact in facts if fact.weight > 0.0],
         [in_words(each) for each in deciding if each.passed is False]
-        + _harmless(page)
+        + [f"{each.detail[0].upper()}{each.detail[1:]}" for each in (verdict.reservations if verdict else ())]
         + ([f"Not corroborated: {detail}"] if detail else [])
         + [
             _fact_in_words(fact)
@@ -322,18 +307,6 @@ def _reasons(page: CrashPage) -> Reasons:
         + [f"The report contradicts itself: {line}" for line in contradictions],
         [in_words(each) for each in deciding if each.passed is None],
     )
-
-
-def _harmless(page: CrashPage) -> list[str]:
-    """A sentence if a verified crash of vehicles is too gentle to have killed."""
-    verdict, record = page.verdict, page.record
-    if verdict is None or record is None or not verdict.accepted or record.kind in OF_STRIKES | {CrashKind.OVERTURN}:
-        return []
-    changes_mps = [each.value for each in verdict.criteria if each.name == "delta_v" and each.value is not None]
-    if not changes_mps or max(changes_mps) >= LEAST_RECORDED_MPS:
-        return []
-    change = f"{mps_to_mph(max(changes_mps)):.0f} mph"
-    return [f"The simulated impact is harmless (a change of velocity of {change} at most): it does not explain a death"]
 
 
 _CRITERIA = {
@@ -368,7 +341,8 @@ def _criterion_in_words(criterion: Criterion, event: int | None) -> str:
     where = "" if event is None else f" (event {event})"
     sentence = f"{whose}{what}{where}"
     if criterion.unit in _UNITS and criterion.value is not None and criterion.threshold is not None:
-        sentence += f": {abs(criterion.value):.1f}{_UNITS[criterion.unit]}, {criterion.threshold:g} allowed"
+        sentence += f": {beside_limit(abs(criterion.value), criterion.threshold)}{_UNITS[criterion.unit]}"
+        sentence += f", {criterion.threshold:g} allowed"
     elif criterion.detail and criterion.passed is False:
         sentence = f"{criterion.detail}{where}"  # what happened: the words above say what should have
     elif criterion.detail and criterion.passed is None:

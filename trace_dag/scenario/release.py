@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.crash.kind import CrashKind
 from trace_dag.errors import Reason
 from trace_dag.evaluation.splits import SITE_M, Split
 from trace_dag.osm.rights import Rights
@@ -28,6 +29,7 @@ from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.geoparquet import geoparquet
 from trace_dag.scenario.release_metadata import croissant, datacite, licences
 from trace_dag.schemas import Column, ColumnType, TableSchema
+from trace_dag.verdict.types import Grade
 from trace_dag.version import __version__
 from trace_dag.wording import counted
 
@@ -76,7 +78,13 @@ RELEASE_INDEX = TableSchema(
         Column("grade", _T.TEXT, "What the verdict is worth: corroborated or consistent"),
         Column("support", _T.REAL, "Sum of the weights of all facts of the report, natural logarithm"),
         Column("independent_facts", _T.INTEGER, "Different facts of the report that agree with map or course"),
-        Column("contact_distance_m", _T.REAL, "First contact from the reported point", unit="m"),
+        Column("contact_distance_m", _T.REAL, "First contact, or overturn, from the reported point", unit="m"),
+        Column("judged_distance_m", _T.REAL, "The same along the road, for what stands beside it", unit="m"),
+        Column("moved_m", _T.REAL, "How far the reported point was moved onto a road", unit="m"),
+        Column("events_reported", _T.INTEGER, "Harmful events of the report", source="SOE"),
+        Column("events_happened", _T.INTEGER, "Harmful events that happen in the simulation"),
+        Column("events_not_modelled", _T.INTEGER, "Harmful events that no simulation can have"),
+        Column("alternatives", _T.TEXT, "What is as likely as the course in the package, in words"),
         Column("clock_error_max_h", _T.REAL, "Impact against the reported clock position, the worse vehicle", unit="h"),
         Column(
             "speed_error_initial_max_rel",
@@ -94,6 +102,12 @@ _CLASSES: Mapping[str, type[StrEnum]] = {
     "road_topology": RoadTopology,
     "vehicle_trajectory": VehicleTrajectory,
 }
+_MOVERS = {
+    CrashKind.PEDESTRIAN: "pedestrians",
+    CrashKind.CYCLIST: "cyclists and others on conveyances",
+    CrashKind.ANIMAL: "animals",
+}
+_EVENT_COUNTS = ("events_reported", "events_happened", "events_not_modelled")
 _THOUSAND = 1000
 _EPOCH_S = 315532800  # 1980-01-01, the first date a zip archive knows
 
@@ -260,6 +274,7 @@ def _index_parquet(release: BenchmarkRelease) -> bytes:
 
 
 def _rendered(template: str, release: BenchmarkRelease) -> bytes:
+    packed = {row["kind"] for row in release.packages}
     return render_document(
         template,
         release=release,
@@ -268,6 +283,10 @@ def _rendered(template: str, release: BenchmarkRelease) -> bytes:
         made_by=f"trace-dag {__version__}",
         columns=RELEASE_INDEX.dictionary(),
         classes={name: _by_class(release, name, values) for name, values in _CLASSES.items()},
+        kinds=_kinds(release),
+        movers=["motor vehicles", *(words for kind, words in _MOVERS.items() if kind in packed)],
+        trailers=any("trailer" in str(row["vehicle_classes"] or "") for row in release.packages),
+        **{name: sum(int(row[name] or 0) for row in release.packages) for name in _EVENT_COUNTS},
         states=Counter(str(crash["final_state"]) for crash in release.crashes),
         reasons=_reasons(release),
         figures=_figures(release),
@@ -289,6 +308,15 @@ def _rendered(template: str, release: BenchmarkRelease) -> bytes:
 def _estimator(row: Row) -> str:
     made, asked = row["estimator"], row["asked_estimator"]
     return str(made) if made == asked else f"{made} in place of {asked}"
+
+
+def _kinds(release: BenchmarkRelease) -> list[tuple[str, int, int, int]]:
+    """Each kind of crash with how many are registered, packed, and corroborated."""
+    registered = Counter(crash["kind"] for crash in release.crashes)
+    packed = Counter(row["kind"] for row in release.packages)
+    sure = Counter(row["kind"] for row in release.packages if row["grade"] == Grade.CORROBORATED)
+    counts = [(kind.value, registered[kind], packed[kind], sure[kind]) for kind in CrashKind]
+    return [each for each in counts if each[1] or each[2]]
 
 
 def _by_class(release: BenchmarkRelease, name: str, values: type[StrEnum]) -> list[tuple[str, int, int]]:

@@ -16,13 +16,16 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import Contact, SimulationLog
+from trace_dag.states.alternatives import alternatives
 from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.aftermath import aftermath_shown
 from trace_dag.verdict.articulation import articulation_shown
 from trace_dag.verdict.contacts import contact_criteria, observe_contacts
 from trace_dag.verdict.departures import departure_criteria, observe_departure
+from trace_dag.verdict.event_outcomes import event_outcomes
 from trace_dag.verdict.metrics import compare, observe
 from trace_dag.verdict.overturns import observe_overturn, overturn_criteria
+from trace_dag.verdict.reservations import reservations_about
 from trace_dag.verdict.rules import (
     REQUIRED,
     REQUIRED_OF_DEPARTURES,
@@ -33,7 +36,7 @@ from trace_dag.verdict.rules import (
 )
 from trace_dag.verdict.strikes import observe_strikes, strike_criteria
 from trace_dag.verdict.support import facts_of, facts_of_strikes, grade_of, supported
-from trace_dag.verdict.types import Criterion, Grade, Verdict
+from trace_dag.verdict.types import Criterion, Grade, Support, Verdict
 from trace_dag.wording import counted
 
 _REQUIRED: Final = {
@@ -56,9 +59,10 @@ def judge(
     """Judge the logs of an estimate's hypotheses, given in its order; :class:`Failure` if they are not its logs.
 
     The verdict is graded by what else of the report the map, the course and the report itself bear out
-    (:mod:`trace_dag.verdict.support`), and shows how far the contact is from where the crash was placed on the map. One
-    of several contacts of vehicles or with an animal is graded no higher than consistent: what facts are worth was not
-    measured on those.
+    (:mod:`trace_dag.verdict.support`), no higher than consistent where there is a doubt about it
+    (:mod:`trace_dag.verdict.reservations`), and shows how far the contact is from where the crash was placed on the
+    map. One of several contacts of vehicles or with an animal is graded no higher than consistent: what facts are worth
+    was not measured on those.
 
     >>> logs = [log] * len(state_estimate.hypotheses)
     >>> judge(record, network, map_report, state_estimate, logs, VerdictSettings()).accepted
@@ -75,15 +79,21 @@ def judge(
     ]
     verdict = next((verdict for verdict in judged if verdict.accepted), judged[0])
     hypothesis, log = estimate.hypotheses[verdict.hypothesis], logs[verdict.hypothesis]
+    events = event_outcomes(record, verdict.criteria)
+    unsure = alternatives(estimate)
+    doubts = reservations_about(record, network, report, unsure, hypothesis, log, events) if verdict.accepted else ()
+    support: Support | None
     match reconstruction_of(record):
         case Reconstruction.COLLISION:
-            facts = facts_of(record, network, report, observe(network, hypothesis, log))
+            support = supported(facts_of(record, network, report, observe(network, hypothesis, log)))
         case Reconstruction.STRIKES if record.kind is not CrashKind.ANIMAL:
-            facts = facts_of_strikes(record, network, report, observe_strikes(network, hypothesis, log))
+            observed = observe_strikes(network, hypothesis, log)
+            support = supported(facts_of_strikes(record, network, report, observed))
         case _:
-            return verdict  # no weights are fitted to it
-    support = supported(facts)
-    return replace(verdict, grade=grade_of(verdict.accepted, support), support=support)
+            support = None  # no weights are fitted to it
+    grade = grade_of(verdict.accepted, support, doubts)
+    clause = unsure.clause if unsure is not None else ""
+    return replace(verdict, grade=grade, support=support, events=events, reservations=doubts, alternatives=clause)
 
 
 def judge_hypothesis(
@@ -192,6 +202,8 @@ def judge_observed(
     found = observed.criteria(record)
     result = judgement(found, _REQUIRED[reconstruction_of(record)])
     detail = result.detail
+    if observed.contact_xy_m is not None:
+        found += (Criterion("reported_distance", math.hypot(*observed.contact_xy_m), None, "m", None),)
     if observed.contact_xy_m is not None and report is not None:
         placed, (x_m, y_m) = report.placement, observed.contact_xy_m
         distance_m = math.hypot(x_m - placed.x_m, y_m - placed.y_m)

@@ -91,7 +91,7 @@ def _street_names(
 ) -> Iterator[Fact]:
     at_intersection = is_at_intersection(record)
     named = (("first street", record.trafficway_1, True), ("second street", record.trafficway_2, at_intersection))
-    here = _names_at(network, placement, streets)
+    here = _names_of(network, placement, streets)
     around = {name for road in network.roads for name in road.names}
     for fact, reported, essential in named:
         agreement = _agreement_of_names(reported, here, around)
@@ -100,8 +100,16 @@ def _street_names(
             yield Fact(fact, ComparedWith.MAP, agreement, reported, found, essential)
 
 
-def _names_at(network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets) -> set[str]:
-    """Names of every street at the place."""
+def names_at(record: CrashRecord, network: RoadNetwork, placement: CrashPlacement) -> set[str]:
+    """Names and numbers of every street at the place of the crash.
+
+    >>> sorted(names_at(record, network, map_report.placement))
+    ['Elder Street', 'Main Street', 'NE 411']
+    """
+    return _names_of(network, placement, streets_at(network, record, placement))
+
+
+def _names_of(network: RoadNetwork, placement: CrashPlacement, streets: SiteStreets) -> set[str]:
     roads: list[Road] = [*streets.own.roads, network.road_by_id[placement.road_id]]
     roads += streets.cross.roads if streets.cross else ()
     roads += [network.road_by_id[road_id] for road_id in placement.cross_road_ids]

@@ -22,6 +22,7 @@ from trace_dag.settings import RuleSetName, VerdictSettings
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.metrics import CrashMeasures, VehicleMeasures
 from trace_dag.verdict.types import Criterion
+from trace_dag.wording import beside_limit
 
 REQUIRED = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT, Reason.WRONG_DIRECTION)
 REQUIRED_OF_SEQUENCES = (Reason.NO_COLLISION, Reason.WRONG_LOCATION, Reason.WRONG_IMPACT)
@@ -31,6 +32,13 @@ REQUIRED_OF_DEPARTURES = (Reason.NO_COLLISION, Reason.NO_DEPARTURE, Reason.WRONG
 """The area of impact of an object is not known in 15 % of such crashes (2016)."""
 REQUIRED_OF_OVERTURNS = (Reason.NO_OVERTURN, Reason.WRONG_LOCATION)
 """Who overturned on the roadway left it to no side."""
+UNITS_IN_WORDS = {"h": "clock positions", "deg": "degrees", "mps": "m/s"}
+_INCOMPLETE = {
+    Reason.WRONG_DIRECTION: Reason.INCOMPLETE_TRAJECTORY,
+    Reason.WRONG_SIDE: Reason.INCOMPLETE_TRAJECTORY,
+    Reason.WRONG_IMPACT: Reason.INCOMPLETE_IMPACT,
+}
+"""What a crash is rejected for where the report says nothing that the reason could be judged by."""
 _REJECTING = (
     Reason.NO_COLLISION,
     Reason.WRONG_PARTY,
@@ -177,7 +185,7 @@ def _reported(measures: CrashMeasures, limits: VerdictSettings) -> list[Criterio
     for event in measures.later_events:
         value = None if event.occurred is None else float(event.occurred)
         detail = event_named(event.number, event.code) + ("" if value is not None else ": not simulated")
-        found.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail))
+        found.append(Criterion("later_event", value, 1.0, "", event.occurred, None, detail, None, event.number))
     return found
 
 
@@ -233,7 +241,8 @@ def judgement(judged: tuple[Criterion, ...], required: tuple[Reason, ...] = REQU
             return Judgement(False, reason, _sentence(failed))
         if reason in required and not any(criterion.passed for criterion in of_kind):
             names = ", ".join(sorted({criterion.name for criterion in of_kind}))
-            return Judgement(False, reason, f"the report gives nothing to judge it by: {names} not evaluated")
+            detail = f"the report gives nothing to judge it by: {names} not evaluated"
+            return Judgement(False, _INCOMPLETE.get(reason, reason), detail)
     skipped = [criterion for criterion in judged if criterion.reason is not None and criterion.passed is None]
     named = ", ".join(_name(criterion) for criterion in skipped)
     return Judgement(True, None, f"not evaluated, since not reported: {named}" if skipped else "")
@@ -248,6 +257,11 @@ def _name(criterion: Criterion) -> str:
 def _sentence(criterion: Criterion) -> str:
     if criterion.detail:
         return criterion.detail
+    assert criterion.value is not None
+    assert criterion.threshold is not None
+    size = abs(criterion.value)
     if criterion.unit == "rel":
-        return f"{_name(criterion)} {criterion.value:+.0%}, at most {criterion.threshold:.0%} either way allowed"
-    return f"{_name(criterion)} {criterion.value:.1f} {criterion.unit}, at most {criterion.threshold:g} allowed"
+        sign, value = "-" if criterion.value < 0 else "+", beside_limit(100 * size, 100 * criterion.threshold, 0)
+        return f"{_name(criterion)} {sign}{value}%, at most {100 * criterion.threshold:g}% either way allowed"
+    value, unit = beside_limit(size, criterion.threshold), UNITS_IN_WORDS.get(criterion.unit, criterion.unit)
+    return f"{_name(criterion)} {value} {unit}, at most {criterion.threshold:g} allowed"

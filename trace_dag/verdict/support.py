@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
@@ -26,7 +26,7 @@ from trace_dag.verdict.place_facts import place_facts
 from trace_dag.verdict.strike_facts import crosswalk_facts, strike_facts
 from trace_dag.verdict.strikes import ObservedStrikes
 from trace_dag.verdict.support_weights import COUNTS
-from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Support
+from trace_dag.verdict.types import Agreement, ComparedWith, Fact, Grade, Reservation, Support
 
 LEAST_FACTS: Final = 6
 """Independent facts of map and course that have to agree for a crash to be corroborated."""
@@ -173,15 +173,16 @@ def _sentence(fact: Fact) -> str:
     return f"{fact.name}{whose}: reported {fact.reported}, {where} has {fact.found}"
 
 
-def grade_of(accepted: bool, support: Support | None) -> Grade:
-    """What a verdict is worth.
+def grade_of(accepted: bool, support: Support | None, reservations: Sequence[Reservation] = ()) -> Grade:
+    """What a verdict is worth: a crash about which there is a reservation is not corroborated.
 
     >>> grade_of(False, None).value, grade_of(True, None).value
     ('rejected', 'consistent')
     """
     if not accepted:
         return Grade.REJECTED
-    return Grade.CORROBORATED if support is not None and not support.detail else Grade.CONSISTENT
+    supported = support is not None and not support.detail
+    return Grade.CORROBORATED if supported and not reservations else Grade.CONSISTENT
 
 
 @cache

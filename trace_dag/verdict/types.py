@@ -97,12 +97,50 @@ class Support:
     detail: str = ""
 
 
+class Happening(StrEnum):
+    """What becomes of a harmful event of the report in the simulation."""
+
+    HAPPENED = "happened"
+    MISSED = "missed"
+    NOT_MODELLED = "not_modelled"  # no simulation here can have it: a fire, a train
+
+
+@dataclass(frozen=True)
+class EventOutcome:
+    """A harmful event of the report and what becomes of it; ``why`` says in words why it does not happen."""
+
+    event_number: int
+    code: int
+    outcome: Happening
+    why: str = ""
+
+
+class Doubt(StrEnum):
+    """Why an accepted crash is not corroborated, whatever supports it."""
+
+    OFF_MAPPED_GROUND = "off_mapped_ground"
+    OTHER_STREET = "other_street"
+    EVENT_MISSED = "event_missed"
+    HARMLESS = "harmless"
+    AMBIGUOUS = "ambiguous"
+
+
+@dataclass(frozen=True)
+class Reservation:
+    """A doubt about an accepted crash, and the sentence that says what was found."""
+
+    doubt: Doubt
+    detail: str
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The judgement of one crash: of the first hypothesis (in the estimate's order) that satisfies the rules, or of
     the first one if none does.
 
     ``support`` is None where no simulation came to a contact, and where one simulation is set beside many reports.
+    ``events`` are the harmful events of the report in order; with any of the ``reservations`` the crash is not
+    corroborated. Both are empty where one simulation is set beside many reports.
     """
 
     key: str
@@ -115,6 +153,9 @@ class Verdict:
     detail: str = ""
     grade: Grade = Grade.REJECTED
     support: Support | None = None
+    events: tuple[EventOutcome, ...] = ()
+    reservations: tuple[Reservation, ...] = ()
+    alternatives: str = ""  # what is as likely, in words; "" where this course is likelier than all others together
 
     def criterion(self, name: str, vehicle_number: int | None = None) -> Criterion | None:
         """The criterion of that name (and vehicle), if it was measured."""

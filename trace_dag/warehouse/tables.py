@@ -36,6 +36,7 @@ TABLES: Final[Mapping[str, Rows]] = {
     "verdict_criteria": Rows.OF_ONE,
     "verdicts": Rows.OF_ALL,
     "support": Rows.OF_ONE,
+    "reservations": Rows.OF_ONE,
     "verdict_changes": Rows.OF_ALL,
     "fatality_plausibility": Rows.OF_ALL,
     "injury_risk": Rows.OF_ALL,

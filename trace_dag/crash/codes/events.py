@@ -38,9 +38,10 @@ LOOSE_OBJECTS: Final = frozenset({16, 18, 73, 91})
 
 RAN_OFF_RIGHT: Final = 63
 RAN_OFF_LEFT: Final = 64
+CROSSED_MEDIAN: Final = 65
 RAN_OFF_AT_END: Final = 71
 RAN_OFF: Final = 79
-DEPARTURES: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, 65, 68, 69, RAN_OFF_AT_END, RAN_OFF})
+DEPARTURES: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, CROSSED_MEDIAN, 68, 69, RAN_OFF_AT_END, RAN_OFF})
 """Events in which a vehicle left its side of the road, its roadway, or came back onto it."""
 
 _HARMFUL = {

@@ -37,6 +37,7 @@ from trace_dag.roads.map.model import LaneMatch, LaneRef, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import CrashPlacement
 from trace_dag.settings import RoadSettings
+from trace_dag.wording import beside_limit
 
 _LOOK_AROUND_M: Final = 100.0  # a road with the reported name is looked for this far, even if no crash is moved so far
 _OTHER_STREET: Final = 0.4  # names less alike than this are two streets: judgement
@@ -215,10 +216,12 @@ class _Placer:
         within = [candidate for candidate in candidates if candidate.distance_m <= limit_m]
         if not within:
             nearest = min(candidates, key=lambda candidate: candidate.distance_m, default=None)
-            far = f"the nearest road is {nearest.distance_m:.1f} m" if nearest else f"no road is {_LOOK_AROUND_M:.0f} m"
+            far = f"no road is {_LOOK_AROUND_M:.0f} m"
+            if nearest:
+                far = f"the nearest road is {beside_limit(nearest.distance_m, limit_m)} m"
             raise Rejection(
                 Reason.CRASH_OFF_ROAD,
-                f"The reported point lies off the road: {far} away, more than {limit_m:.0f} m.",
+                f"The reported point lies off the road: {far} away, more than {limit_m:g} m.",
                 measured=nearest.distance_m if nearest else None,
                 threshold=limit_m,
             )
@@ -229,8 +232,8 @@ class _Placer:
             nearest_named = min(named, key=lambda candidate: candidate.distance_m)
             raise Rejection(
                 Reason.CRASH_OFF_ROAD,
-                f"The report names {reported}, which is {nearest_named.distance_m:.1f} m from the reported point, more "
-                f"than {limit_m:.0f} m; the road there is {best.road.name or best.road.highway}.",
+                f"The report names {reported}, which is {beside_limit(nearest_named.distance_m, limit_m)} m from the "
+                f"reported point, more than {limit_m:g} m; the road there is {best.road.name or best.road.highway}.",
                 measured=nearest_named.distance_m,
                 threshold=limit_m,
             )

@@ -173,6 +173,11 @@ class RoadNetwork:
         """Everything traffic drives on, junctions included, seen from above."""
         return self._area(self.drivable_lanes_of, lambda _: True)
 
+    @cached_property
+    def paved_area(self) -> Area:
+        """Everything traffic drives on, with the paved lanes beside it: shoulders, parking, for cycling and walking."""
+        return self._area(self._paved_lanes_of, lambda _: True)
+
     def carriageway_near(self, x_m: float, y_m: float, reach_m: float, *, z_m: float) -> Area:
         """The area that traffic drives on within some distance of a place, of roads at its level."""
         return self._area(self.drivable_lanes_of, self._is_near(x_m, y_m, reach_m, z_m))
@@ -186,7 +191,10 @@ class RoadNetwork:
         """
         is_near = self._is_near(x_m, y_m, reach_m, z_m)
         counts = is_near if of is None else lambda road: of(road) and is_near(road)
-        return self._area(lambda road: [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved], counts)
+        return self._area(self._paved_lanes_of, counts)
+
+    def _paved_lanes_of(self, road: Road) -> list[LaneRef]:
+        return [ref for ref in _lanes_of(road) if self._lane_by_ref[ref].type.paved]
 
     def _is_near(self, x_m: float, y_m: float, reach_m: float, z_m: float) -> Callable[[Road], bool]:
         """Whether a road may be within some distance of a place, at its level."""

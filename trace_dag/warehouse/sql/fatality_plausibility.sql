@@ -14,10 +14,9 @@ WITH violence AS (
 ),
 
 reported AS (
-    SELECT events.key, count(*) AS harmful_events
+    SELECT key, count(outcome) AS harmful_events, count(*) FILTER (outcome = 'happened') AS happened
     FROM events
-    JOIN codes ON codes.element = 'HARM_EV' AND codes.code = events.event_code
-    GROUP BY events.key
+    GROUP BY key
 ),
 
 fragile AS (  -- who was killed in a car may have been old, or without a belt
@@ -43,7 +42,7 @@ SELECT
         WHEN delta_v_mps * 3.6 >= 8 THEN NULL
         WHEN delta_v_high_mps * 3.6 >= 8 THEN 'another course that the report allows, see delta_v_high_mps'
         WHEN crashes.kind = 'overturn' THEN 'the overturn'
-        WHEN harmful_events > 1 THEN 'another harmful event of the report'
+        WHEN happened > 1 THEN 'another harmful event, which happens in the simulation'
         WHEN old OR unbelted THEN 'an old or an unbelted driver'
         ELSE 'age, no belt, illness, or a harder impact than the report says'
     END AS explained_by

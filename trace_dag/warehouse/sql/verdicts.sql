@@ -3,7 +3,7 @@ CREATE VIEW verdicts AS
 SELECT
     key,
     any_value(accepted) AS accepted,
-    any_value(value) FILTER (criterion = 'contact_distance') AS contact_distance_m,
+    any_value(value) FILTER (criterion = 'reported_distance') AS contact_distance_m,
     max(value) FILTER (criterion = 'clock_error') AS clock_error_max_h,
     bool_and(passed) FILTER (reason = 'wrong_direction') AS direction_ok,
     max(abs(value)) FILTER (criterion = 'initial_speed_error') AS speed_error_initial_max_rel,
@@ -17,8 +17,24 @@ SELECT
     any_value(grade) AS grade,
     any_value(support) AS support,
     any_value(independent_facts) AS independent_facts,
-    any_value(support_detail) AS support_detail
+    any_value(support_detail) AS support_detail,
+    any_value(value) FILTER (criterion IN ('contact_distance', 'station_distance')) AS judged_distance_m,
+    any_value(maps.moved_m) AS moved_m,
+    any_value(told.events_reported) AS events_reported,
+    any_value(told.events_happened) AS events_happened,
+    any_value(told.events_not_modelled) AS events_not_modelled,
+    any_value(alternatives) AS alternatives
 FROM verdict_criteria
+LEFT JOIN maps USING (key)
+LEFT JOIN (
+    SELECT
+        key,
+        count(outcome) AS events_reported,
+        count(*) FILTER (outcome = 'happened') AS events_happened,
+        count(*) FILTER (outcome = 'not_modelled') AS events_not_modelled
+    FROM events
+    GROUP BY key
+) AS told USING (key)
 GROUP BY key
 ORDER BY key;
 
@@ -29,7 +45,13 @@ COMMENT ON COLUMN verdicts.grade IS 'What it is worth: corroborated (enough fact
 COMMENT ON COLUMN verdicts.support IS 'Sum of the weights of all facts of the report, natural logarithm; its rows are in table support';
 COMMENT ON COLUMN verdicts.independent_facts IS 'Different facts of the report that agree with the map or the simulated course';
 COMMENT ON COLUMN verdicts.support_detail IS 'Why the crash is not corroborated; null if it is';
-COMMENT ON COLUMN verdicts.contact_distance_m IS 'First contact from the reported point, m';
+COMMENT ON COLUMN verdicts.contact_distance_m IS 'First contact, or overturn, from the reported point, m';
+COMMENT ON COLUMN verdicts.judged_distance_m IS 'The distance that was judged: along the road for what stands beside it, else the same, m';
+COMMENT ON COLUMN verdicts.moved_m IS 'How far the reported point was moved onto a road, m';
+COMMENT ON COLUMN verdicts.events_reported IS 'Harmful events of the report';
+COMMENT ON COLUMN verdicts.events_happened IS 'Harmful events that happen in the simulation';
+COMMENT ON COLUMN verdicts.events_not_modelled IS 'Harmful events that no simulation can have';
+COMMENT ON COLUMN verdicts.alternatives IS 'What is as likely as the course that was judged; null where that is likelier than all others together';
 COMMENT ON COLUMN verdicts.clock_error_max_h IS 'Impact against the reported clock position, the worse vehicle, hours';
 COMMENT ON COLUMN verdicts.direction_ok IS 'Whether every direction that could be judged is as reported';
 COMMENT ON COLUMN verdicts.speed_error_initial_max_rel IS 'Initial speed against the reported one, the worse vehicle, relative; null if none is reported';

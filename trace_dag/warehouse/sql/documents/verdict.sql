@@ -7,6 +7,9 @@ SELECT
             "name": "VARCHAR", "value": "DOUBLE", "threshold": "DOUBLE", "unit": "VARCHAR", "passed": "BOOLEAN",
             "reason": "VARCHAR", "detail": "VARCHAR", "vehicle_number": "INTEGER", "event_number": "INTEGER"
         }],
+        "alternatives": "VARCHAR",
+        "events": [{"event_number": "INTEGER", "code": "INTEGER", "outcome": "VARCHAR", "why": "VARCHAR"}],
+        "reservations": [{"doubt": "VARCHAR", "detail": "VARCHAR"}],
         "support": {
             "total": "DOUBLE", "independent_facts": "INTEGER", "detail": "VARCHAR",
             "facts": [{

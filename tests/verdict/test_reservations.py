@@ -1,0 +1,130 @@
+"""Doubts about accepted crashes, and which events of a report happen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import example_objects
+import numpy as np
+import pytest
+
+from trace_dag.crash.record import EventRecord
+from trace_dag.states.alternatives import alternatives
+from trace_dag.states.types import StateEstimate
+from trace_dag.units import kmh_to_mps
+from trace_dag.verdict.event_outcomes import event_outcomes
+from trace_dag.verdict.judge import judge
+from trace_dag.verdict.reservations import off_mapped_ground_m, reservations_about
+from trace_dag.verdict.types import Criterion, Doubt, EventOutcome, Grade, Happening
+
+RECORD = example_objects.record_of("record")  # a car turns left across a motorcycle
+MADE = example_objects.made_of("record")
+LOG = MADE.logs[0]
+
+
+def doubts(record=RECORD, *, report=MADE.map_report, log=LOG, events=()) -> dict[Doubt, str]:
+    found = reservations_about(record, MADE.network, report, None, MADE.state_estimate.hypotheses[0], log, events)
+    return {each.doubt: each.detail for each in found}
+
+
+def test_a_sound_crash_has_no_doubts():
+    assert doubts() == {}
+
+
+def test_who_drives_where_no_road_is_mapped_is_doubted_unless_the_report_says_so():
+    """Vehicle 2 comes along a street that is some 15 m wide: 200 m beside it nothing is mapped."""
+    _, two = LOG.vehicles
+    astray = replace(LOG, vehicles=(LOG.vehicles[0], replace(two, y_m=two.y_m + 200.0)))
+    assert off_mapped_ground_m(MADE.network, astray, [2])[2] > 50.0
+    assert "vehicle 2 is up to" in doubts(log=astray)[Doubt.OFF_MAPPED_GROUND]
+    ran_off = EventRecord(1, 63, 2, None, None, None)
+    collided = replace(RECORD.events[0], number=2)
+    assert doubts(replace(RECORD, events=(ran_off, collided)), log=astray) == {}
+    assert doubts(replace(RECORD, road_relation_code=4), log=astray) == {}  # on the roadside
+
+
+def test_a_street_with_another_name_than_the_reported_one_which_is_elsewhere_is_doubted():
+    here = {MADE.map_report.placement.road_id, *MADE.map_report.placement.cross_road_ids}
+    elsewhere = next(
+        road.name
+        for road in MADE.network.roads
+        if road.name and road.id not in here and road.name not in {"Main Street", "Elder Street"}
+    )
+    other = replace(RECORD, trafficway_1=elsewhere.upper(), trafficway_2="")
+    assert elsewhere.upper() in doubts(other)[Doubt.OTHER_STREET]
+    nowhere = replace(RECORD, trafficway_1="NO SUCH LN", trafficway_2="")
+    assert Doubt.OTHER_STREET not in doubts(nowhere)
+
+
+@pytest.mark.parametrize(("kmh", "harmless"), [(7.9, True), (8.1, False)])
+def test_an_impact_that_no_recorder_records_cannot_have_killed(kmh: float, harmless: bool):
+    """Below 8 km/h no recorder has to record (49 CFR 563.5); 7.9 km/h are 4.9 mph."""
+    gentle = tuple(
+        replace(each, delta_v_1_mps=(kmh_to_mps(kmh), 0.0), delta_v_2_mps=(0.0, 0.1)) for each in LOG.contacts
+    )
+    found = doubts(log=replace(LOG, contacts=gentle))
+    assert (Doubt.HARMLESS in found) is harmless
+    if harmless:
+        assert "5 mph" in found[Doubt.HARMLESS]
+
+
+def test_an_event_that_does_not_happen_is_doubted_one_that_cannot_be_simulated_is_not():
+    rolled, burnt = EventRecord(2, 1, 1, None, None, None), EventRecord(3, 2, 1, None, None, None)
+    record = replace(RECORD, events=(*RECORD.events, rolled, burnt))
+    missed = Criterion("later_overturn", 0.0, 1.0, "", False, None, "it tilts by 4 degrees at most", 1, 2)
+    events = event_outcomes(record, (Criterion("contact", 1.0, 1.0, "contacts", True), missed))
+    assert events == (
+        EventOutcome(1, 12, Happening.HAPPENED),
+        EventOutcome(2, 1, Happening.MISSED, "it tilts by 4 degrees at most"),
+        EventOutcome(3, 2, Happening.NOT_MODELLED),
+    )
+    found = doubts(record, events=events)
+    assert list(found) == [Doubt.EVENT_MISSED]
+    assert found[Doubt.EVENT_MISSED].startswith("vehicle 1 overturned: does not happen")
+
+
+def test_events_at_once_between_the_same_two_are_one_that_goes_on():
+    first = RECORD.events[0]
+    again = replace(RECORD, events=(first, replace(first, number=2)))
+    outcomes = event_outcomes(again, (Criterion("contact", 1.0, 1.0, "contacts", True),))
+    assert [each.outcome for each in outcomes] == [Happening.HAPPENED, Happening.HAPPENED]
+
+
+def test_a_crash_whose_other_approach_is_as_likely_says_so_and_is_not_corroborated():
+    """Two hypotheses with equal scores, the second turned by half a circle: 50 % each, nothing between them."""
+    best = MADE.state_estimate.hypotheses[0]
+
+    def turned(state):
+        path = state.trajectory
+        return replace(state, trajectory=replace(path, x_m=-path.x_m, y_m=-path.y_m))
+
+    mirrored = replace(best, participants=tuple(map(turned, best.participants)))
+    estimate = StateEstimate(RECORD.key, (best, mirrored), MADE.state_estimate.run, ambiguity=0.52)
+    found = alternatives(estimate)
+    assert found is not None
+    assert found.of_approaches
+    x, y = (float(values[0]) for values in (best.participants[0].trajectory.x_m, best.participants[0].trajectory.y_m))
+    assert math.hypot(x, y) > 5.0
+    assert "vehicle 1 from the west (48 %) or from the east (48 %)" in found.clause
+    verdict = judge(RECORD, MADE.network, MADE.map_report, estimate, [LOG, LOG], example_objects.SETTINGS.verdict)
+    assert verdict.accepted
+    assert verdict.grade is Grade.CONSISTENT
+    assert verdict.alternatives == found.clause
+    sure = replace(estimate, ambiguity=0.5)
+    again = judge(RECORD, MADE.network, MADE.map_report, sure, [LOG, LOG], example_objects.SETTINGS.verdict)
+    assert (again.grade, again.alternatives) == (Grade.CORROBORATED, "")
+
+
+def test_distances_from_the_reported_point_are_stated_for_every_kind_of_crash():
+    for name in ("queue_record", "pedestrian_record", "tree_record"):
+        made = example_objects.made_of(name)
+        record = example_objects.record_of(name)
+        verdict = judge(
+            record, made.network, made.map_report, made.state_estimate, made.logs, example_objects.SETTINGS.verdict
+        )
+        contact = made.logs[verdict.hypothesis].first_contact
+        assert contact is not None
+        distance = verdict.criterion("reported_distance")
+        assert distance is not None
+        assert distance.value == pytest.approx(float(np.hypot(contact.x_m, contact.y_m)))

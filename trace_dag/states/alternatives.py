@@ -1,0 +1,90 @@
+"""Says in words what else can have happened: from where the parties come in the likeliest hypotheses.
+
+A report seldom says from which side a vehicle came. The share of a hypothesis is its posterior probability; the shares
+of those that were not kept are missing from their sum.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from trace_dag.crash.parties import party_in_words
+from trace_dag.states.types import ParticipantState, StateEstimate
+from trace_dag.units import wrap_angle
+from trace_dag.wording import counted
+
+UNSURE: Final = 0.5
+"""Ambiguity above which the best hypothesis is more likely wrong than right."""
+_MOVED_M: Final = 2.0  # of travel, from which on a course is known
+_LEAST_SHARE: Final = 0.05  # of an approach that is named
+_SAME_APPROACH_RAD: Final = math.radians(45)
+_OCTANTS: Final = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """What is as likely as the best hypothesis, as a clause, and whether a party comes from another side in it."""
+
+    clause: str
+    of_approaches: bool
+
+
+def alternatives(estimate: StateEstimate) -> Alternatives | None:
+    """What else can have happened; None where the best hypothesis is likelier than all others together.
+
+    >>> alternatives(state_estimate).clause
+    '2 other courses, in other lanes or at other speeds, have 63 % together: the report does not say'
+    """
+    if estimate.ambiguity <= UNSURE:
+        return None
+    clauses = []
+    for state in estimate.best.participants:
+        told = _approaches(estimate, state.vehicle_number)
+        if len(told) > 1:
+            clauses.append(f"{party_in_words(state.vehicle_number)} {' or '.join(told)}")
+    if clauses:
+        return Alternatives(f"{'; '.join(clauses)}: the report does not say", True)
+    others = counted(len(estimate.hypotheses) - 1, "other course")
+    share = f"{100 * estimate.ambiguity:.0f} % together"
+    have = "has" if len(estimate.hypotheses) == 2 else "have"
+    return Alternatives(f"{others}, in other lanes or at other speeds, {have} {share}: the report does not say", False)
+
+
+def _approaches(estimate: StateEstimate, number: int) -> list[str]:
+    """From where a party comes, with the share of each side, the likeliest first. Less than 45 degrees apart is one."""
+    shares: list[tuple[float, float]] = []  # bearing (rad), share
+    for each in estimate.hypotheses:
+        share = (1.0 - estimate.ambiguity) * min(math.exp(each.score - estimate.best.score), 1.0)
+        for state in each.participants:
+            bearing = bearing_from_rad(state) if state.vehicle_number == number else None
+            if bearing is None:
+                continue
+            same = next(
+                (i for i, (b, _) in enumerate(shares) if abs(wrap_angle(b - bearing)) < _SAME_APPROACH_RAD), None
+            )
+            if same is None:
+                shares.append((bearing, share))
+            else:
+                shares[same] = (shares[same][0], shares[same][1] + share)
+    likely = sorted((each for each in shares if each[1] >= _LEAST_SHARE), key=lambda each: -round(each[1], 6))
+    octants = [_OCTANTS[round(bearing / (math.pi / 4)) % len(_OCTANTS)] for bearing, _ in likely]
+    return [f"from the {octant} ({100 * share:.0f} %)" for octant, (_, share) in zip(octants, likely, strict=True)]
+
+
+def bearing_from_rad(state: ParticipantState) -> float | None:
+    """The direction a party comes from (rad, counter-clockwise from east); None for one that stands.
+
+    >>> [round(math.degrees(bearing_from_rad(each))) for each in hypothesis.participants]
+    [-173, 8]
+    """
+    path = state.trajectory
+    gone_m = np.hypot(path.x_m - path.x_m[0], path.y_m - path.y_m[0])
+    far = np.flatnonzero(gone_m >= _MOVED_M)
+    if not len(far):
+        return None
+    k = far[0]
+    return math.atan2(float(path.y_m[0] - path.y_m[k]), float(path.x_m[0] - path.x_m[k]))

@@ -1,0 +1,57 @@
+"""A verdict in the sentences that page, ``show`` and package have in common."""
+
+from __future__ import annotations
+
+from trace_dag.roads.report import CrashPlacement
+from trace_dag.units import mps_to_mph
+from trace_dag.verdict.types import Happening, Verdict
+
+_MOVED_M = 0.05  # a point moved by less prints as not moved
+
+
+def numbers_of(verdict: Verdict, placement: CrashPlacement | None) -> list[tuple[str, str]]:
+    """What one looks at first, as value and what it is: those that were measured.
+
+    >>> numbers_of(verdict, map_report.placement)[0][1]
+    'from the reported point to the first contact'
+    """
+    numbers = []
+    distance = _first(verdict, "reported_distance")
+    what = "overturn" if _first(verdict, "overturn") is not None else "first contact"
+    if distance is not None:
+        numbers.append((f"{distance:.1f} m", f"from the reported point to the {what}"))
+        judged = _first(verdict, "station_distance", "contact_distance")
+        if judged is not None and abs(judged - distance) > _MOVED_M:
+            numbers.append((f"{judged:.1f} m", "of it along the road, by which it is judged"))
+    if placement is not None and placement.moved_m > _MOVED_M:
+        by = placement.matched_by
+        numbers.append((f"{placement.moved_m:.1f} m", f"that the reported point was moved onto a road (by {by})"))
+    clock_error = verdict.worst("clock_error")
+    if clock_error is not None:
+        numbers.append((f"{clock_error:.1f}", "clock positions at most between reported and simulated impact"))
+    closing_mps = _first(verdict, "closing_speed")
+    if closing_mps is not None:
+        numbers.append((f"{mps_to_mph(closing_mps):.0f} mph", "closing speed at the first contact"))
+    if verdict.support:
+        numbers.append((str(verdict.support.independent_facts), "independent facts of the report agree"))
+    return numbers
+
+
+def _first(verdict: Verdict, *names: str) -> float | None:
+    """The value of the first criterion of these names that was measured."""
+    return next((c.value for c in verdict.criteria if c.name in names and c.value is not None), None)
+
+
+def events_in_words(verdict: Verdict) -> str:
+    """How many of the reported harmful events happen; empty where the report lists none.
+
+    >>> events_in_words(verdict)
+    '1 of 1 reported event happens'
+    """
+    if not verdict.events:
+        return ""
+    happened = sum(each.outcome is Happening.HAPPENED for each in verdict.events)
+    beyond = sum(each.outcome is Happening.NOT_MODELLED for each in verdict.events)
+    reported = len(verdict.events)
+    said = f"{happened} of {reported} reported event{'s' if reported > 1 else ''} happen{'s' if reported == 1 else ''}"
+    return f"{said} ({beyond} cannot be simulated)" if beyond else said
