@@ -14,12 +14,14 @@ from trace_dag.cli.printing import print_table, write_json
 @click.command(
     epilog=examples(
         "trace-dag national FARS2015-accident.zip",
+        "trace-dag national FARS2015-accident.zip --cohort unseen",
     )
 )
 @click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--cohort", "cohorts", multiple=True, help="Only the stored crashes of this cohort; all by default.")
 @click.option("--json", "as_json", is_flag=True, help="Every kind, as JSON.")
 @click.pass_obj
-def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
+def national(root: str, tables: tuple[Path, ...], cohorts: tuple[str, ...], as_json: bool) -> None:
     """Estimate the share of a country's fatal crashes that can be reconstructed.
 
     TABLES are FARS's accident tables of whole years (CSV, or ZIP archives of it). The kinds of crash are counted there,
@@ -27,11 +29,14 @@ def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
     nothing of a kind and are left out of its rate.
     """
     from trace_dag.flow.workspace import Workspace
-    from trace_dag.warehouse.national import count_kinds, national_coverage, stored_kinds
+    from trace_dag.warehouse.national import count_kinds, national_coverage, stored_kinds, thin_reports
 
-    found = national_coverage(count_kinds(tables), stored_kinds(Workspace.open(root, to_read=True).warehouse))
+    workspace = Workspace.open(root, to_read=True)
+    chosen = [workspace.registry.cohort(name).name for name in cohorts] or sorted(workspace.registry.cohorts())
+    found = national_coverage(count_kinds(tables), stored_kinds(workspace.warehouse, chosen))
+    thin = thin_reports(workspace.warehouse, chosen)
     if as_json:
-        write_json(asdict(found))
+        write_json(asdict(found) | {"thin_reports": thin})
         return
     print_table(
         ["kind", "national", "share", "stored", "complete", "map at hand", "mapped", "verified", "comes through"],
@@ -55,6 +60,13 @@ def national(root: str, tables: tuple[Path, ...], as_json: bool) -> None:
     click.echo(f"{found.two_vehicles:.1%} of {found.crashes:,} crashes are of two vehicles alone")
     click.echo(f"{found.judged:.1%} are of kinds that are reconstructed and judged")
     click.echo(f"{found.verified:.1%} would be verified with a map everywhere (90 % bounds {low:.1%} to {high:.1%})")
+    if thin:
+        registered = sum(each.stored.registered for each in found.kinds)
+        click.echo(
+            f"{thin} of the {registered} stored crashes are incomplete because their tables say of no vehicle how it "
+            "moved (P_CRASH1, P_CRASH2, ACC_TYPE). NHTSA's tables do: the gap is the stored tables', and it counts "
+            "against the country here"
+        )
 
 
 def _share(judged: bool, rate: float | None) -> str:

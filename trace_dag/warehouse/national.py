@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -23,7 +23,7 @@ from pyarrow import csv
 
 from trace_dag.crash.kind import JUDGED_KINDS, CrashKind, kind_of_codes
 from trace_dag.errors import UserError
-from trace_dag.warehouse.query import query
+from trace_dag.warehouse.query import open_warehouse
 
 _COLUMNS: Final = ("HARM_EV", "VE_FORMS")
 _DRAWS: Final = 20_000
@@ -38,8 +38,19 @@ SELECT
     count(*) FILTER (reason IN (SELECT reason FROM stage_outcomes WHERE stage = 'road_map' AND outcome = 'rejected')),
     count(*) FILTER (final_state = 'verified')
 FROM crashes
-WHERE crashes.kind IS NOT NULL
+WHERE crashes.kind IS NOT NULL AND cohort IN (SELECT unnest($cohorts))
 GROUP BY crashes.kind
+"""
+_THIN: Final = """
+SELECT count(*)
+FROM crashes
+WHERE
+    stage_reached = 'crash_record' AND starts_with(reason, 'incomplete') AND cohort IN (SELECT unnest($cohorts))
+    AND key IN (
+        SELECT key FROM vehicles GROUP BY key
+        HAVING count(crash_type_code) + count(critical_event_code)
+            + count(movement_code) FILTER (NOT list_contains(implied, 'movement')) = 0
+    )
 """
 
 
@@ -116,9 +127,16 @@ def _read(file: Path) -> pa.Table:
         raise UserError(f"{file}: {str(error).splitlines()[0]}; {expected}") from error
 
 
-def stored_kinds(warehouse: Path) -> dict[CrashKind, StoredKind]:
-    """How the stored crashes of each kind came through."""
-    _, found = query(warehouse, _RATES)
+def thin_reports(warehouse: Path, cohorts: Sequence[str]) -> int:
+    """Stored crashes of some cohorts that are left out as incomplete, and of whose vehicles the tables that were
+    registered have no movement (``P_CRASH1``, ``P_CRASH2``, ``ACC_TYPE``) at all. NHTSA's own tables have them."""
+    ((crashes,),) = _asked(warehouse, _THIN, cohorts)
+    return int(crashes)
+
+
+def stored_kinds(warehouse: Path, cohorts: Sequence[str]) -> dict[CrashKind, StoredKind]:
+    """How the stored crashes of some cohorts came through, by kind."""
+    found = _asked(warehouse, _RATES, cohorts)
     return {
         CrashKind(kind): StoredKind(
             registered=registered,
@@ -129,6 +147,11 @@ def stored_kinds(warehouse: Path) -> dict[CrashKind, StoredKind]:
         )
         for kind, registered, complete, no_map, bad_map, verified in found
     }
+
+
+def _asked(warehouse: Path, sql: str, cohorts: Sequence[str]) -> list[tuple[Any, ...]]:
+    with open_warehouse(warehouse) as connection:
+        return connection.execute(sql, {"cohorts": list(cohorts)}).fetchall()
 
 
 def national_coverage(national: Mapping[CrashKind, int], stored: Mapping[CrashKind, StoredKind]) -> NationalCoverage:
