@@ -15,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from PIL import Image
 from roads import Places, cut, fars_sites, random_sites, virginia
 
 from trace_dag.roads.crash_site.crossings import with_kinds
@@ -28,9 +27,12 @@ from trace_dag.roads.gates.measures import crossings
 from trace_dag.roads.map.model import LaneType, Road
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.reader import read_opendrive
-from trace_dag.scenario.maps import draw_network, draw_side_by_side
+from trace_dag.scenario.canvas import pixels_of
+from trace_dag.scenario.map_scene import Window
+from trace_dag.scenario.maps import draw_network
 from trace_dag.settings import RoadSettings
 
+_WIDTH_PX = 600
 _WINDOW_M = 75.0  # half its side
 _PUBLISHED_WINDOW_M = 60.0
 _NEAR_M = 45.0  # what is this near the middle is in the picture
@@ -86,15 +88,25 @@ def _line(network: RoadNetwork, road_id: str) -> shapely.LineString:
     return shapely.LineString(line.sample(line.stations(5.0))[:, :2])
 
 
-def draw_kind(title: str, network: RoadNetwork, path: Path) -> None:
+def draw_kind(network: RoadNetwork, path: Path) -> None:
     """The map as painted and by height, beside each other."""
-    figure = Figure(figsize=(14, 7.2), dpi=80, layout="constrained")
-    FigureCanvasAgg(figure)
-    for axes, heights in zip(figure.subplots(1, 2), (False, True), strict=True):
-        window = (-_WINDOW_M, -_WINDOW_M, _WINDOW_M, _WINDOW_M)
-        draw_network(axes, network, window_m=window, heights=heights)
-    figure.suptitle(title)
-    figure.savefig(path)
+    window = (-_WINDOW_M, -_WINDOW_M, _WINDOW_M, _WINDOW_M)
+    beside([draw_network(network, window), draw_network(network, window, heights=True)], path)
+
+
+def beside(svgs: list[str], path: Path) -> None:
+    """Write drawings beside each other as a PNG."""
+    pictures = [pixels_of(svg, _WIDTH_PX) for svg in svgs]
+    sheet = Image.new("RGB", (len(pictures) * _WIDTH_PX, pictures[0].height))
+    for number, picture in enumerate(pictures):
+        sheet.paste(picture, (number * _WIDTH_PX, 0))
+    sheet.save(path)
+
+
+def shifted(window: Window, network: RoadNetwork, first: RoadNetwork) -> Window:
+    """A window of the first map's frame in that of another one."""
+    east, north = first.frame.to_local(network.frame.latitude_deg, network.frame.longitude_deg)
+    return window[0] - east, window[1] - north, window[2] - east, window[3] - north
 
 
 def main() -> int:
@@ -114,21 +126,18 @@ def main() -> int:
         kind = next((kind for kind, shows in wanted.items() if shows(seen)), None)
         if kind is not None:
             del wanted[kind]
-            draw_kind(f"{kind}: {key}", seen[0], arguments.out / f"{kind.replace(' ', '-')}.png")
+            draw_kind(seen[0], arguments.out / f"{kind.replace(' ', '-')}.png")
             print(f"{kind}: {key}")
     for kind in wanted:
         print(f"{kind}: none of the {len(places)} sites shows it")
     sites = list(virginia(arguments.data).items())
     for name, (extract, frame) in sites[:: max(1, len(sites) // arguments.published)][: arguments.published]:
         published = arguments.data / "va-2023" / "published" / "maps" / f"{name}.xodr"
-        maps = [
-            ("published", read_opendrive(published.read_bytes(), name=published.name)),
-            ("trace-dag", convert(extract, frame, RoadSettings())),
-        ]
-        half = _PUBLISHED_WINDOW_M
-        (arguments.out / f"published-{name}.png").write_bytes(
-            draw_side_by_side(maps, window_m=(-half, -half, half, half))
-        )
+        theirs = read_opendrive(published.read_bytes(), name=published.name)
+        ours = convert(extract, frame, RoadSettings())
+        window = (-_PUBLISHED_WINDOW_M, -_PUBLISHED_WINDOW_M, _PUBLISHED_WINDOW_M, _PUBLISHED_WINDOW_M)
+        drawings = [draw_network(theirs, window), draw_network(ours, shifted(window, ours, theirs))]
+        beside(drawings, arguments.out / f"published-{name}.png")
         print(f"published-{name}.png")
     return 0
 

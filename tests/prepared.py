@@ -29,7 +29,6 @@ PROGRAMS = {"trace-dag": "from trace_dag.cli.main import main\nmain()", "python"
 
 _IMPORTED_WHERE_USED = (
     "dagster._core.storage.sqlite_storage",
-    "matplotlib.backends.backend_agg",
     "mujoco",
     "pandas",
     "pyarrow.parquet",

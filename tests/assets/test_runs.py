@@ -67,7 +67,7 @@ def test_verdict_carries_its_sketch_inline_and_links_its_picture(campaign):
     made.run()
     ((_, metadata),) = materializations(made, Stage.VERDICT)
     assert str(metadata["picture"]) == f"![{KEYS[0]} from above](/site/pictures/{KEYS[0]}.png)"
-    assert str(metadata["sketch"]).startswith(f"![{KEYS[0]} from above](data:image/svg+xml,%3Csvg%20")
+    assert str(metadata["sketch"]).startswith(f"![{KEYS[0]} from above](data:image/png;base64,")
     assert Path(str(metadata["picture file"])).read_bytes().startswith(b"\x89PNG")
 
 

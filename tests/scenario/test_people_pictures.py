@@ -1,20 +1,19 @@
-"""People and bicycles in pictures, replays and sketches: where the log has them."""
+"""People and bicycles in pictures and replays: where the log has them."""
 
 from __future__ import annotations
 
 import io
-import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from PIL import Image
 
 from tests.browser import CHROMIUM, Page
 from tests.roads.towns import Town
+from tests.scenario.pixels import drawn, of_colour
 from tests.scenario.replay_data import data_of
 from tests.scenario.test_people import simulated
 from tests.verdict.crashes import STREET, record, vehicle
@@ -25,7 +24,6 @@ from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.figure_shapes import logged_shape, upright_shape
 from trace_dag.scenario.pictures import draw_crash
 from trace_dag.scenario.replay import write_html_player
-from trace_dag.scenario.sketch import MOST_CHARACTERS, data_url, draw_sketch
 from trace_dag.sim.anthropometry import person_body
 from trace_dag.sim.figures import LANDMARKS
 from trace_dag.sim.types import BodyKind, SimulationLog, VehicleLog
@@ -82,15 +80,9 @@ def test_without_landmarks_somebody_stands_or_rides_along_the_heading() -> None:
 
 
 # --- pictures ------------------------------------------------------------------------------------------------------
-def of_colour(picture: Image.Image, colour: str) -> np.ndarray:
-    """Column and row of every pixel of about that colour, shape (n, 2)."""
-    off = np.abs(np.asarray(picture.convert("RGB"), float) / 255 - to_rgb(colour)).max(axis=2)
-    return np.argwhere(off < 0.12)[:, ::-1]
-
-
 @pytest.mark.parametrize("name", ["adult before a car", "cyclist from behind", "scooter"])
 def test_somebody_struck_is_in_the_middle_of_the_close_up(name: str) -> None:
-    picture = draw_crash(RECORD, STREET, REPORT, log=simulated(name))
+    picture = drawn(draw_crash(RECORD, STREET, REPORT, log=simulated(name)))
     impact = picture.crop((picture.width // 2, 40, picture.width, picture.height - 40))
     metre = impact.width / 16  # about: the panel shows 16 m
     middle = np.array(impact.size) / 2
@@ -104,16 +96,6 @@ def test_frames_of_a_moving_picture_show_the_person() -> None:
     assert frames.n_frames > 20
     frames.seek(0)
     assert len(of_colour(frames.convert("RGB"), VEHICLE_COLOURS[1])) > 20
-
-
-def test_a_sketch_has_a_disc_for_a_person_and_fits() -> None:
-    log = simulated("adult before a car")
-    svg = draw_sketch(town(), log)
-    assert len(data_url(svg)) <= MOST_CHARACTERS
-    (place,) = re.findall(r"<circle cx='([-\d.]+)' cy='([-\d.]+)'", svg)
-    pose, contact = log.contacts[0].pose_2, log.contacts[0]
-    assert float(place[0]) == pytest.approx(pose.x_m - contact.x_m, abs=0.06)
-    assert float(place[1]) == pytest.approx(contact.y_m - pose.y_m, abs=0.06)
 
 
 # --- replays -------------------------------------------------------------------------------------------------------

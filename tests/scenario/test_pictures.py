@@ -8,17 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from PIL import Image
 
+from tests.scenario.pixels import drawn, of_colour
 from tests.sim.motions import straight
 from tests.sim.test_objects import TREE, item
 from tests.verdict.crashes import STREET, record, simulated, vehicle
 from trace_dag.roads.report import CrashPlacement, InferredRoad, MapReport
+from trace_dag.scenario.canvas import as_png
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.map_surfaces import ASPHALT
-from trace_dag.scenario.picture_legend import headline_words, write
-from trace_dag.scenario.pictures import as_png, draw_crash
+from trace_dag.scenario.picture_sheet import Sheet
+from trace_dag.scenario.pictures import draw_crash
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.types import EstimatorRun, Hypothesis, StateEstimate
 
@@ -33,33 +34,27 @@ def crash() -> tuple[Hypothesis, SimulationLog]:
     return simulated(straight(-62.35, -1.75, 0.0, 20.0), straight(47.35, -1.5, math.pi, 15.0))
 
 
-def _of_colour(picture: Image.Image, colour: str) -> np.ndarray:
-    """Column and row of every pixel of about that colour, shape (n, 2)."""
-    off = np.abs(np.asarray(picture, float) / 255 - to_rgb(colour)).max(axis=2)
-    return np.argwhere(off < 0.12)[:, ::-1]
-
-
 def test_the_bodies_meet_in_the_middle_of_the_close_up(crash) -> None:
     _, log = crash
-    picture = draw_crash(RECORD, STREET, REPORT, log=log)
+    picture = drawn(draw_crash(RECORD, STREET, REPORT, log=log))
     impact = picture.crop((picture.width // 2, 0, picture.width, picture.height))
     middle = np.array(impact.size) / 2
     metre = impact.width / 32  # about: the panel shows 32 m
-    places = [np.median(_of_colour(impact, colour), axis=0) for colour in VEHICLE_COLOURS[:2]]
+    places = [np.median(of_colour(impact, colour), axis=0) for colour in VEHICLE_COLOURS[:2]]
     assert places[0][0] < middle[0] < places[1][0], "the one from the west is left of the other"
     for place in places:
         assert np.abs(place - middle).max() < 5 * metre
 
 
 def test_what_is_not_known_is_not_drawn() -> None:
-    picture = draw_crash(RECORD, STREET, REPORT)
+    picture = drawn(draw_crash(RECORD, STREET, REPORT))
     for colour in VEHICLE_COLOURS[:2]:
-        assert not len(_of_colour(picture, colour))
-    assert len(_of_colour(picture, ASPHALT)) > 0.05 * picture.width * picture.height
+        assert not len(of_colour(picture, colour))
+    assert len(of_colour(picture, ASPHALT)) > 0.05 * picture.width * picture.height
 
 
 def test_files_show_the_picture() -> None:
-    picture = draw_crash(RECORD, STREET, REPORT)
+    picture = drawn(draw_crash(RECORD, STREET, REPORT))
     stored = np.asarray(Image.open(io.BytesIO(as_png(picture))).convert("RGB"), dtype=float)
     off = np.abs(stored - np.asarray(picture, dtype=float))
     assert off.mean() < 3.0, "a palette changes colours by little"
@@ -71,25 +66,17 @@ def test_the_legend_fits_below_the_picture_however_much_there_is_to_say(crash) -
     struck = replace(hypothesis, objects=(item(TREE, 3.0, -6.0),))
     driveway = replace(REPORT, inferred_roads=(InferredRoad("1", "driveway"),))
     for report in (REPORT, driveway):
-        picture = np.asarray(draw_crash(RECORD, STREET, report, StateEstimate(RECORD.key, (struck,), RUN), log))
+        estimate = StateEstimate(RECORD.key, (struck,), RUN)
+        picture = np.asarray(drawn(draw_crash(RECORD, STREET, report, estimate, log)))
         edge = picture[-30:, -4:].reshape(-1, 3)
         assert (edge == edge[0]).all(), "no letter reaches the right edge"
 
 
 def test_a_headline_ends_before_the_picture_does() -> None:
-    """DejaVu's letters are about 0.6 of their size wide: 13 inches hold some 150 letters of 10.5 points, 200 of 8."""
-    line = headline_words(0, " ".join(["course error of person 1 in event 1,"] * 5))  # 188 characters
-    endless = headline_words(1, " ".join(["criterion"] * 100))
-    picture = Image.new("RGB", (1300, 60), "white")
-    write(picture, [line, endless], 100)
-    dark = np.asarray(picture.convert("L")) < 128
-    for rows in (dark[:22], dark[22:]):
+    sheet = Sheet()
+    sheet.headline(0, " ".join(["course error of person 1 in event 1,"] * 5))  # 188 letters
+    sheet.headline(1, " ".join(["criterion"] * 100))
+    dark = np.asarray(drawn(sheet.svg(), 1300).convert("L")) < 128
+    for rows in (dark[:22], dark[22:50]):
         assert not rows[:, -8:].any()
-        assert rows[:, 1100:].any(), "and the line is used"
-
-
-def test_a_line_that_fits_is_set_as_large_as_any() -> None:
-    pictures = [Image.new("RGB", (width, 60), "white") for width in (400, 800)]
-    for picture in pictures:
-        write(picture, [headline_words(0, "2023-319003   Elm Street")], 100)
-    assert np.array_equal(np.asarray(pictures[0]), np.asarray(pictures[1])[:, :400])
+        assert rows[:, 900:].any(), "and the line is used"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 
 from tests.roads.towns import SETTINGS, Town, report
 from tests.scenario.page_rows import crash
+from tests.scenario.pixels import drawn, rgb
 from tests.scenario.test_crash_page import RIGHTS, seen, shown
 from trace_dag.roads.build import RejectedRoadMap, build_road_map
 from trace_dag.scenario.crash_page import CrashPage
@@ -30,8 +30,9 @@ def two_streets() -> tuple[Town, RejectedRoadMap]:
 
 def test_the_picture_shows_streets_on_both_sides_of_the_point(two_streets) -> None:
     town, rejected = two_streets
-    picture = draw_rejected_map(RECORD, rejected.network, town.extract(), rejected.report, rejected.detail)
-    of_asphalt = np.abs(np.asarray(picture, float) / 255 - to_rgb(ASPHALT)).max(axis=2) < 0.05
+    svg = draw_rejected_map(RECORD, rejected.network, town.extract(), rejected.report, rejected.detail)
+    picture = drawn(svg)
+    of_asphalt = np.abs(np.asarray(picture, float) / 255 - rgb(ASPHALT)).max(axis=2) < 0.05
     rows = np.flatnonzero(of_asphalt[:, picture.width // 20]) - picture.height / 2  # downward, west of the point
     elm, oak = rows[rows > 0], rows[rows < 0]
     assert 0 < elm.mean() < -oak.mean(), "Elm Street is south of the point and nearer than Oak Street north of it"

@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 
 from tests.roads.towns import FRAME, Town
+from tests.scenario.pixels import drawn as as_pixels
+from tests.scenario.pixels import rgb
 from tests.verdict.crashes import record, vehicle
 from trace_dag.crash.conditions import conditions_in_words, is_dark
 from trace_dag.osm.types import OsmFeature
-from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.canvas import Canvas
 from trace_dag.scenario.map_surfaces import ASPHALT
 from trace_dag.scenario.maps import GROUND, MapDrawing
 
@@ -32,12 +31,9 @@ def drawn(half_m: float, *features: OsmFeature, dark: bool = False) -> np.ndarra
     town = Town()
     town.street([(-300, 0), (300, 0)], name="Main Street")
     window = (-half_m, -half_m, half_m, half_m)
-    figure = Figure(figsize=(2 * half_m / 100,) * 2, dpi=100)
-    canvas = FigureCanvasAgg(figure)
-    drawing = MapDrawing(town.network(), window, surroundings=features, dark=dark, fading=True)
-    drawing.draw(Panel.on_figure(figure, window, (0, 0, 1, 1)), names=False)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3] / 255
+    canvas = Canvas(window, 1.5 * half_m)
+    MapDrawing(town.network(), window, surroundings=features, dark=dark, fading=True).draw(canvas, names=False)
+    return np.asarray(as_pixels(canvas.svg(), int(2 * half_m))) / 255
 
 
 def colour_at(pixels: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
@@ -48,15 +44,15 @@ def colour_at(pixels: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
 def test_a_building_is_drawn_where_it_is_and_the_road_over_it() -> None:
     house = feature((20, -20), (40, -20), (40, 20), (20, 20), building="yes")
     pixels = drawn(60, house)
-    assert colour_at(pixels, 30, 12) == pytest.approx(to_rgb(BUILDING), abs=0.02)
-    assert colour_at(pixels, 30, 2) == pytest.approx(to_rgb(ASPHALT), abs=0.02)
-    assert colour_at(pixels, 50, 12) == pytest.approx(to_rgb(GROUND), abs=0.02)
+    assert colour_at(pixels, 30, 12) == pytest.approx(rgb(BUILDING), abs=0.02)
+    assert colour_at(pixels, 30, 2) == pytest.approx(rgb(ASPHALT), abs=0.02)
+    assert colour_at(pixels, 50, 12) == pytest.approx(rgb(GROUND), abs=0.02)
 
 
 def test_the_road_fades_where_the_map_ends() -> None:
     pixels = drawn(320)
-    contrast = [np.abs(colour_at(pixels, x, 2) - to_rgb(GROUND)).max() for x in (200, 280, 297)]
-    assert contrast[0] == pytest.approx(np.abs(np.array(to_rgb(ASPHALT)) - to_rgb(GROUND)).max(), abs=0.03)
+    contrast = [np.abs(colour_at(pixels, x, 2) - rgb(GROUND)).max() for x in (200, 280, 297)]
+    assert contrast[0] == pytest.approx(np.abs(rgb(ASPHALT) - rgb(GROUND)).max(), abs=0.03)
     assert contrast[0] > contrast[1] > contrast[2]
     assert contrast[2] < 0.05
 

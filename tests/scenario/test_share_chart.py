@@ -8,8 +8,7 @@ from urllib.parse import unquote
 import pytest
 from lxml import etree
 
-from trace_dag.scenario.share_chart import Share, share_chart, wilson_interval
-from trace_dag.scenario.sketch import data_url
+from trace_dag.scenario.share_chart import Share, data_url, share_chart, wilson_interval
 
 
 def test_the_interval_is_wilsons():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import shlex
 from collections.abc import Mapping
 from typing import Any
@@ -12,11 +13,12 @@ from trace_dag.benchmark.build import page_name
 from trace_dag.errors import DamagedFile
 from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.provenance import Outcome, OutcomeRecord
-from trace_dag.scenario.sketch import data_url
+from trace_dag.scenario.canvas import reduced
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
 DATA_VERSION = "dagster/data_version"
+_SMALL_PX = 320
 _SITE = "/site"  # where trace-dag ui serves the root: a browser completes the link with the server's own name
 
 
@@ -77,20 +79,20 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
 
 
 def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:
-    """The crash as a sketch, shown in place; its picture, a click away; and where the file lies. Nothing if there is
-    none, or if the sketch is damaged.
+    """The crash's picture: small in place, whole a click away, and where the file lies. Nothing if there is none, or if
+    it is damaged.
 
-    The picture is linked: in the event log it would be kept a second and a third time.
+    The whole picture is linked: in the event log it would be kept a second and a third time.
     """
-    sketch, picture = (record.picture(extension) for extension in ("svg", "png"))
-    if sketch is None or picture is None:
+    picture = record.picture("png")
+    if picture is None:
         return {}
     try:
-        drawn = storage.read_whole(sketch).decode()
+        small = base64.b64encode(reduced(storage.read_whole(picture), _SMALL_PX)).decode()
     except DamagedFile as damaged:
         return {"picture": str(damaged)}
     return {
-        "sketch": MetadataValue.md(f"![{record.key} from above]({data_url(drawn)})"),
+        "sketch": MetadataValue.md(f"![{record.key} from above](data:image/png;base64,{small})"),
         "picture": MetadataValue.md(f"![{record.key} from above]({site_url or _SITE}/{picture.name})"),
         "picture file": MetadataValue.path(storage.path(picture.name)),
     }

@@ -23,8 +23,7 @@ from trace_dag.evaluation.observation import Sensing
 from trace_dag.evaluation.registry import BASELINES
 from trace_dag.evaluation.traffic import Traffic
 from trace_dag.flow.workspace import Workspace
-from trace_dag.scenario.share_chart import share_chart
-from trace_dag.scenario.sketch import data_url
+from trace_dag.scenario.share_chart import data_url, share_chart
 from trace_dag.stage import Stage
 from trace_dag.studies.cases import AgentRole, StoredCase, stored_variations, verified_cases
 from trace_dag.studies.controls import negative_controls

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from trace_dag.flow.artefacts import (
     ESTIMATE,
     EXTRACT,
@@ -17,27 +15,20 @@ from trace_dag.flow.artefacts import (
     surroundings_of,
 )
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.scenario.pictures import as_png, draw_crash
+from trace_dag.scenario.canvas import as_png, pixels_of
+from trace_dag.scenario.pictures import WIDTH_PX, draw_crash
 from trace_dag.scenario.rejected_map import draw_rejected_map
-from trace_dag.scenario.sketch import draw_sketch
 from trace_dag.stage import Stage
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 
 def crash_picture(crash: CrashFiles) -> dict[str, bytes]:
     """The crash drawn from above, with all that is known so far; nothing before it has a map, even a rejected one."""
-    picture = drawn(crash)
-    if picture is None:
-        return {}
-    network = crash.load(REJECTED_MAP if crash.has(REJECTED_MAP) else ROAD_MAP)
-    sketch = draw_sketch(network, crash.shown_log())
-    return {"png": as_png(picture), "svg": sketch.encode()}
+    svg = drawn(crash)
+    return {} if svg is None else {"png": as_png(pixels_of(svg, WIDTH_PX))}
 
 
-def drawn(crash: CrashArtefacts) -> Image | None:
-    """The crash drawn from above, with all that is known so far; None before it has a map, even a rejected one."""
+def drawn(crash: CrashArtefacts) -> str | None:
+    """The same as an SVG; None before it has a map, even a rejected one."""
     if isinstance(crash, CrashFiles) and crash.has(REJECTED_MAP):
         why = crash.records[Stage.ROAD_MAP].detail
         network, report = crash.load(REJECTED_MAP), crash.load(REJECTED_REPORT)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from trace_dag.evaluation.cases import Case
 from trace_dag.flow.artefacts import RECORD
-from trace_dag.geometry import Pose, rectangle_corners
+from trace_dag.geometry import Pose
 from trace_dag.gym.episode import EpisodeMoment
 from trace_dag.gym.pool import Track
 from trace_dag.scenario.animation import View
 from trace_dag.scenario.colours import body_colour
+from trace_dag.scenario.picture_motion import DrawnBody, draw_body
 from trace_dag.scenario.replay import write_html_player
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.sim.types import SimulationLog
@@ -32,15 +33,13 @@ class Camera:
 
     def picture(self, moment: EpisodeMoment) -> NDArray[np.uint8]:
         """The bodies at a moment, shape (480, 480, 3)."""
-        from PIL import Image, ImageDraw
-
-        drawn = self._view.background.copy()
-        draw = ImageDraw.Draw(drawn)
+        canvas = self._view.canvas()
         for number, body in self._bodies.items():
             state = moment.states[number]
-            corners = rectangle_corners(Pose(state.x_m, state.y_m, state.heading_rad), body.length_m, body.width_m)
-            draw.polygon(self._view.px(corners), fill=body_colour(number, self._bodies), outline="white")
-        return np.asarray(drawn.resize((_SIZE_PX, _SIZE_PX), Image.Resampling.BOX), np.uint8)
+            pose = Pose(state.x_m, state.y_m, state.heading_rad)
+            colour = body_colour(number, self._bodies)
+            draw_body(canvas, DrawnBody(pose, body.length_m, body.width_m, colour, 1.0))
+        return np.asarray(self._view.picture(canvas), np.uint8)
 
 
 def show_page(track: Track, log: SimulationLog) -> Path:

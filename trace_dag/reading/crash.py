@@ -288,11 +288,13 @@ class Crash:
     def figure(self) -> Image:
         """What is known of it from above, as a picture (Pillow) of 1170 by 648 pixels."""
         from trace_dag.flow.crash_picture import drawn
+        from trace_dag.scenario.canvas import pixels_of
+        from trace_dag.scenario.pictures import WIDTH_PX
 
-        picture = drawn(self._stored)
-        if picture is None:
+        svg = drawn(self._stored)
+        if svg is None:
             raise self._missing("road_map")
-        return picture
+        return pixels_of(svg, WIDTH_PX)
 
     def replay(self, replay_format: ReplayFormat = "html") -> CrashReplay:
         """The simulated crash to watch: a page with a time slider, a moving picture, or glTF in three dimensions."""

@@ -25,9 +25,5 @@ def vehicle_colour(index: int) -> str:
 
 
 def body_colour(number: int, numbers: Iterable[int]) -> str:
-    """The colour of a body among those of a simulation, in its order: a trailer has that of what pulls it.
-
-    >>> body_colour(3002, (1, 2, 3002)) == vehicle_colour(1)
-    True
-    """
+    """The colour of a body among those of a simulation, in its order: a trailer has that of what pulls it."""
     return vehicle_colour(list(numbers).index(party_of_body(number)))

@@ -61,14 +61,7 @@ class CrashPage:
 
 
 def write_crash_page(page: CrashPage) -> bytes:
-    """The page of one crash, ``crashes/<key>.html`` of the site.
-
-    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
-    >>> from collections import defaultdict
-    >>> row = defaultdict(lambda: None, key="2023-510001", final_state="pending")  # nothing has been run yet
-    >>> b"2023-510001" in write_crash_page(CrashPage(row, (), Rights.of([OSM_ATTRIBUTION])))
-    True
-    """
+    """The page of one crash, ``crashes/<key>.html`` of the site."""
     template = templates().get_template("site_crash.html.jinja")
     return template.render(
         page=page,

@@ -22,13 +22,7 @@ class _Markdown(str):
 
 
 def render_document(template: str, **values: Any) -> bytes:
-    """A template of this package, filled in, UTF-8. A missing value is an error.
-
-    >>> from trace_dag.osm.rights import Rights
-    >>> text = render_document("licenses.md.jinja", rights=Rights.of(["© Some Town"]), inferred=False).decode()
-    >>> "pictures of roads in `replay.html` and `picture.png`: © Some Town." in text
-    True
-    """
+    """A template of this package, filled in, UTF-8. A missing value is an error."""
     markdown = template.endswith(".md.jinja")
     return _templates(markdown=markdown).get_template(template).render(**values).encode()
 

@@ -58,14 +58,7 @@ class FigureShape:
 
 
 def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
-    """A person or an animal in the ``k``-th state of a log.
-
-    >>> from trace_dag.sim.anthropometry import person_body
-    >>> body = person_body(BodyKind.PEDESTRIAN, 40)
-    >>> shape = logged_shape(log.vehicles[0], 0, body)  # at the place of another one's log
-    >>> bool(np.hypot(*(shape.head - [log.vehicles[0].x_m[0], log.vehicles[0].y_m[0]])) < 0.3)
-    True
-    """
+    """A person or an animal in the ``k``-th state of a log."""
     place = np.array([log.x_m[k], log.y_m[k]])
     heading = float(log.heading_rad[k])
     if not log.landmarks_m.shape[1]:
@@ -92,13 +85,7 @@ def logged_shape(log: VehicleLog, k: int, body: Body) -> FigureShape:
 
 
 def upright_shape(place: FloatArray, heading_rad: float, body: Body) -> FigureShape:
-    """Somebody who stands upright at a place, or rides there, facing a heading; or an animal.
-
-    >>> from trace_dag.sim.anthropometry import person_body
-    >>> shape = upright_shape(np.zeros(2), math.pi / 2, person_body(BodyKind.PEDESTRIAN, 40))
-    >>> bool(shape.head[1] > 0.0)  # faces north: the head is a little ahead
-    True
-    """
+    """Somebody who stands upright at a place, or rides there, facing a heading; or an animal."""
     along = np.array(_ahead(heading_rad))
     left = np.array([-along[1], along[0]])
     if body.kind is BodyKind.ANIMAL:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.roads.map.model import LaneType
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.map_marks import WHITE
-from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import SeenSection, Shapes
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
 
+_FAINT_WHITE: Final = "#92969A"  # a quarter white on asphalt
 _EVERY_M: Final = 35.0
 _LEAST_LANE_M: Final = 12.0
 _BEFORE_END_M: Final = 6.0
@@ -57,14 +58,12 @@ class Arrows:
                     turns += [pose.to_world(stroke) for stroke in _strokes(turn)]
         self._travel, self.turns = Shapes(travel), Shapes(turns)
 
-    def draw(self, panel: Panel, z: float) -> None:
+    def draw(self, canvas: Canvas, z: float) -> None:
         """Draw the arrows in the window."""
-        from matplotlib.collections import LineCollection, PolyCollection
-
-        if travel := [self._travel.points_m[number] for number in self._travel.within(panel.window)]:
-            panel.add(PolyCollection(travel, facecolors=WHITE, alpha=0.28, linewidths=0, zorder=z))
-        if turns := [self.turns.points_m[number] for number in self.turns.within(panel.window)]:
-            panel.add(LineCollection(turns, colors=WHITE, linewidths=1.0, zorder=z + 0.05))
+        travel = [self._travel.points_m[number] for number in self._travel.within(canvas.window)]
+        canvas.polygons(travel, Ink(_FAINT_WHITE), z)
+        turns = [self.turns.points_m[number] for number in self.turns.within(canvas.window)]
+        canvas.lines(turns, Ink(stroke=WHITE, width_pt=1.0), z + 0.05)
 
 
 def _strokes(turn: str) -> list[FloatArray]:

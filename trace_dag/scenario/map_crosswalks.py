@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.roads.map.people import crosswalks
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.map_marks import WHITE
 from trace_dag.scenario.map_scene import MapScene, Shapes
 
 if TYPE_CHECKING:
     from trace_dag.geometry import FloatArray
     from trace_dag.roads.map.people import CrosswalkPlace
-    from trace_dag.scenario.map_panel import Panel
 
 _BAR_M: Final = 0.6  # MUTCD 2009, 3B.18: bars of 12 to 24 in, gaps of 12 to 60 in
 _OUTLINE_PT: Final = 0.9
@@ -30,19 +30,11 @@ class Crosswalks:
         self.bars = Shapes(bars)
         self.outlines = Shapes([place.corners_m for place in places if not place.crosswalk.marked])
 
-    def draw(self, panel: Panel, z: float) -> None:
+    def draw(self, canvas: Canvas, z: float) -> None:
         """Draw what the window shows."""
-        from matplotlib.collections import PolyCollection
-
-        bars = [self.bars.points_m[number] for number in self.bars.within(panel.window)]
-        if bars:
-            panel.add(PolyCollection(bars, facecolors=WHITE, linewidths=0, zorder=z))
-        outlines = [self.outlines.points_m[number] for number in self.outlines.within(panel.window)]
-        if outlines:
-            rings = PolyCollection(
-                outlines, facecolors="none", edgecolors=WHITE, linewidths=_OUTLINE_PT, linestyles=(0, (3, 2)), zorder=z
-            )
-            panel.add(rings)
+        canvas.polygons([self.bars.points_m[number] for number in self.bars.within(canvas.window)], Ink(WHITE), z)
+        outlines = [self.outlines.points_m[number] for number in self.outlines.within(canvas.window)]
+        canvas.polygons(outlines, Ink(stroke=WHITE, width_pt=_OUTLINE_PT, dash_pt=(2.7, 1.8)), z)
 
 
 def _bars(place: CrosswalkPlace) -> list[FloatArray]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from trace_dag.roads.map.model import RoadMark
-from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.map_scene import SeenSection, Shapes, Window
 
 if TYPE_CHECKING:
@@ -34,15 +34,13 @@ class Marks:
         self._lines = Shapes([line for line, _ in found])
         self._kinds = [mark for _, mark in found]
 
-    def draw(self, panel: Panel, z: float) -> None:
+    def draw(self, canvas: Canvas, z: float) -> None:
         """Draw the marks in the window; also at a small scale double lines are told apart and thin lines are
         visible."""
-        from matplotlib.collections import LineCollection
-
-        apart_m = max(_APART_M, 0.8 / panel.points_per_m)
-        width = min(max(STROKE_M * panel.points_per_m, 0.45), 3.0)
-        for colour, lines in self.strokes(panel.window, apart_m).items():
-            panel.add(LineCollection(lines, colors=colour, linewidths=width, zorder=z))
+        apart_m = max(_APART_M, 0.8 / canvas.points_per_m)
+        width_pt = min(max(STROKE_M * canvas.points_per_m, 0.45), 3.0)
+        for colour, lines in self.strokes(canvas.window, apart_m).items():
+            canvas.lines(lines, Ink(stroke=colour, width_pt=width_pt), z)
 
     def strokes(self, window: Window, apart_m: float = _APART_M) -> dict[str, list[FloatArray]]:
         """The painted lines in a window, by colour: lines, shape (n, 2), m; the parts of double ones lie ``apart_m``

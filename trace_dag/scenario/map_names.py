@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import shapely
 
 from trace_dag.roads.map.lane_geometry import LANE_STEP_M
-from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.canvas import Canvas, Ink, length_pt
 from trace_dag.scenario.map_scene import MapScene, Window, inside
 
 if TYPE_CHECKING:
-    from matplotlib.path import Path
-
     from trace_dag.geometry import FloatArray
 
 _SIZE_PT: Final = 6.5
-_MIDDLE: Final = 0.3  # share of the size: how far the middle of letters is above the baseline
 _INK: Final = "#1D2024"
 _LEAST_SHARE: Final = 0.12  # share of the window's width: a shorter stretch of street is not named
 
@@ -44,35 +40,21 @@ class Names:
                 names[section.road.id] = section.road.name
         self._lines = [(names[road], np.concatenate(lines)) for road, lines in roads.items()]
 
-    def draw(self, panel: Panel, z: float, backing: str) -> None:
+    def draw(self, canvas: Canvas, z: float, backing: str) -> None:
         """Name the streets that the window shows, on a ground that keeps the letters readable."""
-        from matplotlib.collections import LineCollection, PathCollection
-        from matplotlib.transforms import Affine2D
-
-        height_m = _SIZE_PT / panel.points_per_m
+        height_m = _SIZE_PT / canvas.points_per_m
         taken: list[shapely.LineString] = []
-        letters: list[Path] = []
-        places: list[FloatArray] = []
-        for label in self._labels(panel.window):
-            path, length_pt = _lettering(label.text)
-            along = (
-                np.array([math.cos(label.angle_rad), math.sin(label.angle_rad)]) * length_pt / panel.points_per_m / 2
-            )
+        for label in self._labels(canvas.window):
+            half_m = length_pt(label.text, _SIZE_PT) / canvas.points_per_m / 2
+            along = half_m * np.array([math.cos(label.angle_rad), math.sin(label.angle_rad)])
             place = np.array([label.x_m, label.y_m])
             room = shapely.LineString([place - along, place + along])
-            if not any(shapely.dwithin(room, other, 1.6 * height_m) for other in taken):
-                taken.append(room)
-                letters.append(path.transformed(Affine2D().rotate(label.angle_rad)))
-                places.append(place)
-        if not taken:
-            return
-        lines = [shapely.get_coordinates(room) for room in taken]
-        width = 1.5 * _SIZE_PT
-        panel.add(LineCollection(lines, colors=backing, linewidths=width, capstyle="round", alpha=0.75, zorder=z))
-        names = PathCollection(letters, offsets=places, offset_transform=panel.to_pixels, facecolors=_INK, lw=0)
-        names.set_transform(Affine2D().scale(1 / 72) + panel.figure.dpi_scale_trans)
-        names.set_zorder(z + 0.1)
-        panel.add(names)
+            if any(shapely.dwithin(room, other, 1.6 * height_m) for other in taken):
+                continue
+            taken.append(room)
+            ground = Ink(stroke=backing, width_pt=1.5 * _SIZE_PT, opacity=0.75, round_caps=True)
+            canvas.lines([shapely.get_coordinates(room)], ground, z)
+            canvas.text(label.text, label.x_m, label.y_m, _SIZE_PT, _INK, z + 0.1, angle_rad=label.angle_rad)
 
     def _labels(self, window: Window) -> list[_Label]:
         """Each name on its longest stretch in the window, the longest first."""
@@ -91,15 +73,3 @@ class Names:
             x, y, heading, _ = side[len(side) // 2].tolist()
             labels.append(_Label(name, x, y, math.remainder(heading, math.pi)))
         return labels
-
-
-@lru_cache(maxsize=256)
-def _lettering(text: str) -> tuple[Path, float]:
-    """A name as outlines in points around its middle, and its length: several times faster than drawing text."""
-    from matplotlib.path import Path
-    from matplotlib.textpath import TextPath
-
-    # Between two dollar signs matplotlib would read a formula.
-    path = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=_SIZE_PT)
-    length_pt = float(path.vertices[:, 0].max())
-    return Path(path.vertices - (length_pt / 2, _MIDDLE * _SIZE_PT), path.codes), length_pt

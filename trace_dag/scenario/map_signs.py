@@ -5,21 +5,15 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from trace_dag.roads.map.model import Signal
+from trace_dag.scenario.canvas import Canvas, Ink, length_pt
 from trace_dag.scenario.map_marks import WHITE
-from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.map_scene import MapScene, inside
 from trace_dag.units import mps_to_mph
-
-if TYPE_CHECKING:
-    from matplotlib.path import Path
-
-    from trace_dag.geometry import FloatArray
 
 _RED: Final = "#C1272D"
 _BLACK: Final = "#202327"
@@ -40,24 +34,30 @@ class Signs:
             kinds[each.signal.type, each.text].append(each.xy_m)
         self._kinds = {kind: np.array(places) for kind, places in sorted(kinds.items())}
 
-    def draw(self, panel: Panel, z: float) -> None:
+    def draw(self, canvas: Canvas, z: float) -> None:
         """Draw what the window shows."""
-        half_pt = _NEAR_HALF_PT if panel.span_m < _NEAR_M else _FAR_HALF_PT
+        half_pt = _NEAR_HALF_PT if canvas.span_m < _NEAR_M else _FAR_HALF_PT
         for (kind, text), places in self._kinds.items():
-            shown = places[inside(places, panel.window)]
-            if len(shown) and kind == LIMIT:
-                board, digits = _limit_paths(text)
-                _stamp(panel, shown, [board], ["white"], z, edge=_BLACK, line=0.7)
-                _stamp(panel, shown, [digits], [_BLACK], z + 0.1)
-            elif len(shown) and kind == LIGHT:
-                _stamp(panel, shown, [_symbol("s", half_pt)], [_BLACK], z, edge=_BLACK)
-                # The lamps of a signal head, above each other inside its symbol.
-                lamps = [_symbol("o", 0.27 * half_pt, up * 0.6 * half_pt) for up in (1, 0, -1)]
-                _stamp(panel, shown, lamps, _LAMPS, z + 0.1)
-            elif len(shown):
-                marker = (8, 0, 22) if kind == STOP else "v"
-                face, edge = (_RED, WHITE) if kind == STOP else (WHITE, _RED)
-                _stamp(panel, shown, [_symbol(marker, half_pt)], [face], z, edge=edge)
+            for x, y in places[inside(places, canvas.window)].tolist():
+                if kind == LIMIT:
+                    _draw_limit(canvas, x, y, text, z)
+                elif kind == LIGHT:
+                    canvas.symbol("square", x, y, half_pt, Ink(_BLACK), z)
+                    # The lamps of a signal head, above each other inside its symbol.
+                    for up, colour in zip((1, 0, -1), _LAMPS, strict=True):
+                        lamp_m = 0.27 * half_pt / canvas.points_per_m
+                        canvas.discs([(x, y + 0.6 * up * half_pt / canvas.points_per_m)], lamp_m, Ink(colour), z + 0.1)
+                else:
+                    shape, face, edge = ("octagon", _RED, WHITE) if kind == STOP else ("triangle down", WHITE, _RED)
+                    canvas.symbol(shape, x, y, half_pt, Ink(face, edge, 0.9), z)
+
+
+def _draw_limit(canvas: Canvas, x_m: float, y_m: float, text: str, z: float) -> None:
+    """The board of a speed limit with its number."""
+    half_m = np.array([length_pt(text, _LIMIT_SIZE_PT) / 2 + 1.4, 0.75 * _LIMIT_SIZE_PT]) / canvas.points_per_m
+    board = np.array([x_m, y_m]) + np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_m
+    canvas.polygons([board], Ink("white", _BLACK, 0.7), z)
+    canvas.text(text, x_m, y_m, _LIMIT_SIZE_PT, _BLACK, z + 0.1)
 
 
 class PlacedSign(NamedTuple):
@@ -70,12 +70,7 @@ class PlacedSign(NamedTuple):
 
 
 def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
-    """The traffic lights, and the signs of the kinds that are drawn.
-
-    >>> from trace_dag.scenario.map_scene import MapScene
-    >>> LIGHT in {each.signal.type for each in placed_signs(MapScene(network, (-60.0, -60.0, 60.0, 60.0)))}
-    True
-    """
+    """The traffic lights, and the signs of the kinds that are drawn."""
     for road in {section.road.id: section.road for section in scene.sections}.values():
         line = scene.network.road_geometry(road.id).line
         for signal in road.signals:
@@ -84,57 +79,6 @@ def placed_signs(scene: MapScene) -> Iterator[PlacedSign]:
                 place = (x - signal.t_m * math.sin(heading), y + signal.t_m * math.cos(heading))
                 text = _limit_text(signal) if signal.type == LIMIT else ""
                 yield PlacedSign(signal, place, heading + (math.pi if signal.orientation == "-" else 0.0), text)
-
-
-def _stamp(
-    panel: Panel,
-    places_m: FloatArray,
-    paths: list[Path],
-    faces: list[str] | tuple[str, ...],
-    z: float,
-    *,
-    edge: str = "none",
-    line: float = 0.9,
-) -> None:
-    """Paths in points, each with its face, on every place."""
-    from matplotlib.collections import PathCollection
-    from matplotlib.transforms import Affine2D
-
-    stamps = PathCollection(
-        paths,
-        offsets=np.repeat(places_m, len(paths), axis=0),
-        offset_transform=panel.to_pixels,
-        facecolors=faces,
-        edgecolors=edge,
-        linewidths=line,
-        zorder=z,
-    )
-    stamps.set_transform(Affine2D().scale(1 / 72) + panel.figure.dpi_scale_trans)
-    panel.add(stamps)
-
-
-def _symbol(marker: str | tuple[int, int, int], half_pt: float, up_pt: float = 0.0) -> Path:
-    """A marker of matplotlib's as a path in points."""
-    from matplotlib.markers import MarkerStyle
-    from matplotlib.transforms import Affine2D
-
-    style = MarkerStyle(marker)
-    unit = style.get_path().transformed(style.get_transform())
-    return unit.transformed(Affine2D().scale(2 * half_pt).translate(0.0, up_pt))  # markers are of half size 0.5
-
-
-@lru_cache(maxsize=64)
-def _limit_paths(text: str) -> tuple[Path, Path]:
-    """The board of a speed limit and its number, in points around its middle."""
-    from matplotlib.path import Path
-    from matplotlib.textpath import TextPath
-
-    digits = TextPath((0.0, 0.0), text, size=_LIMIT_SIZE_PT)
-    box = digits.get_extents()
-    middle = np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2
-    half = np.array([box.width, box.height]) / 2 + 0.25 * _LIMIT_SIZE_PT
-    board = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]) * half
-    return Path(board, closed=True), Path(digits.vertices - middle, digits.codes)
 
 
 def _limit_text(signal: Signal) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from trace_dag.roads.map.model import LaneType
-from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.map_scene import MapScene, SeenLane, SeenSection, Shapes
 from trace_dag.scenario.paving import paved_gaps
 
@@ -34,34 +35,36 @@ _BRIDGE_EDGE: Final = "#3A3D40"
 _LEAST_RISE_M: Final = 0.5  # flatter ground is of one colour
 
 
+_VIRIDIS: Final = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)])
+"""Red, green and blue from the lowest to the highest ground: matplotlib's colour map of that name, in quarters."""
+
+
 class Shade(NamedTuple):
     """Heights to colours."""
 
     low_m: float
     high_m: float
-    colours: FloatArray  # (256, 4)
 
-    def of(self, height_m: float) -> FloatArray:
-        """The colour of a height, shape (4,), 0 to 1."""
-        share = (height_m - self.low_m) / max(self.high_m - self.low_m, 1e-9)
-        return np.asarray(self.colours[int(255 * min(max(share, 0.0), 1.0))])
+    def of(self, height_m: float) -> str:
+        """The colour of a height.
+
+        >>> Shade(0.0, 10.0).of(10.0)
+        '#fde725'
+        """
+        share = min(max((height_m - self.low_m) / max(self.high_m - self.low_m, 1e-9), 0.0), 1.0)
+        at = np.linspace(0.0, 1.0, len(_VIRIDIS))
+        red, green, blue = (round(float(np.interp(share, at, part))) for part in _VIRIDIS.T)
+        return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def height_shades(scene: MapScene) -> Shade | None:
-    """Colours for the heights in sight; none where the ground is flat.
-
-    >>> from trace_dag.scenario.map_scene import MapScene
-    >>> height_shades(MapScene(network, (-60.0, -60.0, 60.0, 60.0))) is None  # the town is flat here
-    True
-    """
-    from matplotlib import colormaps
-
+    """Colours for the heights in sight; none where the ground is flat."""
     heights = [lane.inner_m[:, 2] for lane in scene.lanes]
     if not heights:
         return None
     every = np.concatenate(heights)
     low, high = float(every.min()), float(every.max())
-    return Shade(low, high, colormaps["viridis"](np.linspace(0.0, 1.0, 256))) if high - low >= _LEAST_RISE_M else None
+    return Shade(low, high) if high - low >= _LEAST_RISE_M else None
 
 
 class Surfaces:
@@ -69,7 +72,7 @@ class Surfaces:
 
     def __init__(self, scene: MapScene, sections: Sequence[SeenSection], shade: Shade | None) -> None:
         rings: list[FloatArray] = []
-        colours: list[object] = []
+        colours: list[str] = []
         lanes = [lane for section in sections for lane in section.lanes]
         for ring, colour in _gaps(scene, lanes, shade):
             rings.append(ring)
@@ -89,22 +92,15 @@ class Surfaces:
             colours.append(MINOR_SURFACE if _is_minor(scene, lane) else SURFACES[lane_type])
         self._shapes, self._colours = Shapes(rings), colours
 
-    def draw(self, panel: Panel, z: float, *, bridge: bool) -> None:
+    def draw(self, canvas: Canvas, z: float, *, bridge: bool) -> None:
         """Draw what the window shows; a bridge's deck has a dark rim against what lies below."""
-        from matplotlib.collections import PolyCollection
-
-        shown = self._shapes.within(panel.window)
-        if not shown:
-            return
-        rings = [self._shapes.points_m[number] for number in shown]
+        shown = self._shapes.within(canvas.window)
         if bridge:
-            deck = [ring for number, ring in zip(shown, rings, strict=True) if number >= self._first_lane]
-            rim = PolyCollection(deck, facecolors=_BRIDGE_EDGE, edgecolors=_BRIDGE_EDGE, linewidths=2.5, zorder=z)
-            panel.add(rim)
-        colours = [self._colours[number] for number in shown]
-        # Edges in the colour of the face close the hairlines that smoothing leaves between neighbours.
-        surfaces = PolyCollection(rings, facecolors=colours, edgecolors="face", linewidths=0.6, zorder=z + 0.1)
-        panel.add(surfaces)
+            deck = [self._shapes.points_m[number] for number in shown if number >= self._first_lane]
+            canvas.polygons(deck, Ink(_BRIDGE_EDGE, _BRIDGE_EDGE, 2.5), z)
+        # Neighbours of one colour are one path; edges in the colour of the face close the hairlines between others.
+        for colour, numbers in groupby(shown, key=lambda number: self._colours[number]):
+            canvas.polygons([self._shapes.points_m[number] for number in numbers], Ink(colour, colour, 0.6), z + 0.1)
 
 
 def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
@@ -114,7 +110,7 @@ def _order(scene: MapScene, lane: SeenLane) -> tuple[bool, bool, bool]:
     return lane_type.drivable, not _is_minor(scene, lane), lane_type is LaneType.BIDIRECTIONAL
 
 
-def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, FloatArray | str]]:
+def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> list[tuple[FloatArray, str]]:
     """The pavement between the lanes of junctions, drawn below the lanes so that no seams show: rings and their
     colours."""
     paved: list[SeenLane] = []
@@ -125,7 +121,7 @@ def _gaps(scene: MapScene, lanes: Sequence[SeenLane], shade: Shade | None) -> li
             through[junction].append(len(paved))
         if lane_type is LaneType.BIDIRECTIONAL or (lane_type.drivable and junction is not None):
             paved.append(lane)
-    gaps: list[tuple[FloatArray, FloatArray | str]] = []
+    gaps: list[tuple[FloatArray, str]] = []
     for gap in paved_gaps([lane.outline_m for lane in paved], through.values()):
         bordering = [paved[number] for number in gap.lanes]
         if shade is not None:

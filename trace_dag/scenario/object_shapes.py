@@ -37,12 +37,7 @@ def outline(item: FixedObject) -> FloatArray:
 
 
 def is_ours(item: FixedObject) -> bool:
-    """Whether the program placed the object.
-
-    >>> from trace_dag.geometry import Pose
-    >>> is_ours(FixedObject(1001, 1, 42, "tree", Pose(0.0, 0.0, 0.0), 0.4, 0.4, 8.0, Resistance.RIGID))  # not the map's
-    True
-    """
+    """Whether the program placed the object."""
     return item.placed_by is PlacedBy.PROGRAM
 
 

@@ -40,10 +40,6 @@ def misc_object(item: FixedObject) -> Element:
 
 
 def standing_at(item: FixedObject) -> Element:
-    """Puts an object where it stands.
-
-    >>> float(next(standing_at(tree).iter("WorldPosition")).get("x")) == round(tree.pose.x_m, 6)
-    True
-    """
+    """Puts an object where it stands."""
     pose = item.pose
     return teleported(*(round(value, 6) + 0.0 for value in (pose.x_m, pose.y_m, pose.z_m, pose.heading_rad)))

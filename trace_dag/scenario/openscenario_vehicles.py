@@ -35,11 +35,7 @@ _CATEGORIES: Final = {
 
 
 def rear_axle_ahead_m(body: Body, trailer: Trailer | None = None) -> float:
-    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is.
-
-    >>> -log.bodies[1].length_m / 2 < rear_axle_ahead_m(log.bodies[1]) < 0.0  # behind the middle, within the body
-    True
-    """
+    """The rear axle ahead of the body's centre: negative. ``trailer`` is the trailer that it is."""
     model = vehicle_model(body) if trailer is None else trailer_model(body, trailer)
     return model.cg_ahead_m - model.rear_axle_m
 

@@ -26,13 +26,14 @@ from trace_dag.roads.json_io import map_report_to_json
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.map.writer import write_opendrive
 from trace_dag.roads.report import MapReport
+from trace_dag.scenario.canvas import as_png, pixels_of
 from trace_dag.scenario.documents import render_document
 from trace_dag.scenario.driving_files import courses_to_json, lanes_to_json
 from trace_dag.scenario.object_shapes import OBJECT_NOTE, names
 from trace_dag.scenario.opendrive_objects import PlacedObject, fixed_objects, with_objects
 from trace_dag.scenario.opendrive_surroundings import surrounding_objects
 from trace_dag.scenario.openscenario import Flavour, OpenScenarios
-from trace_dag.scenario.pictures import as_png, draw_crash
+from trace_dag.scenario.pictures import WIDTH_PX, draw_crash
 from trace_dag.scenario.replay import replay_page
 from trace_dag.scenario.replay_content import ReplayContent, replay_content
 from trace_dag.scenario.strikes import strikes
@@ -97,12 +98,7 @@ class _File(NamedTuple):
 
 
 def package_files(crash: PackageInput) -> dict[str, bytes]:
-    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them.
-
-    >>> files = package_files(package_input)
-    >>> {"README.md", "LICENSES.md", MANIFEST} <= files.keys()
-    True
-    """
+    """The files of a package by name, ``manifest.json`` with their SHA-256 checksums among them."""
     files = [
         *_sources(crash),
         *_scenarios(crash),
@@ -265,17 +261,16 @@ def _results(crash: PackageInput) -> list[_File]:
 
 
 def _drawn(crash: PackageInput) -> bytes:
-    return as_png(
-        draw_crash(
-            crash.record,
-            crash.network,
-            crash.map_report,
-            crash.estimate,
-            crash.log,
-            crash.verdict,
-            surroundings=crash.surroundings,
-        )
+    svg = draw_crash(
+        crash.record,
+        crash.network,
+        crash.map_report,
+        crash.estimate,
+        crash.log,
+        crash.verdict,
+        surroundings=crash.surroundings,
     )
+    return as_png(pixels_of(svg, WIDTH_PX))
 
 
 def _readme(crash: PackageInput, files: list[_File]) -> bytes:

@@ -115,11 +115,7 @@ def in_letters(data: bytes) -> str:
 
 
 def read(name: str) -> str:
-    """A file of the folder of templates as it is.
-
-    >>> read("replay.html.jinja").startswith("<!DOCTYPE html>")
-    True
-    """
+    """A file of the folder of templates as it is."""
     from importlib import resources
 
     return resources.files("trace_dag.scenario").joinpath("templates", name).read_text(encoding="utf-8")

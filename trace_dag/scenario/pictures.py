@@ -7,12 +7,9 @@ drawn after any stage from ``road_map`` on.
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-import deflate
 import numpy as np
 
 from trace_dag.crash.conditions import is_dark
@@ -22,7 +19,7 @@ from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import MapReport
 from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
-from trace_dag.scenario.picture_legend import headline, sign_entries, vehicle_entries
+from trace_dag.scenario.picture_legend import outcome_line, place_line, sign_entries, vehicle_entries
 from trace_dag.scenario.picture_motion import DrawnMotion, draw_reported_point
 from trace_dag.scenario.picture_sheet import Sheet, around, square
 from trace_dag.sim.types import SimulationLog
@@ -30,17 +27,15 @@ from trace_dag.states.types import Hypothesis, StateEstimate
 from trace_dag.verdict.types import Verdict
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
-
     from trace_dag.osm.types import OsmFeature
 
+WIDTH_PX: Final = 1170
+"""Of the picture as pixels."""
 _IMPACT_HALF_WINDOW_M: Final = 16.0
 _STRIKE_HALF_WINDOW_M: Final = 8.0  # of a person, who is smaller
 _FARTHEST_IMPACTS_M: Final = 40.0
 _APPROACH_MARGIN_M: Final = 20.0
 _LEAST_APPROACH_HALF_WINDOW_M: Final = 45.0
-
-_COLOURS: Final = 128
 
 
 def draw_crash(
@@ -52,58 +47,27 @@ def draw_crash(
     verdict: Verdict | None = None,
     *,
     surroundings: Sequence[OsmFeature] = (),
-    dpi: int = 90,
-) -> Image:
-    """The picture, 13 by 7.2 inches. ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's
-    best). ``surroundings`` lie behind the roads.
-
-    >>> draw_crash(record, network, map_report, state_estimate, log, verdict, dpi=20).size  # 13 by 7.2 inches
-    (260, 144)
+) -> str:
+    """The picture as an SVG. ``log`` is of the hypothesis that ``verdict`` names (else of the estimate's best).
+    ``surroundings`` lie behind the roads.
     """
     hypothesis = _shown_hypothesis(estimate, verdict)
-    sheet = Sheet(dpi)
+    sheet = Sheet()
     approach = _approach_window(hypothesis, log)
     impact = _impact_window(hypothesis, log)
     drawing = MapDrawing(
         network, around(approach, impact), surroundings=surroundings, dark=is_dark(record), fading=True
     )
     motion = DrawnMotion(hypothesis, log)
-    sheet.words += headline(record, verdict)
+    sheet.headline(0, place_line(record))
+    sheet.headline(1, outcome_line(verdict))
     for column, title, window in ((0, "Approach", approach), (1, "Impact", impact)):
         panel = sheet.panel(column, title, window)
         drawing.draw(panel)
         motion.draw(panel)
         draw_reported_point(panel, report)
     sheet.legend(vehicle_entries(record, hypothesis), sign_entries(report, hypothesis, log))
-    return sheet.picture()
-
-
-def as_png(picture: Image) -> bytes:
-    """A picture as a file with a palette: since a map has few colours, it has a third of the size and takes half the
-    time.
-
-    Written by the program itself (PNG, W3C Recommendation, third edition, section 11.2), in four chunks: Pillow
-    compresses with zlib alone, and libdeflate takes a tenth less space in the same time.
-
-    >>> from PIL import Image as Images
-    >>> as_png(Images.new("RGB", (4, 4)))[1:4]
-    b'PNG'
-    """
-    from PIL.Image import Dither, Quantize
-
-    few = picture.quantize(_COLOURS, method=Quantize.FASTOCTREE, dither=Dither.NONE)
-    lines = np.pad(np.asarray(few), ((0, 0), (1, 0)))  # each begins with its filter: none
-    parts: dict[bytes, bytes] = {
-        b"IHDR": struct.pack(">2I5B", *few.size, 8, 3, 0, 0, 0),  # 8 bits, numbers of the palette
-        b"PLTE": bytes(few.getpalette() or ()),
-        b"IDAT": bytes(deflate.zlib_compress(lines.tobytes(), 8)),
-        b"IEND": b"",
-    }
-    chunks = (
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts.items()
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+    return sheet.svg()
 
 
 # --- what is shown ---------------------------------------------------------------------------------------------

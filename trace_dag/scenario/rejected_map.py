@@ -7,7 +7,7 @@ over the map made from them, so that differences are visible.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,16 +16,14 @@ from trace_dag.osm.drivable import is_drivable
 from trace_dag.osm.types import OsmExtract, OsmFeature
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.roads.report import NearStreet, RejectedMapReport
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.colours import CONTACT_COLOUR, REPORTED_COLOUR
-from trace_dag.scenario.map_panel import Panel
 from trace_dag.scenario.maps import MapDrawing
-from trace_dag.scenario.picture_legend import headline_words, place_line
+from trace_dag.scenario.picture_legend import place_line
 from trace_dag.scenario.picture_motion import draw_cross
-from trace_dag.scenario.picture_sheet import Sheet, around, square
+from trace_dag.scenario.picture_sheet import Sheet, Sign, around, square
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
-
     from trace_dag.geometry import FloatArray
 
 _LEAST_HALF_WINDOW_M: Final = 60.0
@@ -43,16 +41,11 @@ def draw_rejected_map(
     why: str,
     *,
     surroundings: Sequence[OsmFeature] = (),
-    dpi: int = 90,
-) -> Image:
-    """The picture, 13 by 7.2 inches; its second line is ``why``, the reason of the rejection.
-
-    >>> far_off = RejectedMapReport("native", 30.0, ())
-    >>> draw_rejected_map(record, network, extract, far_off, "57 m from any street", dpi=20).size  # 13 by 7.2 inches
-    (260, 144)
-    """
-    sheet = Sheet(dpi)
-    sheet.words += [place_line(record), headline_words(1, why)]
+) -> str:
+    """The picture as an SVG; its second line is ``why``, the reason of the rejection."""
+    sheet = Sheet()
+    sheet.headline(0, place_line(record))
+    sheet.headline(1, why)
     pointed_at = _pointed_at(report)
     farthest_m = max((street.distance_m for street in pointed_at), default=0.0)
     wide = square((0.0, 0.0), max(_MARGIN * max(farthest_m, report.max_move_m), _LEAST_HALF_WINDOW_M))
@@ -68,7 +61,7 @@ def draw_rejected_map(
                 x, y = street.nearest_xy_m
                 sheet.write_at(panel, (x, y), f"{street.distance_m:.1f} m  {street.name or street.highway}")
     sheet.legend(_KEY, _signs(report))
-    return sheet.picture()
+    return sheet.svg()
 
 
 def _pointed_at(report: RejectedMapReport) -> list[NearStreet]:
@@ -91,36 +84,27 @@ def _osm_lines(network: RoadNetwork, extract: OsmExtract) -> list[FloatArray]:
 
 
 def _draw_findings(
-    panel: Panel, report: RejectedMapReport, streets: list[NearStreet], osm_lines: list[FloatArray]
+    panel: Canvas, report: RejectedMapReport, streets: list[NearStreet], osm_lines: list[FloatArray]
 ) -> None:
-    from matplotlib.collections import LineCollection
-    from matplotlib.patches import Circle
-
-    panel.add(LineCollection(osm_lines, colors=_OSM_COLOUR, linewidths=1.0, linestyles=[(0, (1, 2))], zorder=19))
-    ring = Circle((0.0, 0.0), report.max_move_m, fill=False, ec=REPORTED_COLOUR, lw=1.0, ls=(0, (6, 4)), zorder=38)
-    panel.add(ring)
-    ways = [[(0.0, 0.0), street.nearest_xy_m] for street in streets]
-    colours = [_colour(street) for street in streets]
-    panel.add(LineCollection(ways, colors=colours, linewidths=1.8, zorder=39))
+    panel.lines(osm_lines, _OSM_INK, 19)
+    panel.discs([(0.0, 0.0)], report.max_move_m, _REACH_INK, 38)
+    for street in streets:
+        colour = _NAMED_COLOUR if street.bears_reported_name else CONTACT_COLOUR
+        panel.lines([np.array([(0.0, 0.0), street.nearest_xy_m])], Ink(stroke=colour, width_pt=1.8), 39)
     draw_cross(panel)
 
 
-def _colour(street: NearStreet) -> str:
-    return _NAMED_COLOUR if street.bears_reported_name else CONTACT_COLOUR
-
-
+_OSM_INK: Final = Ink(stroke=_OSM_COLOUR, width_pt=1.0, dash_pt=(1.0, 2.0))
+_REACH_INK: Final = Ink(stroke=REPORTED_COLOUR, width_pt=1.0, dash_pt=(6.0, 4.0))
 _KEY: Final = (
-    ({"color": _NAMED_COLOUR, "lw": 2}, "to a street of a reported name"),
-    ({"color": CONTACT_COLOUR, "lw": 2}, "to a street of another name, or of none"),
+    Sign("to a street of a reported name", Ink(stroke=_NAMED_COLOUR, width_pt=2.0)),
+    Sign("to a street of another name, or of none", Ink(stroke=CONTACT_COLOUR, width_pt=2.0)),
 )
 
 
-def _signs(report: RejectedMapReport) -> list[tuple[dict[str, Any], str]]:
+def _signs(report: RejectedMapReport) -> list[Sign]:
     return [
-        ({"color": REPORTED_COLOUR, "marker": "+", "ms": 9, "mew": 2}, "reported point"),
-        (
-            {"color": REPORTED_COLOUR, "lw": 1, "ls": (0, (6, 4))},
-            f"{report.max_move_m:.0f} m, the farthest it is moved",
-        ),
-        ({"color": _OSM_COLOUR, "lw": 1, "ls": (0, (1, 2))}, "OpenStreetMap's lines"),
+        Sign("reported point", Ink(stroke=REPORTED_COLOUR, width_pt=2.0), "cross"),
+        Sign(f"{report.max_move_m:.0f} m, the farthest it is moved", _REACH_INK),
+        Sign("OpenStreetMap's lines", _OSM_INK),
     ]

@@ -18,11 +18,11 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.crash.summary import classes_in_words
 from trace_dag.geometry import FloatArray
 from trace_dag.roads.map.network import RoadNetwork
+from trace_dag.scenario.canvas import Canvas
 from trace_dag.scenario.colours import CONTACT_COLOUR, OBJECT_COLOUR, body_colour, vehicle_colour
 from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.figure_shapes import WHEEL_M, logged_shape
 from trace_dag.scenario.map_scene import Window
-from trace_dag.scenario.map_svg import SvgPanel
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import zipped
@@ -54,12 +54,7 @@ class ReplayWindows:
 
 
 def replay_windows(log: SimulationLog, *, from_s: float = 0.0) -> ReplayWindows:
-    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all).
-
-    >>> west, south, east, north = replay_windows(log).impact
-    >>> west < log.first_contact.x_m < east and south < log.first_contact.y_m < north
-    True
-    """
+    """Square windows (m, local frame): the motion from a time on, and the first contact (or the middle of it all)."""
     points = np.concatenate([np.stack([v.x_m, v.y_m], axis=-1)[v.time_s >= from_s] for v in log.vehicles])
     low, high = points.min(axis=0), points.max(axis=0)
     half_m = max(float((high - low).max()) / 2 + _MARGIN_M, _LEAST_SPAN_M / 2)
@@ -151,11 +146,7 @@ def replay_content(
 
 
 def shown_windows(log: SimulationLog, drive: AgentDrive | None) -> ReplayWindows:
-    """What to look at; where an agent drives, at what it was to avoid.
-
-    >>> shown_windows(log, None) == replay_windows(log)  # no agent drives
-    True
-    """
+    """What to look at; where an agent drives, at what it was to avoid."""
     windows = replay_windows(log)
     return windows if drive is None else replace(windows, impact=replay_windows(drive.recorded).impact)
 
@@ -179,9 +170,9 @@ def _outcome(verdict: Verdict | None) -> str:
 
 
 def _map_svg(network: RoadNetwork, window: Window, surroundings: Sequence[OsmFeature], *, dark: bool) -> str:
-    panel = SvgPanel.of(window, _MAP_WIDTH_PT)
-    MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True).draw(panel)
-    return panel.written()
+    canvas = Canvas(window, _MAP_WIDTH_PT)
+    MapDrawing(network, window, surroundings=surroundings, dark=dark, fading=True).draw(canvas)
+    return canvas.svg()
 
 
 def _data(record: CrashRecord, network: RoadNetwork, log: SimulationLog, windows: ReplayWindows) -> dict[str, Any]:

@@ -20,11 +20,7 @@ LIBRARY: Final = "replay3d.js"
 
 @cache
 def packed_library() -> str:
-    """The script, for a page that stands alone.
-
-    >>> len(packed_library()) < len(read(LIBRARY))
-    True
-    """
+    """The script, for a page that stands alone."""
     return in_base64(zipped(read(LIBRARY).encode()))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import shapely
 
-from trace_dag.scenario.map_panel import Panel
+from trace_dag.scenario.canvas import Canvas, Ink
 from trace_dag.scenario.map_scene import Shapes, Window
 
 if TYPE_CHECKING:
@@ -87,44 +87,22 @@ class Scenery:
         west, south, east, north = extent_m
         self._trees = np.array([(x, y) for x, y in trees if west < x < east and south < y < north]).reshape(-1, 2)
 
-    def shapes(self, window: Window) -> Iterator[tuple[str, float, FloatArray]]:
-        """What touches a window, from the lowest up: colour, width of a line (m; 0 of an area) and points (m)."""
-        for each in (self._areas, self._lines):
-            for look, shapes in each:
-                for number in shapes.within(window):
-                    yield look.colour, look.width_m if each is self._lines else 0.0, shapes.points_m[number]
-
-    def draw(self, panel: Panel) -> None:
-        """Draw what the panel's window shows, between z-orders 0.1 and 0.9."""
-        from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
-
+    def draw(self, canvas: Canvas) -> None:
+        """Draw what the canvas' window shows, between z-orders 0.1 and 0.9."""
         for look, shapes in self._areas:
-            rings = [shapes.points_m[number] for number in shapes.within(panel.window)]
-            if rings:
-                edge = look.colour if look.edge == "none" else look.edge
-                panel.add(PolyCollection(rings, facecolors=look.colour, edgecolors=edge, linewidths=0.5, zorder=look.z))
+            rings = [shapes.points_m[number] for number in shapes.within(canvas.window)]
+            edge = look.colour if look.edge == "none" else look.edge
+            canvas.polygons(rings, Ink(look.colour, edge, 0.5), look.z)
         for look, shapes in self._lines:
-            seen = [shapes.points_m[number] for number in shapes.within(panel.window)]
-            if seen:
-                width = max(look.width_m * panel.points_per_m, 0.5)
-                panel.add(LineCollection(seen, colors=look.colour, linewidths=width, zorder=look.z))
+            seen = [shapes.points_m[number] for number in shapes.within(canvas.window)]
+            width_pt = max(look.width_m * canvas.points_per_m, 0.5)
+            canvas.lines(seen, Ink(stroke=look.colour, width_pt=width_pt), look.z)
         if len(self._trees):
-            across = np.full(len(self._trees), 2 * _TREE_RADIUS_M * panel.points_per_m)
-            trees = EllipseCollection(
-                across, across, np.zeros(len(across)), units="points", offsets=self._trees, facecolors=_TREE,
-                edgecolors="none", transOffset=panel.to_pixels, zorder=0.9,
-            )  # fmt: skip
-            trees.set_transform(panel.figure.dpi_scale_trans)
-            panel.add(trees)
+            canvas.discs(self._trees, _TREE_RADIUS_M, Ink(_TREE), 0.9)
 
 
 def look_of(feature: OsmFeature) -> Appearance | None:
-    """How something beside the roads is drawn, if it is.
-
-    >>> from trace_dag.osm.types import OsmFeature
-    >>> look_of(OsmFeature("n1", shapely.Point(-101.5, 41.8), {"shop": "yes"})) is None  # a shop's point is not drawn
-    True
-    """
+    """How something beside the roads is drawn, if it is."""
     for (key, value), look in _LOOKS.items():
         if key in feature.tags and value in ("", feature.tags[key]):
             return look
@@ -151,29 +129,24 @@ def local_points(geometry: BaseGeometry, frame: LocalFrame) -> FloatArray:
     return frame.to_local(places[:, 1], places[:, 0])
 
 
-def draw_night(panel: Panel) -> None:
-    """Darken the map.
+def draw_night(canvas: Canvas) -> None:
+    """Darken the map."""
+    colour, opacity = _NIGHT
+    canvas.polygons([corners_of(canvas.window)], Ink(colour, opacity=opacity), _NIGHT_Z)
 
-    >>> from matplotlib.figure import Figure
-    >>> from trace_dag.scenario.map_panel import Panel
-    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
-    >>> draw_night(panel)
-    >>> [(patch.get_width(), patch.get_height()) for patch in panel.figure.artists]  # one over the whole window
-    [(120.0, 120.0)]
+
+def corners_of(window: Window) -> FloatArray:
+    """The four corners of a window, shape (4, 2), m.
+
+    >>> corners_of((0.0, 0.0, 2.0, 1.0)).tolist()
+    [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]
     """
-    from matplotlib.patches import Rectangle
-
-    west, south, east, north = panel.window
-    colour, alpha = _NIGHT
-    panel.add(Rectangle((west, south), east - west, north - south, facecolor=(colour, alpha), lw=0, zorder=_NIGHT_Z))
+    west, south, east, north = window
+    return np.array([(west, south), (east, south), (east, north), (west, north)])
 
 
 def map_reach_m(network: RoadNetwork) -> float:
-    """How far the map goes to each side of its origin: extracts are squares around the reported point (m).
-
-    >>> 100.0 < map_reach_m(network) < 1000.0
-    True
-    """
+    """How far the map goes to each side of its origin: extracts are squares around the reported point (m)."""
     ends = [
         network.road_geometry(road.id).line.sample(np.array([0.0, road.length_m]))[:, :2]
         for road in network.roads
@@ -182,32 +155,17 @@ def map_reach_m(network: RoadNetwork) -> float:
     return float(np.abs(np.concatenate(ends)).max()) if ends else 0.0
 
 
-def draw_fading(panel: Panel, reach_m: float, ground: str) -> None:
-    """Let the map fade into the ground at its edge, if a window shows that.
-
-    >>> from matplotlib.figure import Figure
-    >>> from trace_dag.scenario.map_panel import Panel
-    >>> panel = Panel.on_figure(Figure(), (-60.0, -60.0, 60.0, 60.0), (0.0, 0.0, 1.0, 1.0))
-    >>> draw_fading(panel, 400.0, "white")  # the edge of the map is far outside of this window
-    >>> len(panel.figure.artists)
-    0
-    """
-    from matplotlib.collections import PolyCollection
-
+def draw_fading(canvas: Canvas, reach_m: float, ground: str) -> None:
+    """Let the map fade into the ground at its edge, if a window shows that."""
     fade_m = _FADE_SHARE * reach_m
-    if max(map(abs, panel.window)) < reach_m - fade_m:
+    if max(map(abs, canvas.window)) < reach_m - fade_m:
         return
-    far_m = reach_m + 10 * panel.span_m
-    rings = []
+    far_m = reach_m + 10 * canvas.span_m
     for step in range(_FADE_STEPS):
         inner_m = reach_m - fade_m * (1 - (step + 0.5) / _FADE_STEPS)
         west, east = (-far_m, -inner_m), (inner_m, far_m)
-        for (left, right), (low, high) in (
-            (west, (-far_m, far_m)),
-            (east, (-far_m, far_m)),
-            ((-inner_m, inner_m), west),
-            ((-inner_m, inner_m), east),
-        ):
-            rings.append(np.array([(left, low), (right, low), (right, high), (left, high)]))
-    # Each step lets some of the map through; all of them together hardly any.
-    panel.add(PolyCollection(rings, facecolors=[(ground, 0.3)], edgecolors="none", linewidths=0.0, zorder=_FADE_Z))
+        sides = [(west, (-far_m, far_m)), (east, (-far_m, far_m))]
+        sides += [((-inner_m, inner_m), west), ((-inner_m, inner_m), east)]
+        rings = [corners_of((left, low, right, high)) for (left, right), (low, high) in sides]
+        # Each step lets some of the map through; all of them together hardly any.
+        canvas.polygons(rings, Ink(ground, opacity=0.3), _FADE_Z)

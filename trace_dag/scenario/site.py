@@ -37,13 +37,7 @@ class IndexRows:
 
 
 def write_index(rows: IndexRows, rights: Rights) -> bytes:
-    """``index.html``; ``rights`` of all crashes' maps.
-
-    >>> from trace_dag.osm.rights import OSM_ATTRIBUTION
-    >>> rows = IndexRows([{"key": "2023-510001", "final_state": "verified"}], [], [], [], [], leaderboard=False)
-    >>> b"2023-510001" in write_index(rows, Rights.of([OSM_ATTRIBUTION]))
-    True
-    """
+    """``index.html``; ``rights`` of all crashes' maps."""
     crashes, funnel = rows.crashes, rows.funnel
     page = (
         templates()
@@ -81,11 +75,7 @@ def _varied(crashes: Sequence[Row], most: int) -> list[Row]:
 
 
 def static_files() -> dict[str, bytes]:
-    """What is the same on every site, by name: style, scripts, and the page of all replays.
-
-    >>> "site.css" in static_files()
-    True
-    """
+    """What is the same on every site, by name: style, scripts, and the page of all replays."""
     files = {name: read(name) for name in ("site.css", "site.js", "site_map.js", "site_states.js", LIBRARY)}
     return {name: text.encode() for name, text in files.items()} | site_files()
 

@@ -13,11 +13,6 @@ def person_body(kind: BodyKind, age_years: float | None = None, *, female: bool 
 
     ``height_m`` is the stature, ``mass_kg`` that of the person with the bicycle or conveyance; length and width are
     those of the outline on the road until the person is touched.
-
-    >>> from trace_dag.sim.types import BodyKind
-    >>> child, adult = (person_body(BodyKind.PEDESTRIAN, years) for years in (6, 40))
-    >>> child.height_m < 1.3 < 1.6 < adult.height_m < 1.8
-    True
     """
     size = person_size(PartyKind(kind), age_years, female=female)
     return Body(kind, VehicleClass.OTHER, size.length_m, size.width_m, size.stature_m, size.mass_kg)

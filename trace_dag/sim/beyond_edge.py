@@ -177,10 +177,6 @@ def onto_slope(
     """The impulse of coming from one slope onto another; None onto one that falls away from the vehicle's way.
 
     The velocity into the new slope is lost; who digs in loses as much along it, and no more than it has.
-
-    >>> level, falls = Bank(0.0, 0.0, 0.0), Bank(0.0, -0.2, 0.0)
-    >>> onto_slope(VehicleClass.CAR, 0.0, (20.0, 0.0), level, falls) is None  # the ground falls away ahead
-    True
     """
     vx, vy = velocity_mps
     speed = math.hypot(vx, vy)

@@ -95,10 +95,6 @@ def choose_walker(body: Body, available: Iterable[str] = (*WALKERS, *CHILD_WALKE
     """The walker for a person on foot, a child for one of a child's stature, of those the server has.
 
     Raises :class:`Failure` if it has no walkers.
-
-    >>> from trace_dag.sim.types import BodyKind
-    >>> choose_walker(Body(BodyKind.PEDESTRIAN, VehicleClass.OTHER, 0.3, 0.4, 1.1, 20.0)) in CHILD_WALKERS
-    True
     """
     present = sorted(name for name in available if name.startswith("walker.pedestrian."))
     wanted = CHILD_WALKERS if body.height_m < _CHILD_STATURE_M else WALKERS

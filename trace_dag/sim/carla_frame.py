@@ -31,11 +31,7 @@ def location_to_carla(x_m: float, y_m: float) -> tuple[float, float]:
 
 
 def heading_from_carla(yaw_deg: float) -> float:
-    """CARLA's yaw to radians counter-clockwise from east, in (-pi, pi].
-
-    >>> heading_from_carla(-90.0) == math.pi / 2
-    True
-    """
+    """CARLA's yaw to radians counter-clockwise from east, in (-pi, pi]."""
     return wrap_angle(-math.radians(yaw_deg))
 
 
@@ -49,11 +45,7 @@ def heading_to_carla(heading_rad: float) -> float:
 
 
 def yaw_rate_from_carla(yaw_rate_dps: float) -> float:
-    """CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise.
-
-    >>> yaw_rate_from_carla(-180.0) == math.pi
-    True
-    """
+    """CARLA's angular velocity about z (degrees/s, clockwise from above) to radians/s counter-clockwise."""
     return -math.radians(yaw_rate_dps)
 
 

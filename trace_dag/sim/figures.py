@@ -112,12 +112,7 @@ def degrees(body: Body) -> tuple[int, int]:
 
 
 def landmark_names(body: Body) -> tuple[str, ...]:
-    """The points of a body that a log keeps, in order.
-
-    >>> from trace_dag.sim.anthropometry import person_body
-    >>> "head" in landmark_names(person_body(BodyKind.PEDESTRIAN, 40))
-    True
-    """
+    """The points of a body that a log keeps, in order."""
     if body.kind is BodyKind.ANIMAL:
         return quadrupeds.LANDMARKS
     rides = body.kind is not BodyKind.PEDESTRIAN and ridden_kg(body) > 0
@@ -125,13 +120,7 @@ def landmark_names(body: Body) -> tuple[str, ...]:
 
 
 def root_height(body: Body, posture: Posture | Stance) -> float:
-    """Height of the root above the road (m) of a figure in a posture on what it rides.
-
-    >>> from trace_dag.sim.anthropometry import person_body
-    >>> adult, child = (person_body(BodyKind.PEDESTRIAN, years) for years in (40, 6))
-    >>> root_height(adult, Posture()) > root_height(child, Posture())  # hips of longer legs are higher
-    True
-    """
+    """Height of the root above the road (m) of a figure in a posture on what it rides."""
     if isinstance(posture, Stance):
         return posture.root_height_m(quadrupeds.build(body))
     above = posture.hip_height(body.height_m)

@@ -131,11 +131,7 @@ def logs_to_files(logs: Sequence[SimulationLog]) -> tuple[bytes, bytes]:
 
 
 def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
-    """The states of all parties of some logs, columns as :data:`SIMULATION_STEPS`; the hypothesis is a log's place.
-
-    >>> steps_table([log]).num_rows == sum(len(vehicle.time_s) for vehicle in log.vehicles)
-    True
-    """
+    """The states of all parties of some logs, columns as :data:`SIMULATION_STEPS`; the hypothesis is a log's place."""
     import pyarrow as pa
 
     parts: list[tuple[int, VehicleLog]] = [(i, vehicle) for i, log in enumerate(logs) for vehicle in log.vehicles]
@@ -157,12 +153,7 @@ def steps_table(logs: Sequence[SimulationLog]) -> pa.Table:
 
 
 def logs_from_files(parquet: bytes, summary: bytes) -> tuple[SimulationLog, ...]:
-    """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair.
-
-    >>> (read,) = logs_from_files(*logs_to_files([log]))
-    >>> read.step_s == log.step_s and np.array_equal(read.vehicles[0].x_m, log.vehicles[0].x_m)
-    True
-    """
+    """The logs of :func:`logs_to_files`; :class:`Failure` if the two files are not such a pair."""
 
     try:
         summaries = _summaries().validate_json(summary)

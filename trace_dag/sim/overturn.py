@@ -78,12 +78,7 @@ class RollModel:
 
 
 def roll_model(body: Body) -> RollModel | None:
-    """The model of a vehicle; None of a motorcycle, which falls.
-
-    >>> from trace_dag.sim.types import BodyKind
-    >>> roll_model(Body(BodyKind.MOTOR_VEHICLE, VehicleClass.MOTORCYCLE, 2.2, 0.8, 1.3, 280.0)) is None
-    True
-    """
+    """The model of a vehicle; None of a motorcycle, which falls."""
     factor = _STABILITY.get(body.vehicle_class)
     if factor is None:
         return None

@@ -174,10 +174,6 @@ def resample(
 def tracking_errors(trajectory: Trajectory, log: VehicleLog, until_s: float) -> tuple[FloatArray, FloatArray]:
     """How a vehicle kept its plan up to ``until_s``, per logged step, both non-negative: distance of its centre from
     the planned *path* (m), and deviation of its speed from the planned one (m/s).
-
-    >>> off_m, _ = tracking_errors(hypothesis.participants[1].trajectory, log.vehicles[1], hypothesis.impact_time_s)
-    >>> bool(off_m.max() < 0.1)
-    True
     """
     use = log.time_s <= until_s + 1e-9
     x, y = log.x_m[use], log.y_m[use]

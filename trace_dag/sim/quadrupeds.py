@@ -110,12 +110,7 @@ class Stance:
 
 
 def trotting(height_m: float, speed_mps: float, travelled_m: float) -> Stance:
-    """How an animal of that height at the withers holds its legs at a speed, after a distance.
-
-    >>> fl, fr, hl, hr = trotting(0.9, 3.0, 0.0).legs
-    >>> fl == hr == -fr == -hl  # legs that are diagonal to each other swing together
-    True
-    """
+    """How an animal of that height at the withers holds its legs at a speed, after a distance."""
     if speed_mps < _STANDS_MPS:
         return Stance()
     hip_m = HIP * height_m

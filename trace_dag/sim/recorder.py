@@ -207,11 +207,6 @@ class Pulled(NamedTuple):
 def of_combinations(episode: ContactEpisode, pulled: Sequence[Pulled | None], share: float) -> ContactEpisode:
     """A contact in which trailers are touched as one of those that pull them: their poses at ``share`` of the way from
     the state before to that after, their velocities before it.
-
-    >>> here, there, stands = (BodyMotion(x_m, 0.0, 0.0, 10.0, 0.0, 0.0) for x_m in (0.0, 1.0, 4.0))
-    >>> episode = begin_contact(*simulated_pair, (here, stands), (there, stands), 0.0, 0.1)
-    >>> of_combinations(episode, (None, None), 0.5) == episode  # no trailer was touched
-    True
     """
     poses, velocities = list(episode.poses), list(episode.velocities)
     trailers: list[Pose | None] = [None, None]

@@ -102,12 +102,6 @@ def simulate(
     of the verdict can change without simulating again. Raises :class:`trace_dag.errors.Failure` for an estimate that
     cannot be driven, or none of whose hypotheses stayed within all bounds. Vehicles that do not meet are not an error:
     the run ends, and its log says so.
-
-    >>> from trace_dag.sim.backends import backend
-    >>> settings = SimSettings()
-    >>> (again, *_) = simulate(backend(settings), network, xodr, state_estimate, settings, record=record)
-    >>> again.first_contact == log.first_contact  # the same every time
-    True
     """
     simulation = backend.load(network, xodr, friction=surface_friction(settings, record))
     logs = tuple(

@@ -103,12 +103,7 @@ def simulate_samples(
     record: CrashRecord,
     place_xy_m: tuple[float, float],
 ) -> SampledRuns:
-    """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be.
-
-    >>> runs = simulate_samples(network, state_estimate, [log], SimSettings(), record, (0.0, 0.0))
-    >>> runs.drawn == len(state_estimate.samples)
-    True
-    """
+    """The draws of an estimate; ``logs`` are those of its hypotheses, ``place_xy_m`` where the impact is to be."""
     friction = surface_friction(settings, record)
     simulation = EmbeddedSimulation(settings, NetworkSurface(network), friction, network)
 

@@ -34,12 +34,7 @@ judgement by the overhangs of both."""
 
 
 def pulled_body(participant: Participant) -> Body | None:
-    """The body that a participant pulls.
-
-    >>> from trace_dag.sim.run import participant
-    >>> pulled_body(participant(hypothesis.participants[0])) is None  # TOW_VEH 0: no trailer
-    True
-    """
+    """The body that a participant pulls."""
     trailer = participant.trailer
     if trailer is None:
         return None

@@ -85,9 +85,5 @@ class VehiclePairs:
 
 
 def same_level(one: Vehicle, two: Vehicle | Person) -> bool:
-    """Whether two bodies are at heights at which they can touch, and not one above the other on a bridge.
-
-    >>> same_level(*simulated_pair)
-    True
-    """
+    """Whether two bodies are at heights at which they can touch, and not one above the other on a bridge."""
     return one.z < two.z + two.model.body.height_m and two.z < one.z + one.model.body.height_m

@@ -32,12 +32,7 @@ _MARGIN_M = 40.0
 
 
 def build_scene(record: CrashRecord, network: RoadNetwork, report: MapReport, *, lead_time_s: float) -> Scene:
-    """The streams past the crash, long enough for the fastest vehicle of the record.
-
-    >>> built = build_scene(record, network, map_report, lead_time_s=5.0)
-    >>> "left" in {stream.turn for stream in built.streams}  # the crossing's lanes lead to the left too
-    True
-    """
+    """The streams past the crash, long enough for the fastest vehicle of the record."""
     placement = report.placement
     speeds = [vehicle.travel_speed_mps or vehicle.speed_limit_mps or 30.0 for vehicle in record.vehicles]
     reach = min(max([*speeds, 25.0]) * 1.3, _FASTEST_MPS) * lead_time_s + _MARGIN_M

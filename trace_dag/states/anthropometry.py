@@ -52,12 +52,7 @@ class PersonSize:
 
 
 def person_size(kind: PartyKind, age_years: float | None = None, *, female: bool | None = None) -> PersonSize:
-    """The size of a person of an age (years) and sex, with what the person rides.
-
-    >>> rider, walker = person_size(PartyKind.CYCLIST, 40), person_size(PartyKind.PEDESTRIAN, 40)
-    >>> round(rider.mass_kg - walker.mass_kg, 3) == BICYCLE_KG
-    True
-    """
+    """The size of a person of an age (years) and sex, with what the person rides."""
     years = _ADULT_YEARS if age_years is None else age_years
     share = 0.5 if female is None else float(female)
 

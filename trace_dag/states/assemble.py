@@ -180,11 +180,7 @@ def rounded(
 
 
 def pose_of(trajectory: Trajectory, index: int) -> Pose:
-    """The pose at one of the trajectory's times, by index.
-
-    >>> pose_of(hypothesis.participants[0].trajectory, 0) == hypothesis.participants[0].initial_pose
-    True
-    """
+    """The pose at one of the trajectory's times, by index."""
     values: tuple[FloatArray, ...] = (trajectory.x_m, trajectory.y_m, trajectory.heading_rad, trajectory.z_m)
     x, y, heading, z = (float(value[index]) for value in values)
     return Pose(x, y, round(math.remainder(heading, math.tau), _DECIMALS), z)

@@ -148,14 +148,6 @@ def first_contacts(one: Mover, two: Mover, *, timings: int, span_s: float = 0.0)
     With ``timings`` 1 exactly that timing is examined. Timings without a contact are left out, and those where the
     bodies touch from the beginning. The time span examined is what the bodies take to pass each other, at least
     ``span_s``.
-
-    >>> from trace_dag.states.paths import from_points
-    >>> along, still = np.linspace(-50.0, 50.0, 201), np.zeros(201)
-    >>> east, north = from_points(along, still, still), from_points(still, along, still)
-    >>> movers = [Mover(path, 50.0, 10.0, 4.0, 2.0) for path in (east, north)]  # both reach the crossing together
-    >>> contacts = first_contacts(*movers, timings=1)
-    >>> bool(abs(contacts.x_m[0] - contacts.y_m[0]) < 0.01)  # corner to corner, on the line between the two
-    True
     """
     moving = [mover.speed_mps for mover in (one, two) if mover.speed_mps > STANDING_MPS]
     if not moving:

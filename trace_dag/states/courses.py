@@ -115,9 +115,6 @@ def told_courses(person: NonMotorist, turn: Turn | None) -> frozenset[Course]:
     """The courses that the report allows; empty if it says nothing about the course.
 
     ``turn``: the turn the vehicle made.
-
-    >>> told_courses(pedestrian_record.non_motorists[0], None) <= CROSSING  # PEDCGP 750: crosses the roadway
-    True
     """
     allowed = _of_kind(person)
     side = _told_side(person, turn)

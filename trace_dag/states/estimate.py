@@ -76,8 +76,5 @@ def estimate(record: CrashRecord, network: RoadNetwork, report: MapReport, setti
     """One crash estimated by the estimator the settings name, see :meth:`Estimator.estimate`.
 
     Answers of a service are kept in memory, and the budget is for this call alone.
-
-    >>> estimate(record, network, map_report, StateSettings()).hypotheses[0].name == hypothesis.name
-    True
     """
     return estimator_factory(settings)(settings).estimate(record, network, report)

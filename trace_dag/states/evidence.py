@@ -65,22 +65,12 @@ def _ends(road: Road) -> set[str]:
 
 
 def is_main(network: RoadNetwork, placement: CrashPlacement, road: Road) -> bool:
-    """Whether a road is the first trafficway of the record, by the crash's placement.
-
-    >>> placement = map_report.placement
-    >>> is_main(network, placement, network.road_by_id[placement.road_id])
-    True
-    """
+    """Whether a road is the first trafficway of the record, by the crash's placement."""
     return _same_street(network, placement.road_id, road)
 
 
 def is_cross(network: RoadNetwork, placement: CrashPlacement, record: CrashRecord, road: Road) -> bool:
-    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives.
-
-    >>> placement = map_report.placement
-    >>> is_cross(network, placement, record, network.road_by_id[placement.cross_road_ids[0]])
-    True
-    """
+    """Whether a road is the other street of the crash's crossing: by its placement, or by the name the record gives."""
     if any(_same_street(network, road_id, road) for road_id in placement.cross_road_ids):
         return True
     return bool(record.trafficway_2) and (similarity(record.trafficway_2, road.names) or 0.0) >= SAME_STREET
@@ -94,12 +84,7 @@ def _same_street(network: RoadNetwork, road_id: str, road: Road) -> bool:
 
 
 def road_terms(vehicle: VehicleRecord, stream: Stream) -> Terms:
-    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says.
-
-    >>> rider = record.vehicles[1]
-    >>> 0.0 in [sum(road_terms(rider, stream).values()) for stream in scene.through]  # limit, lanes, division: all fit
-    True
-    """
+    """Speed limit, lanes, division and alignment of the approach, compared with what the vehicle's form says."""
     terms: Terms = {}
     road = stream.road
     if road is not None and road.inferred:
@@ -238,12 +223,7 @@ def _rank(road: Road | None) -> int:
 
 
 def impact_area_log_likelihood(vehicle: VehicleRecord, bearing_rad: FloatArray) -> FloatArray:
-    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported.
-
-    >>> area = impact_area_log_likelihood(record.vehicles[0], np.radians([-90.0, 90.0]))  # IMPACT1 3: the right side
-    >>> bool(area[0] == 0.0 > area[1])
-    True
-    """
+    """Log-likelihood of contact bearings (shape (n,)) on a body, given the reported area; 0 where none is reported."""
     if vehicle.impact is None:
         return np.zeros_like(bearing_rad)
     apart = np.abs(np.remainder(bearing_rad - vehicle.impact.centre_rad + math.pi, math.tau) - math.pi)

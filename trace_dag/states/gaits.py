@@ -65,12 +65,7 @@ def gait_of(person: NonMotorist) -> Gait:
 
 
 def dashes(person: NonMotorist) -> bool:
-    """Whether the person ran out into the road.
-
-    >>> from dataclasses import replace
-    >>> dashes(replace(pedestrian_record.non_motorists[0], pedestrian_type_code=741))  # PEDCTYPE 741: Dash
-    True
-    """
+    """Whether the person ran out into the road."""
     by_type = person.pedestrian_type_code in _DASHES or person.pedestrian_group_code == _DASH_GROUP
     return by_type or not _DASHED.isdisjoint(person.circumstances)
 

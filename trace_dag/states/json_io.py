@@ -29,11 +29,7 @@ def estimate_to_json(estimate: StateEstimate) -> bytes:
 
 
 def run_to_json(run: EstimatorRun) -> bytes:
-    """The run of an estimator that found no estimate, as UTF-8 JSON, ending with a newline.
-
-    >>> b'"estimator": "analytic"' in run_to_json(state_estimate.run)
-    True
-    """
+    """The run of an estimator that found no estimate, as UTF-8 JSON, ending with a newline."""
     return _runs().dump_json(run, indent=1) + b"\n"
 
 

@@ -86,10 +86,6 @@ def skid_profile(who: Party, speed_mps: float, slip_rad: float) -> SpeedProfile:
 def lane_path(scene: Scene, option: Option) -> Path:
     """The path before the departure, as driven at this speed. If a bend is so sharp that this path would leave the
     carriageway, it follows the middle of the lane instead.
-
-    >>> path = lane_path(tree_scene, way_past_the_tree)
-    >>> bool(np.abs(path.curvature_1pm).max() < 0.001)  # a straight road
-    True
     """
     driven_path = option.path()
     if option.turn is not None:
@@ -101,15 +97,7 @@ def lane_path(scene: Scene, option: Option) -> Path:
 
 
 def end_of_road_m(scene: Scene, base: Path, place_m: float, left_m: float) -> float | None:
-    """Where a line beside a path leaves the carriageway near the place; None if it does not.
-
-    >>> path = lane_path(tree_scene, way_past_the_tree)
-    >>> place_m, _ = path.project(*tree_scene.place_xy_m)
-    >>> end_of_road_m(tree_scene, path, place_m, 0.0) is None  # the road goes on
-    True
-    >>> end_of_road_m(tree_scene, path, place_m, -1.8) is None  # 1.75 m to the right is its edge
-    True
-    """
+    """Where a line beside a path leaves the carriageway near the place; None if it does not."""
     s_m = np.arange(place_m + _LOOK_AHEAD_M[0], place_m + _LOOK_AHEAD_M[1], 0.25)
     x, y, heading = base.plan(s_m)
     x, y = x - left_m * np.sin(heading), y + left_m * np.cos(heading)

@@ -116,11 +116,7 @@ def keep_lane(
 
 
 def back_up(stream: Stream, speed_mps: float) -> Option:
-    """Backward along the stream: the path is the lane reversed, the body faces along the lane.
-
-    >>> back_up(scene.through[0], 2.0).backing
-    True
-    """
+    """Backward along the stream: the path is the lane reversed, the body faces along the lane."""
     stream = stream.fitted(speed_mps)
     return Option(stream, Manoeuvre.BACKING, stream.station_m, True, speed_mps, backing=True)
 
@@ -156,12 +152,7 @@ def lateral_shift(
 def move_sideways(
     stream: Stream, speed_mps: float, total_m: float, manoeuvre: Manoeuvre, *, from_offset_m: float = 0.0
 ) -> list[Option]:
-    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard.
-
-    >>> found = move_sideways(scene.through[0], 15.0, 3.5, Manoeuvre.CROSS_CENTRELINE)
-    >>> all(option.shift.total_m >= 3.5 for option in found)
-    True
-    """
+    """Leaving the lane by ``total_m`` to the left (negative: right), gently and hard."""
     options: list[Option] = []
     stream = stream.fitted(speed_mps)
     shape_speed_mps = max(speed_mps, _LEAST_SHAPE_SPEED_MPS)  # a vehicle that stands there came at some speed
@@ -188,11 +179,7 @@ def move_sideways(
 
 
 def follows_turn(stream: Stream, turn: Turn | None) -> bool:
-    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn.
-
-    >>> any(follows_turn(stream, Turn.LEFT) for stream in scene.through)  # both streets are straight
-    False
-    """
+    """Whether the stream's own lanes make the turn: the corner of an L, or a bend that the record calls a turn."""
     if turn is None or stream.turn is not None:
         return False
     wanted = _TURN_ANGLE_RAD[turn]

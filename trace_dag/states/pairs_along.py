@@ -47,12 +47,7 @@ CLOSING_MPS = 6.0  # least difference if one of two unreported speeds must have 
 
 
 def same_lane(scene: Scene, encounter: Encounter) -> Iterator[Pair]:
-    """Rear-end: the mover runs into the other from behind.
-
-    >>> pairs = list(same_lane(scene, solution.candidate.encounter))  # were it a rear-end crash
-    >>> all(pair.mover.stream is pair.other.stream for pair in pairs)
-    True
-    """
+    """Rear-end: the mover runs into the other from behind."""
     mover, other = encounter.mover, encounter.other
     offsets = [0.0]
     if _off_centre(mover) or _off_centre(other):

@@ -107,10 +107,6 @@ def through_points(xyz_m: FloatArray, *, sigma_m: float) -> Path:
 
     A Gaussian leaves straight lines alone and moves an arc of radius R inward by ``sigma_m**2 / (2 R)``; it turns
     kinks and jumps of curvature into gradual ones.
-
-    >>> corner = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0]])
-    >>> bool(through_points(corner, sigma_m=1.0).s_m[-1] < 20.0)  # the corner is cut
-    True
     """
     s = arc_lengths(xyz_m)
     keep = np.concatenate([[True], np.diff(s) > 1e-6])

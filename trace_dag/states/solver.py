@@ -70,17 +70,7 @@ class Solution:
 
 
 def solve(candidate: Candidate, record: CrashRecord, x_m: float, y_m: float) -> Solution | None:
-    """The best first contact of a candidate near a place; None if the two never meet.
-
-    >>> from trace_dag.states.analytic import parties
-    >>> from trace_dag.states.candidates import candidates
-    >>> from trace_dag.states.encounters import encounters
-    >>> found = candidates(scene, encounters(record, *parties(record))[0])
-    >>> best = max(found, key=lambda each: each.log_prior)
-    >>> solution = solve(best, record, *scene.place_xy_m)
-    >>> bool(math.dist(solution.contact_xy_m, scene.place_xy_m) < 3.0)  # they meet near the reported place
-    True
-    """
+    """The best first contact of a candidate near a place; None if the two never meet."""
     encounter = candidate.encounter
     slide = [0.0, 0.0]
     best: tuple[Contacts, int, Mover, Mover] | None = None

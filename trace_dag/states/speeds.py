@@ -84,13 +84,7 @@ def travel_speed(
 
 
 def class_speed_mps(road: Road | None) -> float:
-    """The usual speed on a road of its class (m/s), if neither map nor report has a limit.
-
-    >>> from dataclasses import replace
-    >>> primary, service = (replace(network.roads[0], highway=kind) for kind in ("primary", "service"))
-    >>> class_speed_mps(primary) > class_speed_mps(service)
-    True
-    """
+    """The usual speed on a road of its class (m/s), if neither map nor report has a limit."""
     return road_class(road.highway if road is not None else "").speed_mps
 
 
@@ -105,12 +99,7 @@ def brakes(vehicle: VehicleRecord) -> bool:
 
 
 def starts(vehicle: VehicleRecord, speed_mps: float) -> bool:
-    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero.
-
-    >>> from dataclasses import replace
-    >>> starts(replace(record.vehicles[0], movement=PreCrashMovement.STARTING), 0.0)  # P_CRASH1 4: starting in road
-    True
-    """
+    """Whether the vehicle moves off from rest: the record says so and its speed at the initial state is zero."""
     return speed_mps == 0.0 and vehicle.movement in _STARTING
 
 

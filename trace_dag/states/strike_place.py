@@ -39,11 +39,6 @@ _TURNED: Final = 0.4  # a vehicle that struck on the far side had completed at l
 def spot_of(strike: Strike, option: Option, impact_mps: float, course: Course, speed_mps: float) -> Spot | None:
     """The spot of the reported area, or the nearest one at which the two can touch; None if there is none. A
     trailer is taken to be in line.
-
-    >>> drive = strike_plan.drive
-    >>> spot = spot_of(strike_plan.strike, drive.option, 15.0, strike_plan.walk.reading.course, 1.4)
-    >>> spot.ahead_m == strike_plan.strike.vehicle.length_m / 2  # reported: 12 o'clock, the front
-    True
     """
     vehicle = strike.vehicle
     half_length, half_width = (vehicle.length_m + vehicle.behind_m) / 2, vehicle.width_m / 2
@@ -65,22 +60,13 @@ def _relative(course: Course, speed_mps: float, backing: bool) -> FloatArray:
 
 # --- where along the path -------------------------------------------------------------------------------------------
 def is_far_side(person: NonMotorist, option: Option) -> bool:
-    """Whether a turning vehicle struck the person on the far side, where it left the intersection.
-
-    >>> from trace_dag.states.manoeuvres import keep_lane
-    >>> straight = keep_lane(scene.through[0], pedestrian_record.vehicles[0], 20.0)
-    >>> is_far_side(pedestrian_record.non_motorists[0], straight)  # it does not turn
-    False
-    """
+    """Whether a turning vehicle struck the person on the far side, where it left the intersection."""
     return option.turn is not None and not person.at_near_side
 
 
 def crosswalk_of(scene: Scene, person: NonMotorist) -> shapely.Polygon | None:
     """The map's crosswalk nearest to the place, if the report has the person in a crosswalk; None if map or report has
     none.
-
-    >>> crosswalk_of(scene, pedestrian_record.non_motorists[0]) is None  # LOCATION 11: not in a crosswalk
-    True
     """
     near = crosswalks_near(scene.network, *scene.place_xy_m, _CROSSWALK_M) if in_crosswalk(person) else []
     return shapely.Polygon(near[0].corners_m) if near else None

@@ -95,14 +95,7 @@ def first_states(
 
 
 def later_state(scene: Scene, later: LaterStrike) -> ParticipantState:
-    """The vehicle of a later strike.
-
-    >>> from dataclasses import replace
-    >>> lies_at = np.array(strike_plan.contact_xy_m)
-    >>> later = next_way(pedestrian_scene, strike_plan.strike, lies_at, 0.0, 9.0)
-    >>> bool(later_state(pedestrian_scene, later).trajectory.time_s[-1] > 9.0)  # it arrives 9 s after the beginning
-    True
-    """
+    """The vehicle of a later strike."""
     way = later.option, later.path, later.station_m, later.speed, later.profile
     return _driven(scene, later.who, *way, later.time_s, None)
 

@@ -197,13 +197,7 @@ def _options(who: Party, stream: Stream, speed_mps: float) -> list[Option]:
 
 
 def way_terms(scene: Scene, who: Party, option: Option, speed: TravelSpeed) -> dict[str, float]:
-    """The evidence for one way of a vehicle, as log-likelihoods.
-
-    >>> rider = party(record, record.vehicles[1])
-    >>> option, speed, terms = next(ways_of(scene, rider, streams=scene.through[:1]))
-    >>> way_terms(scene, rider, option, speed) == terms
-    True
-    """
+    """The evidence for one way of a vehicle, as log-likelihoods."""
     stream, number = option.stream, who.vehicle.number
     terms = {
         **evidence.street_terms(scene.network, scene.placement, scene.record, stream),
@@ -276,12 +270,7 @@ def _leaves_left(record: CrashRecord, strike: Strike) -> bool:
 
 
 def edge_m(scene: Scene, here: Pose, side: float) -> float:
-    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1).
-
-    >>> street = scene.through[0]
-    >>> 1.5 < edge_m(scene, street.path.pose(street.station_m - 40.0), -1.0) < 15.0  # before the crossing
-    True
-    """
+    """Distance from a pose on the carriageway to its edge, to the left (side 1) or right (-1)."""
     return edge_of(scene.network.drivable_area, here, side)
 
 

@@ -58,9 +58,6 @@ def contact_controls(
 def parked_moved(crash: JudgedCrash) -> Shift | None:
     """The hypothesis with the parked vehicle of the first contact 3 m farther from where the other one came; None where
     none was parked.
-
-    >>> parked_moved(judged_queue) is None  # all three vehicles were in transport
-    True
     """
     first = contacts_of(crash.record)[0]
     parked = next((vehicle.number for vehicle, _ in first.sides if not vehicle.in_transport), None)

@@ -74,11 +74,7 @@ class ControlRow:
 
 
 def true_pairing(crash: JudgedCrash, settings: VerdictSettings) -> ControlRow:
-    """The crash against its own report, for the rate beside the controls'.
-
-    >>> true_pairing(judged_collision, VerdictSettings()).accepted
-    True
-    """
+    """The crash against its own report, for the rate beside the controls'."""
     verdict = judge_hypothesis(crash.record, crash.network, crash.hypothesis, crash.log, settings)
     return row_of("true", crash.record.key, verdict)
 
@@ -234,23 +230,14 @@ def delayed(state: ParticipantState, delay_s: float) -> ParticipantState:
 
 
 def shifted_estimate(crash: JudgedCrash, shift: Shift) -> StateEstimate:
-    """What :func:`trace_dag.sim.run.simulate` takes to run a shifted hypothesis.
-
-    >>> shift = shifted_in_time(hypothesis)
-    >>> shifted_estimate(judged_collision, shift).hypotheses == (shift.hypothesis,)
-    True
-    """
+    """What :func:`trace_dag.sim.run.simulate` takes to run a shifted hypothesis."""
     return StateEstimate(crash.record.key, (shift.hypothesis,), EstimatorRun("shifted in time", "1"))
 
 
 def shifted_row(
     crash: JudgedCrash, shift: Shift | None, log: SimulationLog | None, settings: VerdictSettings
 ) -> ControlRow:
-    """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none.
-
-    >>> shifted_row(judged_collision, None, None, VerdictSettings()).accepted is None  # no delay makes them miss
-    True
-    """
+    """The judgement of a shifted run; ``shift`` and ``log`` are None where :func:`shifted_in_time` gave none."""
     if shift is None or log is None:
         detail = "one of the parties stands where they meet: no delay makes them miss"
         return ControlRow("shifted", crash.record.key, detail=detail)

@@ -57,10 +57,6 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Whether two reports contradict each other in the side, in whether it was on the roadway, the kind of the first
     object, or the area of impact by more than the threshold: else no simulation tells them apart.
-
-    >>> to_the_left = replace(tree_record, events=(replace(tree_record.events[0], code=64), *tree_record.events[1:]))
-    >>> departures_differ(tree_record, to_the_left, VerdictSettings())  # SOE 64: ran off the road to the left
-    True
     """
     mine, theirs = departure_of(one), departure_of(two)
     if mine is None or theirs is None:
@@ -80,10 +76,6 @@ def departures_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSetti
 def mirrored_departure(crash: JudgedCrash) -> Shift | None:
     """The hypothesis with the vehicle leaving to the other side, and the objects there; None if it left straight
     ahead, which is its own mirror image.
-
-    >>> (tree,), (mirrored,) = judged_tree.hypothesis.objects, mirrored_departure(judged_tree).hypothesis.objects
-    >>> tree.pose.y_m < 0.0 < mirrored.pose.y_m  # it went east: south of the road, and north of it
-    True
     """
     departure, hypothesis = departure_of(crash.record), crash.hypothesis
     if departure is None or departure.side not in (DepartureSide.LEFT, DepartureSide.RIGHT):

@@ -144,11 +144,6 @@ def direction(
 
     A vehicle is hit in the middle of its turn: what it was about to do is the plan's heading some metres beyond the
     contact, relative to the plan's heading at it.
-
-    >>> contact, planned = first_contact.contact, hypothesis.participants[0].trajectory
-    >>> went = direction(network, log.vehicles[0], contact.pose_1, contact.time_s, planned)
-    >>> 75.0 < went.turn_deg < 105.0  # about a quarter turn to the left
-    True
     """
     approach, offered = _approach(network, driven, contact, contact_s)
     remaining = _heading_beyond(trajectory, contact_s) - float(

@@ -63,10 +63,6 @@ def judge(
     (:mod:`trace_dag.verdict.reservations`), and shows how far the contact is from where the crash was placed on the
     map. One of several contacts of vehicles or with an animal is graded no higher than consistent: what facts are worth
     was not measured on those.
-
-    >>> logs = [log] * len(state_estimate.hypotheses)
-    >>> judge(record, network, map_report, state_estimate, logs, VerdictSettings()).accepted
-    True
     """
     if len(logs) != len(estimate.hypotheses):
         raise Failure(
@@ -107,11 +103,7 @@ def judge_hypothesis(
     index: int = 0,
     of: int = 1,
 ) -> Verdict:
-    """Judge one simulated hypothesis against a record.
-
-    >>> judge_hypothesis(record, network, hypothesis, log, VerdictSettings()).accepted
-    True
-    """
+    """Judge one simulated hypothesis against a record."""
     observed = observe_crash(record, network, hypothesis, log, settings)
     return judge_observed(record, observed, settings, report=report, index=index, of=of)
 
@@ -134,10 +126,6 @@ def observe_crash(
     """Measure a simulation in the way in which this crash is reconstructed; reports compared with it are of that kind.
 
     Only the kind of crash is taken from the record.
-
-    >>> x_m, y_m = observe_crash(record, network, hypothesis, log, VerdictSettings()).contact_xy_m
-    >>> math.hypot(x_m, y_m) < 5.0  # from the reported point
-    True
     """
     observed = _observed(record, network, hypothesis, log, settings)
 
@@ -194,10 +182,6 @@ def judge_observed(
     """Judge what happened in a simulation against a record.
 
     With the ``report`` of the map, the distance of the contact from where the crash was placed is stated too.
-
-    >>> observed = observe_crash(record, network, hypothesis, log, VerdictSettings())
-    >>> judge_observed(record, observed, VerdictSettings()).accepted
-    True
     """
     found = observed.criteria(record)
     result = judgement(found, _REQUIRED[reconstruction_of(record)])

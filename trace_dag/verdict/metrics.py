@@ -116,11 +116,7 @@ class FirstContact:
 
 
 def observe(network: RoadNetwork, hypothesis: Hypothesis, log: SimulationLog) -> FirstContact | None:
-    """The first contact of two participants in a simulated hypothesis; None if there was none.
-
-    >>> observe(network, hypothesis, log).contact == log.meetings[0]
-    True
-    """
+    """The first contact of two participants in a simulated hypothesis; None if there was none."""
     return observe_contact(network, hypothesis, log, log.meetings[0]) if log.meetings else None
 
 
@@ -321,11 +317,7 @@ def struck_side(side: ContactSide, log: SimulationLog, contact: Contact) -> Stru
 
 
 def outside_m(network: RoadNetwork, x_m: float, y_m: float) -> float:
-    """How far a point is outside the carriageway, negative within it.
-
-    >>> outside_m(network, 0.0, 0.0) < 0.0 < outside_m(network, 30.0, 30.0)  # in the crossing; between two streets
-    True
-    """
+    """How far a point is outside the carriageway, negative within it."""
     return float(network.drivable_area.beyond_m(np.array([x_m]), np.array([y_m]))[0])
 
 

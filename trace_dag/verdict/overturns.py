@@ -47,11 +47,7 @@ class ObservedOverturn:
 
 
 def observe_overturn(network: RoadNetwork, log: SimulationLog) -> ObservedOverturn | None:
-    """The overturn of a simulated hypothesis; None if there was none.
-
-    >>> observe_overturn(network, log) is None  # neither vehicle overturns
-    True
-    """
+    """The overturn of a simulated hypothesis; None if there was none."""
     over = {vehicle.number: overturned_at(vehicle) for vehicle in log.parties}
     found = [(step, vehicle) for vehicle in log.parties if (step := over[vehicle.number]) is not None]
     if not found:

@@ -71,9 +71,6 @@ def in_place_of(other: CrashRecord, own: CrashRecord) -> CrashRecord | None:
 def strikes_differ(one: CrashRecord, two: CrashRecord, settings: VerdictSettings) -> bool:
     """Whether two reports contradict each other in an area of impact by more than the threshold, in a turn, in the
     course, zone or compass direction of the person: else no simulation of the one can be told from one of the other.
-
-    >>> strikes_differ(pedestrian_record, pedestrian_record, VerdictSettings())
-    False
     """
     for mine, other in zip(strikes_of(one), strikes_of(two), strict=True):
         apart_h = clock_error_h(mine.area.clock_h, other.area) if mine.area else None
@@ -130,9 +127,6 @@ def mirrored(record: CrashRecord, hypothesis: Hypothesis) -> Shift | None:
     """The hypothesis with its first person coming from the other side; None where the report does not say the side.
 
     The person's motion is mirrored at the line along which the vehicle strikes it.
-
-    >>> mirrored(pedestrian_record, judged_pedestrian.hypothesis) is None  # it is not said from which side he came
-    True
     """
     (strike, *_) = strikes_of(record) or (None,)
     person = _first_person(hypothesis)

@@ -184,12 +184,7 @@ def strike_criteria(
 def matched_strikes(
     observed: ObservedStrikes, strikes: Sequence[Strike], *, in_order: bool
 ) -> tuple[ObservedStrike | None, ...]:
-    """The contact that each reported strike is, None where it does not happen after the one before.
-
-    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
-    >>> matched_strikes(observed, strikes_of(pedestrian_record), in_order=True) == observed.strikes
-    True
-    """
+    """The contact that each reported strike is, None where it does not happen after the one before."""
     found: list[ObservedStrike | None] = []
     after_s = -math.inf
     for strike in strikes:

@@ -108,13 +108,7 @@ def facts_of(
 def facts_of_strikes(
     record: CrashRecord, network: RoadNetwork, report: MapReport, observed: ObservedStrikes
 ) -> tuple[Fact, ...]:
-    """As :func:`facts_of`, of a crash in which vehicles struck people.
-
-    >>> from trace_dag.verdict.strikes import observe_strikes
-    >>> observed = observe_strikes(judged_pedestrian.network, judged_pedestrian.hypothesis, judged_pedestrian.log)
-    >>> "striking vehicle" in {fact.name for fact in facts_of_strikes(pedestrian_record, network, map_report, observed)}
-    True
-    """
+    """As :func:`facts_of`, of a crash in which vehicles struck people."""
     seen = tuple({strike.vehicle.number: strike.vehicle for strike in reversed(observed.strikes)}.values())
     return (
         *place_facts(record, network, report, seen),
@@ -187,11 +181,7 @@ def grade_of(accepted: bool, support: Support | None, reservations: Sequence[Res
 
 @cache
 def fitted_weights() -> Weights:
-    """The weights of the package's table.
-
-    >>> fitted_weights()["impact", Agreement.AGREES] > 0 > fitted_weights()["impact", Agreement.DIFFERS]
-    True
-    """
+    """The weights of the package's table."""
     return weights_of(read_weights(COUNTS))
 
 

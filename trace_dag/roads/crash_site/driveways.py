@@ -104,11 +104,7 @@ def _reported_access(record: CrashRecord) -> Access | None:
 def add_driveways(
     network: RoadNetwork, extract: OsmExtract, record: CrashRecord, placement: CrashPlacement
 ) -> OsmExtract:
-    """The extract with the driveways that the report mentions; unchanged if the map has a road there or no room.
-
-    >>> add_driveways(network, extract, record, map_report.placement) is extract  # no vehicle turned into a driveway
-    True
-    """
+    """The extract with the driveways that the report mentions; unchanged if the map has a road there or no room."""
     access = _reported_access(record)
     road = network.road_by_id[placement.road_id]
     if access is None or not road_class(road.highway).driveways or road.bridge or road.tunnel:

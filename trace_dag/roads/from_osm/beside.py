@@ -48,11 +48,6 @@ def with_lanes_beside(
 
     ``built`` has the roads of each street as they were before heights and links; ``carriageways`` are those of
     ``roads``.
-
-    >>> roads = with_lanes_beside(bare_roads, extract, street_graph, plans, street_roads, Carriageways(bare_roads))
-    >>> walked = {lane.type for road in roads if road.name == "Main Street" for lane in road.lane_sections[0].lanes}
-    >>> LaneType.SIDEWALK in walked  # tagged sidewalk=both
-    True
     """
     strips = strips_along(extract, graph, plans, built)
     for index, found in shoulders_along(extract, graph.streets, plans, built, strips).items():

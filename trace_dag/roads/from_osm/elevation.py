@@ -63,11 +63,7 @@ _CROSSING_MARGIN_M: Final = 8.0  # the height of a crossing holds this far beyon
 
 
 def elevate(network: RoadNetwork, extract: OsmExtract) -> RoadNetwork:
-    """The network with heights; a network that nothing gives a height to is returned as it is.
-
-    >>> elevate(network, extract) is network  # nothing of it is tagged with a height, and no road passes over another
-    True
-    """
+    """The network with heights; a network that nothing gives a height to is returned as it is."""
     separated = find_separations(network, between_levels=True)
     sloped = has_height_tags(extract)
     if not separated and not sloped:

@@ -20,11 +20,7 @@ _REACH_M: Final = 15.0  # a tagged height counts for height nodes this near to i
 
 
 def has_height_tags(extract: OsmExtract) -> bool:
-    """Whether any incline, or heights of two places, are tagged: one height alone says nothing.
-
-    >>> has_height_tags(extract)
-    False
-    """
+    """Whether any incline, or heights of two places, are tagged: one height alone says nothing."""
     return any(_incline(way.tags) is not None for way in extract.ways) or (
         sum(_metres(node.tags.get("ele")) is not None for node in extract.nodes.values()) >= 2
     )

@@ -75,14 +75,7 @@ class _Edge:
 def build_street_graph(
     extract: OsmExtract, frame: LocalFrame, profile_of: Callable[[OsmWay], WayProfile]
 ) -> StreetGraph:
-    """Streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left.
-
-    >>> from trace_dag.roads.from_osm.tags import read_profile
-    >>> graph = build_street_graph(extract, network.frame, read_profile)
-    >>> names = {span.profile.name for street in graph.streets for span in street.spans}
-    >>> names == {way.tags.get("name", "") for way in extract.ways}
-    True
-    """
+    """Streets of all drivable ways of ``extract`` in the local frame; empty where nothing usable is left."""
     positions = _local_positions(extract, frame)
     aliases: dict[int, int] = {}
     ways: list[_Edge] = []

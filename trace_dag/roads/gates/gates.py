@@ -45,11 +45,6 @@ def check_map(
     """All gates of a map: ``network`` as converted, ``stored_map`` as written, ``extract`` it was made from.
 
     Everything is measured on the file as read back. If it breaks more rules than allowed, nothing else is measured.
-
-    >>> from trace_dag.roads.map.stored_map import StoredMap
-    >>> gates = check_map(network, extract, StoredMap(xodr), map_report.placement)
-    >>> all(gate.passed for gate in gates if gate.passed is not None)
-    True
     """
     limits = limits or MapLimits()
     rules = _count_gate("opendrive_rules", stored_map.violations, "violations", limits.rule_violations)
@@ -74,10 +69,7 @@ def check_map(
 
 
 def require(gates: Iterable[MapGate]) -> None:
-    """Raise :class:`Rejection` for the first gate that fails, with its measurement.
-
-    >>> require(map_report.gates)  # all passed
-    """
+    """Raise :class:`Rejection` for the first gate that fails, with its measurement."""
     for gate in gates:
         if gate.passed is False:
             reason = Reason.CRASH_OFF_ROAD if gate.name == _CRASH_GATE else Reason.MAP_DISTORTED

@@ -230,12 +230,7 @@ class LaneGeometry:
 
 
 def lane_ends(lanes: Sequence[LaneGeometry]) -> Stations:
-    """Where each of some lanes begins and where it ends along its reference line.
-
-    >>> lane = network.geometry(map_report.placement.lane.lane)
-    >>> lane_ends([lane]).s_m.tolist() == [lane.begin_m, lane.end_m]
-    True
-    """
+    """Where each of some lanes begins and where it ends along its reference line."""
     ends_m = np.array([(lane.begin_m, lane.end_m) for lane in lanes]).ravel()
     return Stations(ends_m, np.repeat(np.arange(len(lanes)), 2), 2 * np.arange(len(lanes)))
 
@@ -260,13 +255,7 @@ def sample_sections(roads: Sequence[RoadGeometry], begin_m: FloatArray, end_m: F
 
 
 def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
-    """Sample those of some lanes that have not been yet: their ``samples`` are there then.
-
-    >>> lane = network.geometry(map_report.placement.lane.lane)
-    >>> sample_lanes([lane])
-    >>> lane.is_sampled
-    True
-    """
+    """Sample those of some lanes that have not been yet: their ``samples`` are there then."""
     wanted = [lane for lane in dict.fromkeys(lanes) if not lane.is_sampled]
     if not wanted:
         return
@@ -293,11 +282,6 @@ def sample_lanes(lanes: Iterable[LaneGeometry]) -> None:
 def sample_at(lanes: Sequence[LaneGeometry], stations: Stations) -> FloatArray:
     """Centres of several lanes, each at its stations, (n, 4): x, y, z (metres), heading (radians) in the direction of
     travel, continuous along each lane.
-
-    >>> lane = network.geometry(map_report.placement.lane.lane)
-    >>> stations = stations_between(np.array([lane.begin_m]), np.array([lane.end_m]), 2.0)
-    >>> bool((sample_at([lane], stations) == lane.sample(stations.s_m)).all())
-    True
     """
     owner, s_m = stations.owner, stations.s_m
     line = sample_reference_lines([lane.road.line for lane in lanes], stations)

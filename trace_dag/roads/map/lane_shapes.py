@@ -46,11 +46,7 @@ class LaneShape:
 
 
 def lane_shapes(network: RoadNetwork, *, drivable_only: bool = False) -> tuple[LaneShape, ...]:
-    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic.
-
-    >>> len(lane_shapes(network, drivable_only=True)) == len(list(network.drivable_lanes()))
-    True
-    """
+    """The lanes of a map, in its order; with ``drivable_only`` only those for traffic."""
     refs = network.drivable_lanes() if drivable_only else network.lanes()
     return tuple(_shape(network, ref) for ref in refs)
 

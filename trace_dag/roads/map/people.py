@@ -46,20 +46,12 @@ class LaneBeside(NamedTuple):
 
 
 def crosswalks(network: RoadNetwork) -> list[CrosswalkPlace]:
-    """Every crosswalk of the map, by road.
-
-    >>> len(crosswalks(network)) == xodr.count(b'type="crosswalk"')
-    True
-    """
+    """Every crosswalk of the map, by road."""
     return [_placed(network, road.id, crosswalk) for road in network.roads for crosswalk in road.crosswalks]
 
 
 def crosswalks_near(network: RoadNetwork, x_m: float, y_m: float, max_distance_m: float) -> list[CrosswalkPlace]:
-    """The crosswalks within a distance of a point, nearest first.
-
-    >>> len(crosswalks_near(network, 0.0, 0.0, 1000.0)) == len(crosswalks(network))
-    True
-    """
+    """The crosswalks within a distance of a point, nearest first."""
     found = [(place.distance_m(x_m, y_m), number, place) for number, place in enumerate(crosswalks(network))]
     return [place for distance_m, _, place in sorted(found, key=lambda row: row[:2]) if distance_m <= max_distance_m]
 
@@ -85,12 +77,7 @@ def lanes_beside(network: RoadNetwork, road_id: str, s_m: float, lane_type: Lane
 
 
 def sidewalks_at(network: RoadNetwork, road_id: str, s_m: float) -> tuple[LaneBeside | None, LaneBeside | None]:
-    """The sidewalk left and the one right of the reference line of a road at a station, where the map has them.
-
-    >>> left, right = sidewalks_at(network, map_report.placement.road_id, 10.0)
-    >>> left.t_m > 0 > right.t_m
-    True
-    """
+    """The sidewalk left and the one right of the reference line of a road at a station, where the map has them."""
     found = lanes_beside(network, road_id, s_m, LaneType.SIDEWALK)
     left = next((each for each in found if each.lane.lane_id > 0), None)
     return left, next((each for each in found if each.lane.lane_id < 0), None)

@@ -73,11 +73,6 @@ def sample_profiles(profiles: Sequence[CubicProfile], stations: Stations) -> Flo
 def sample_reference_lines(lines: Sequence[ReferenceLine], stations: Stations) -> FloatArray:
     """x, y (metres), heading (radians) and curvature (1/m) of several lines, each at its stations, (n, 4); headings are
     continuous along each.
-
-    >>> line = network.road_geometry(map_report.placement.road_id).line
-    >>> stations = stations_between(np.zeros(2), np.array([line.length_m, 1.0]), 2.0)
-    >>> bool((sample_reference_lines([line, line], stations)[:-2] == line.sample(stations.s_m[:-2])).all())
-    True
     """
     lengths_m = np.array([line.length_m for line in lines])
     inside = np.minimum(np.maximum(stations.s_m, 0.0), lengths_m[stations.owner])

@@ -43,9 +43,6 @@ def write_opendrive(network: RoadNetwork, *, marks: Marks = "reconstruction") ->
 
     ``marks="legal"`` writes the marks as the law has them; the default marks let traffic cross the centre line and
     drive the wrong way.
-
-    >>> write_opendrive(network) == xodr
-    True
     """
     out = ['<?xml version="1.0" encoding="UTF-8"?>\n<OpenDRIVE>\n']
     _write_header(out, network)

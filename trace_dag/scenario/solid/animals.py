@@ -24,14 +24,7 @@ _EAR: Final = 0.9  # of the head's radius
 
 
 def animal_places(log: VehicleLog) -> dict[str, FloatArray]:
-    """The points of an animal in the local frame by name, each of shape (n, 3).
-
-    >>> points = np.zeros((len(log.vehicles[0].time_s), 3 * len(LANDMARKS)))
-    >>> from dataclasses import replace
-    >>> places = animal_places(replace(log.vehicles[0], landmarks_m=points))
-    >>> places["nose"].shape == (len(points), 3)
-    True
-    """
+    """The points of an animal in the local frame by name, each of shape (n, 3)."""
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     points = log.landmarks_m.reshape(len(log.time_s), -1, 3)
     return {name: place + points[:, k] for k, name in enumerate(LANDMARKS)}

@@ -30,12 +30,7 @@ Maker = Callable[[FixedObject], Parts]
 
 
 def object_parts(item: FixedObject) -> Parts:
-    """What a fixed object looks like.
-
-    >>> trunk, crown = object_parts(tree)
-    >>> bool(crown[1].points_m[:, 2].max() > trunk[1].points_m[:, 2].max())
-    True
-    """
+    """What a fixed object looks like."""
     return _MAKERS.get(item.code, _block(_BROWN))(item)
 
 

@@ -64,14 +64,7 @@ def person_nodes(log: VehicleLog, body: Body, name: str, colour: str) -> list[No
 
 
 def landmarks(log: VehicleLog, body: Body) -> dict[str, FloatArray]:
-    """The points of a person in the local frame by name, each of shape (n, 3).
-
-    >>> from trace_dag.sim.anthropometry import person_body
-    >>> adult = person_body(BodyKind.PEDESTRIAN, 40)
-    >>> places = landmarks(log.vehicles[0], adult)  # upright, along another one's way
-    >>> bool((places["head"][:, 2] < adult.height_m).all())
-    True
-    """
+    """The points of a person in the local frame by name, each of shape (n, 3)."""
     place = np.column_stack([log.x_m, log.y_m, log.z_m])
     if log.landmarks_m.shape[1]:
         points = log.landmarks_m.reshape(len(log.time_s), -1, 3)

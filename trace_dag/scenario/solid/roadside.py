@@ -42,13 +42,7 @@ _MOST_TREES: Final = 400
 
 
 def signs(scene: MapScene, heights: Heights, window: Window) -> Parts:
-    """Signals and signs in a window, each on its post and facing the traffic it is for.
-
-    >>> window = (-60.0, -60.0, 60.0, 60.0)
-    >>> parts = signs(MapScene(network, window), Heights(np.zeros((1, 3))), window)
-    >>> _POST in [material for material, _ in parts]  # of the crossing's signals
-    True
-    """
+    """Signals and signs in a window, each on its post and facing the traffic it is for."""
     west, south, east, north = window
     made: dict[Material, list[Mesh]] = defaultdict(list)
     for each in placed_signs(scene):
@@ -144,15 +138,7 @@ def areas_of(
 
 
 def beside_roads(features: Sequence[OsmFeature], frame: LocalFrame, heights: Heights, window: Window) -> Parts:
-    """The buildings and trees of the map in a window.
-
-    >>> from trace_dag.osm.types import OsmFeature
-    >>> frame, level = network.frame, Heights(np.zeros((1, 3)))
-    >>> at_origin = OsmFeature("node/1", shapely.Point(frame.longitude_deg, frame.latitude_deg), {"natural": "tree"})
-    >>> trunk, crown = beside_roads([at_origin], frame, level, (-60.0, -60.0, 60.0, 60.0))
-    >>> bool(crown[1].points_m[:, 2].max() > trunk[1].points_m[:, 2].max())
-    True
-    """
+    """The buildings and trees of the map in a window."""
     border = shapely.box(*window)
     made: dict[Material, list[Mesh]] = defaultdict(list)
     trees: list[FloatArray] = []

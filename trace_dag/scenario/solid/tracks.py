@@ -73,19 +73,11 @@ def rolling_keys(time_s: FloatArray, angles_rad: FloatArray) -> Keys:
 
 
 def body_places(log: VehicleLog) -> FloatArray:
-    """Where the middle of a body is, shape (n, 3).
-
-    >>> body_places(log.vehicles[0]).shape == (len(log.vehicles[0].time_s), 3)
-    True
-    """
+    """Where the middle of a body is, shape (n, 3)."""
     return np.column_stack([log.x_m, log.y_m, log.z_m + log.above_road_m])
 
 
 def body_turns(log: VehicleLog) -> Rotation:
-    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead.
-
-    >>> bool(abs(body_turns(log.vehicles[0])[0].as_euler("ZYX")[0] - log.vehicles[0].heading_rad[0]) < 1e-9)
-    True
-    """
+    """How a body is turned: heading, pitch and roll in this order about its own axes up, left and ahead."""
     angles = np.column_stack([log.heading_rad, log.pitch_rad, log.roll_rad])
     return Rotation.from_euler("ZYX", angles)

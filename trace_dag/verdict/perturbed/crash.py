@@ -79,12 +79,7 @@ def set_down(report: ChangedReport, scene: PerturbedScene, *, named_here: bool) 
 
 # --- streets ---------------------------------------------------------------------------------------------------------
 def made_up_names(report: ChangedReport, scene: PerturbedScene, *, elements: tuple[str, ...]) -> str | None:
-    """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported.
-
-    >>> report = ChangedReport(report_xml)
-    >>> made_up_names(report, perturbed_scene, elements=("TWAY_ID",)) == report.crash.findtext("TWAY_ID")
-    True
-    """
+    """Names that no street has, drawn for ``TWAY_ID`` or for it and ``TWAY_ID2``, where a name is reported."""
     words = scene.rng.permutation(_MADE_UP)
     names = [f"{word} {scene.rng.choice(_TYPES)}" for word in words[: len(elements)]]
     reported = {"TWAY_ID": scene.record.trafficway_1, "TWAY_ID2": scene.record.trafficway_2}
@@ -150,11 +145,7 @@ def set_road(
 
 
 def mirror_alignment(report: ChangedReport, scene: PerturbedScene) -> str | None:
-    """``VALIGN``: a curve to the left for one to the right, and the other way round.
-
-    >>> mirror_alignment(ChangedReport(report_xml), perturbed_scene) is None  # no vehicle is reported in a curve
-    True
-    """
+    """``VALIGN``: a curve to the left for one to the right, and the other way round."""
     return _align(report, scene, _MIRRORED_ALIGNMENT, "curves the other way")
 
 

@@ -56,11 +56,7 @@ def random_point(
 
 
 def is_same_street(names: Iterable[str], others: Iterable[str]) -> bool | None:
-    """Whether any name of the one is a name of the other; None if no two of them can be compared.
-
-    >>> is_same_street(["MAIN ST"], ["Main Street", "US 1"])
-    True
-    """
+    """Whether any name of the one is a name of the other; None if no two of them can be compared."""
     others = tuple(others)
     found = [value for name in names if (value := similarity(name, others)) is not None]
     return max(found) >= SAME_STREET if found else None
