@@ -3,8 +3,6 @@
     python -m benchmarks.cluster --reports REPORTS --maps MAPS       a cohort of real crashes
     python -m benchmarks.cluster                                     the bundled sample
     python -m benchmarks.cluster --lose scheduler                    the scheduler is killed and started again
-    python -m benchmarks.cluster --lose reader                       its towns are in one map file that counts as large;
-                                                                     the worker that reads it for all is killed
     python -m benchmarks.cluster --lose nothing --delay 0.05         each answer of the store takes 50 ms, some 0.5 s
 
 The cohort is run twice: on a local folder, and on an S3-compatible server by the workers of a Dask scheduler, all of
@@ -26,12 +24,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from benchmarks.cohorts import MAPS, SAMPLE
-from benchmarks.multiplied_map import as_sorted_pbf, multiply_map
 from tests.faults.cluster import (
     BUCKET,
     DaskCluster,
     dask_cluster,
-    kill_in_map_pass,
     kill_when_under_way,
     lose_scheduler_when_under_way,
     object_store,
@@ -42,11 +38,9 @@ from trace_dag.storage import Storage
 
 ROOT = f"s3://{BUCKET}/root"
 WORKERS = 2
-LARGE_BYTES = 60 * 10**6  # a little more than what counts as large
 _LOSE: dict[str, Callable[[DaskCluster, subprocess.Popen[str], Storage], None]] = {
     "worker": kill_when_under_way,
     "scheduler": lose_scheduler_when_under_way,
-    "reader": kill_in_map_pass,
     "nothing": lambda *_: None,
 }
 
@@ -99,15 +93,6 @@ def there(folder: Path, reports: Path, maps: Path, lose: str, delay_s: float) ->
     return fetched
 
 
-def large_map(maps: Path, folder: Path) -> Path:
-    """One large map file with all map files of a folder, and copies of them elsewhere."""
-    files = sorted(file for file in maps.iterdir() if ".osm" in file.name)
-    target = folder / "large.osm.pbf"
-    places = multiply_map([as_sorted_pbf(each, folder) for each in files], target, LARGE_BYTES, first_in_place=True)
-    print(f"{target.stat().st_size / 1e6:.0f} MB of {len(places)} copies", flush=True)
-    return target
-
-
 def main() -> int:
     """Run both, compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -118,9 +103,10 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        maps = large_map(options.maps, folder) if options.lose == "reader" else options.maps
-        first = exported(here(folder, options.reports, maps), folder / "tables-here")
-        second = exported(there(folder, options.reports, maps, options.lose, options.delay), folder / "tables-there")
+        first = exported(here(folder, options.reports, options.maps), folder / "tables-here")
+        second = exported(
+            there(folder, options.reports, options.maps, options.lose, options.delay), folder / "tables-there"
+        )
         unequal = sorted(
             table for table in first.keys() | second.keys() if contents(first.get(table)) != contents(second.get(table))
         )

@@ -69,6 +69,13 @@ class OsmSettings(_Section):
     surroundings_radius_m: float = Field(
         150.0, gt=0, description="Half the side of the box in which trees, poles, buildings, water and woods are kept."
     )
+    node_memory_mb: float = Field(
+        4000.0,
+        ge=0,
+        json_schema_extra={"provenance": False},
+        description="Memory for the places of a map file's nodes, up to three times its size; where that is more, they "
+        "lie in the temporary folder (TMPDIR).",
+    )
 
 
 class RoadSettings(_Section):

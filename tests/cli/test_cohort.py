@@ -97,3 +97,17 @@ def test_what_cannot_be_done_is_refused_in_one_line(tmp_path, arguments, said):
     assert said in message
     assert "\n" not in message
     assert not (tmp_path / "cohorts").exists()
+
+
+def test_the_places_of_a_cohort_become_a_configuration_of_osmium(tmp_path):
+    config = tmp_path / "crashes.json"
+    trace_dag(tmp_path, "ingest", "--reports", REPORTS, "--cases", "2023-319003", "--cohort", "one")
+    done = trace_dag(tmp_path, "cohort", "osmium", "one", "--output", str(config))
+    assert "the places of 1 of 1 crash" in done.stdout, done.stderr
+    (area,) = json.loads(config.read_bytes())["extracts"]
+    assert area["output"] == "crashes.osm.pbf"
+    (((*corners, _),),) = area["multipolygon"]
+    longitudes, latitudes = zip(*corners, strict=True)
+    # 300 m and a margin of 500 m to each side; a degree of latitude has 111.2 km, one of longitude cos 41.8 of it.
+    assert max(latitudes) - min(latitudes) == pytest.approx(1600 / 111_195, rel=1e-3)
+    assert max(longitudes) - min(longitudes) == pytest.approx(1600 / 82_890, rel=1e-2)

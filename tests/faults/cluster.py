@@ -109,33 +109,6 @@ def lose_scheduler_when_under_way(cluster: DaskCluster, run: subprocess.Popen[st
     cluster.start()
 
 
-def kill_in_map_pass(cluster: DaskCluster, run: subprocess.Popen[str], storage: Storage) -> None:
-    """Kill the worker that reads a large map file for all others, once it has noted how far it is."""
-    found: list[tuple[subprocess.Popen[bytes], Path]] = []
-
-    def under_way() -> bool:
-        assert run.poll() is None, run.communicate()[0]
-        found[:] = [(worker, note) for worker in cluster.workers for note in _notes_of_map_passes(worker)]
-        return bool(found)
-
-    eventually(under_way, "no large map was read, or too fast to be noted")
-    ((worker, note),) = found
-    worker.kill()
-    worker.wait()
-    assert note.exists(), "the pass was over before it could be interrupted"
-    assert not [name for name in storage.list("cache/maps") if name.endswith(".piece")]
-
-
-def _notes_of_map_passes(worker: subprocess.Popen[bytes]) -> list[Path]:
-    """The notes of the passes over large maps whose tables a process has in its memory."""
-    try:
-        rows = Path(f"/proc/{worker.pid}/maps").read_text().splitlines()
-    except OSError:
-        return []
-    tables = {Path(row.split(maxsplit=5)[5]) for row in rows if row.endswith("-pieces/locations")}
-    return [note for table in tables if (note := table.with_name("note.json")).exists()]
-
-
 def wait_until_under_way(run: subprocess.Popen[str], storage: Storage) -> None:
     """Wait for the first maps of a run."""
 

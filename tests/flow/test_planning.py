@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trace_dag.flow.selection import Selection, plan
+from trace_dag.flow.selection import Selection, plan, plan_maps_first
 from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number:02d}" for number in range(10, 50)]
@@ -52,3 +52,13 @@ def test_crashes_between_are_taken_along_to_spare_runs():
 @pytest.mark.parametrize("selection", [Selection(tuple(KEYS)), Selection(())])
 def test_nothing_stale_is_nothing_to_run(selection):
     assert plan(KEYS, selection, size=10) == []
+
+
+def test_maps_first_gets_all_crashes_to_their_extract_in_one_run():
+    start = {KEYS[0]: Stage.RAW_REPORT, KEYS[1]: Stage.OSM_EXTRACT, KEYS[2]: Stage.VERDICT, KEYS[3]: Stage.RAW_REPORT}
+    batches = plan_maps_first(KEYS, Selection(tuple(KEYS), start), size=2)
+    assert [(batch.keys, batch.stages[0], batch.stages[-1]) for batch in batches] == [
+        (tuple(KEYS[:4]), Stage.RAW_REPORT, Stage.OSM_EXTRACT),
+        (tuple(KEYS[:2]), Stage.ROAD_MAP, Stage.VERDICT),
+        (tuple(KEYS[2:4]), Stage.ROAD_MAP, Stage.VERDICT),
+    ]

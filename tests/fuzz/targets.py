@@ -29,13 +29,14 @@ from trace_dag.errors import DamagedFile, Rejection, UserError
 from trace_dag.evaluation.agents import AgentFault, Motion
 from trace_dag.evaluation.wire import AnswerReader, AnswerWriter, problem_of
 from trace_dag.flow import artefacts
-from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
-from trace_dag.osm.first_reading import FirstReader
+from trace_dag.osm.extraction import Around, UnreadableMapError, read_around, read_header
+from trace_dag.osm.pbf_check import PbfChecker
 from trace_dag.osm.types import BoundingBox
 from trace_dag.osm.xml import read_osm
 from trace_dag.reading.opening import open_place
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.settings import OsmSettings
 from trace_dag.settings_sources import load_settings
 from trace_dag.sim.driving import Pedals
 from trace_dag.states.llm.answer import WrongAnswer, decide, parse
@@ -91,20 +92,20 @@ def _osm_xml(data: bytes, folder: Path) -> None:
 def _osm_pbf(data: bytes, folder: Path) -> None:
     path = folder / "map.osm.pbf"
     path.write_bytes(data)
-    _first_reader(os.getpid()).read(path)
+    _checker(os.getpid()).check(path)
     _extract(path)
 
 
 @functools.cache
-def _first_reader(process: int) -> FirstReader:
+def _checker(process: int) -> PbfChecker:
     """One for all maps of a process, ended with it; a forked process has none of its parent's."""
-    return FirstReader()
+    return PbfChecker()
 
 
 def _extract(path: Path) -> None:
     header = read_header(path)
     box = header.box or BoundingBox(40.0, -99.0, 41.0, -98.0)
-    extract_raw(path, header, [box], service_roads=True, nearer=[box])
+    read_around(path, header, [Around("2023-1", box, box)], OsmSettings())
 
 
 def _opendrive(data: bytes, _: Path) -> None:

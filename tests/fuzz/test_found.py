@@ -15,11 +15,12 @@ from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.evaluation.agents import AgentFault
 from trace_dag.evaluation.wire import AnswerReader
-from trace_dag.osm.extraction import UnreadableMapError, extract_raw, read_header
-from trace_dag.osm.first_reading import FirstReader
+from trace_dag.osm.extraction import UnreadableMapError, read_around, read_header
+from trace_dag.osm.pbf_check import PbfChecker
 from trace_dag.reading.packed import ArchiveFiles
 from trace_dag.roads.map.reader import read_opendrive
 from trace_dag.roads.map.writer import write_opendrive
+from trace_dag.settings import OsmSettings
 from trace_dag.settings_sources import load_settings
 from trace_dag.states.llm.answer import WrongAnswer, parse
 
@@ -41,14 +42,13 @@ def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:
 
 
 @pytest.mark.parametrize("key", [b"\xff\xff\xff\xff", b"nam\xe2"], ids=["no text", "cut off"])
-def test_a_map_with_text_that_is_none_does_not_end_the_process(tmp_path: Path, key: bytes) -> None:
+def test_a_map_with_text_that_is_none_is_refused(tmp_path: Path, key: bytes) -> None:
     whole = pbf((SAMPLE / "osm" / "quill.osm").read_bytes())
     path = tmp_path / "map.osm.pbf"
     path.write_bytes(whole.replace(b"name", key))
     assert path.read_bytes() != whole
-    header = read_header(path)
-    with pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
-        extract_raw(path, header, [], service_roads=True)
+    with PbfChecker() as checker, pytest.raises(UnreadableMapError, match="cannot be read as OSM data"):
+        checker.check(path)
 
 
 def test_a_map_that_ends_the_process_that_reads_it_ends_no_other(tmp_path: Path) -> None:
@@ -60,18 +60,18 @@ def test_a_map_that_ends_the_process_that_reads_it_ends_no_other(tmp_path: Path)
         ("whole", whole),
     ):
         (tmp_path / f"{name}.osm.pbf").write_bytes(data)
-    with FirstReader() as reader:
+    with PbfChecker() as checker:
         for name in ("key", "value"):
-            with pytest.raises(UnreadableMapError, match=rf"{name}.osm.pbf: damaged, .*SIGSEGV.*fetch it again"):
-                reader.read(tmp_path / f"{name}.osm.pbf")
-        reader.read(tmp_path / "whole.osm.pbf")
+            with pytest.raises(UnreadableMapError, match=rf"{name}.osm.pbf: (damaged, |cannot be read)"):
+                checker.check(tmp_path / f"{name}.osm.pbf")
+        checker.check(tmp_path / "whole.osm.pbf")
 
 
 def test_a_map_that_is_never_read_to_its_end_is_given_up(tmp_path: Path) -> None:
     path = tmp_path / "map.osm.pbf"
     path.write_bytes(pbf((SAMPLE / "osm" / "quill.osm").read_bytes()))
-    with FirstReader(limit_s=0.0) as reader, pytest.raises(UnreadableMapError, match=r"map\.osm\.pbf: not read after"):
-        reader.read(path)
+    with PbfChecker(limit_s=0.0) as checker, pytest.raises(UnreadableMapError, match=r"map\.osm\.pbf: not read after"):
+        checker.check(path)
 
 
 def test_a_number_with_two_points_in_a_geo_reference_is_no_number() -> None:
@@ -134,7 +134,7 @@ def test_maps_that_break_off_leave_nothing_open(tmp_path: Path) -> None:
 
     def held() -> tuple[int, int]:
         with pytest.raises(UnreadableMapError):
-            extract_raw(path, read_header(path), [], service_roads=True)
+            read_around(path, read_header(path), [], OsmSettings())
         return len(list(Path("/proc/self/task").iterdir())), len(list(Path("/proc/self/fd").iterdir()))
 
     assert held() == held()

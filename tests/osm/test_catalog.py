@@ -278,7 +278,7 @@ LEVELS += [way(1_000 + k, [k, k + 400], layer=str(k)) for k in range(1, 401)]
 )
 def test_what_no_map_is_like_fails_with_its_remedy(tmp_path: Path, elements: list[str], said: str) -> None:
     file = save(tmp_path / "town.osm", *elements)
-    failure = MapCatalog.of_registered([(file, "")]).extract([SITE], OsmSettings())[SITE.key]
+    failure = MapCatalog.of_registered([file]).extract([SITE], OsmSettings())[SITE.key]
     assert isinstance(failure, Failure)
     assert said in str(failure)
     assert f"trace-dag cohort maps --drop {file}" in str(failure)
@@ -320,7 +320,7 @@ def test_comments_tags_and_blocks_of_real_files_are_no_comments_without_end(tmp_
 def test_a_disk_without_room_for_the_roads_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1))
     with pytest.raises(UserError, match=r"0 MB free.*TMPDIR"):
-        extract(save(tmp_path / "plain.osm", *CROSSROADS))
+        extract(save(tmp_path / "plain.osm", *CROSSROADS), node_memory_mb=0.0)
 
 
 def test_paths_that_are_no_maps_are_named(tmp_path: Path) -> None:

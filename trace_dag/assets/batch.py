@@ -7,7 +7,6 @@ metadata: it is data, neither failed nor missing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from dagster import (
@@ -36,7 +35,6 @@ from trace_dag.flow.run_summary import RunSummary
 from trace_dag.flow.tasks import MadeFiles, StageEvent
 from trace_dag.flow.workspace import Workspace
 from trace_dag.processes import this_process
-from trace_dag.progress import MapListener, MapProgress
 from trace_dag.settings import ExecutionSettings
 from trace_dag.stage import Stage
 from trace_dag.wording import counted
@@ -79,7 +77,6 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
     try:
         _check_configuration(config.settings)
         workspace = workspace.with_settings(config.settings)
-        workspace = replace(workspace, map_listener=_logged(context, workspace.map_listener))
         context.instance.add_run_tags(context.run.run_id, _tags(workspace, context.partition_keys))
         events = run_stages(
             workspace,
@@ -117,20 +114,6 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
             metadata={"failed": MetadataValue.md(_table(failed)), **summary.figures(), **_tracebacks(failed)},
             allow_retries=False,
         )
-
-
-def _logged(context: AssetExecutionContext, listener: MapListener) -> MapListener:
-    """Says in the run's log, too, how far a large map file is read, for each tenth of it."""
-    told: dict[str, int] = {}
-
-    def tell(progress: MapProgress) -> None:
-        tenth = 10 * progress.read // max(progress.size, 1)
-        if told.get(progress.file) != tenth:
-            told[progress.file] = tenth
-            context.log.info(progress.in_words())
-        listener(progress)
-
-    return tell
 
 
 def _check_configuration(settings: Mapping[str, Any]) -> None:

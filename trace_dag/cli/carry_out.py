@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trace_dag.cli.progress import progress_of_run, progress_told
+from trace_dag.cli.progress import progress_of, progress_told
 from trace_dag.errors import UserError
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.logs import complain
@@ -84,7 +84,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
         if batches:
             summary, counts = RunSummary(), Counter[str]()
             stages = sum(len(batch.keys) * len(batch.stages) for batch in batches)
-            with progress_of_run("stages", stages) as (tell, tell_map):
+            with progress_of("stages", stages) as tell:
 
                 def hear(event: StageEvent) -> None:
                     summary.note(event)
@@ -92,7 +92,7 @@ def _run_and_summarise(workspace: Workspace, settings: Mapping[str, Any], select
                         counts[event.record.outcome.value] += 1
                     tell(f"{event.key} ({counts['rejected']} rejected, {counts['failed']} failed)")
 
-                watched = replace(workspace, listener=hear, map_listener=tell_map)
+                watched = replace(workspace, listener=hear)
                 errors = run_batches(watched, instance, batches, settings=settings).errors
             click.echo(summary.in_words())
         elif selection.exact:

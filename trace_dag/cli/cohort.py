@@ -1,16 +1,18 @@
-"""Looking at cohorts and taking them away: ``cohort list``, ``show``, ``maps``, ``remove``; ``ingest`` makes them."""
+"""Cohorts: ``cohort list``, ``show``, ``maps``, ``osmium`` and ``remove``; ``ingest`` makes them."""
 
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from trace_dag.cli.options import ManyValuesCommand, examples
 from trace_dag.cli.printing import one_line, print_table, write_json
-from trace_dag.errors import Failure
+from trace_dag.errors import Failure, UserError
 from trace_dag.logs import complain
 from trace_dag.wording import counted
 
@@ -122,7 +124,7 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
 
     The files themselves stay where they are. What was cut from one that is left out is made anew by the next run.
     """
-    from trace_dag.cohorts.kept_maps import remove_unused_of_maps
+    from trace_dag.cohorts.kept_maps import remove_unused_map_copies
     from trace_dag.cohorts.registry import Registry
     from trace_dag.storage import Storage
 
@@ -131,13 +133,49 @@ def maps(root: str, name: str | None, drop: tuple[str, ...]) -> None:
     if drop:
         for cohort_name, files in registry.drop_maps(drop, name).items():
             click.echo(f"Cohort {cohort_name}: left out {', '.join(files)}; trace-dag run does the rest.")
-        remove_unused_of_maps(storage)
+        remove_unused_map_copies(storage)
         return
     cohorts = [registry.cohort(name)] if name is not None else list(registry.cohorts().values())
     print_table(
         ["cohort", "map file", "MB"],
         [(each.name, file.location, f"{file.size / 1e6:.1f}") for each in cohorts for file in each.maps],
     )
+
+
+@cohort.command(
+    "osmium",
+    epilog=examples(
+        "trace-dag cohort osmium national --output crashes.json",
+    ),
+)
+@click.argument("name")
+@click.option("--output", required=True, type=click.Path(dir_okay=False, path_type=Path), help="File to write.")
+@click.option("--map", "map_name", default="crashes.osm.pbf", show_default=True, help="What osmium is to call the map.")
+@click.pass_obj
+def osmium(root: str, name: str, output: Path, map_name: str) -> None:
+    """Write the configuration with which osmium extract cuts a cohort's places out of a country's map.
+
+    One file with the surroundings of every crash whose report is at hand and says where it was.
+    """
+    from trace_dag.cohorts.listings import listings_of
+    from trace_dag.crash.parse import reported_position
+    from trace_dag.errors import Rejection
+    from trace_dag.flow.workspace import Workspace
+    from trace_dag.osm.osmium_config import osmium_config
+    from trace_dag.osm.types import Site
+
+    workspace = Workspace.open(root, to_read=True)
+    reports = workspace.registry.cohort(name).reports
+    sites = []
+    for key, listing in listings_of(workspace.storage, reports).items():
+        with suppress(Rejection):
+            sites.append(Site(key, *reported_position(listing.latitude_deg, listing.longitude_deg)))
+    if not sites:
+        raise UserError(f"cohort {name}: no report at hand says where its crash was")
+    settings = workspace.settings.osm
+    output.write_text(osmium_config(sites, max(settings.radius_m, settings.surroundings_radius_m), map_name))
+    crashes = counted(len(reports), "crash", "crashes")
+    click.echo(f"{output}: the places of {len(sites)} of {crashes}; osmium extract --config {output} and a map file")
 
 
 @cohort.command(
@@ -159,7 +197,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
     """
     from trace_dag.assets.partitions import remove_partitions
     from trace_dag.benchmark.removal import delete_artefacts
-    from trace_dag.cohorts.kept_maps import remove_unused_of_maps
+    from trace_dag.cohorts.kept_maps import remove_unused_map_copies
     from trace_dag.cohorts.registry import Registry
     from trace_dag.definitions.launch import dagster_records, summarise
     from trace_dag.flow.workspace import Workspace
@@ -174,7 +212,7 @@ def remove(root: str, name: str, only: tuple[str, ...], artefacts: bool) -> None
         remove_partitions(instance, gone)
         deleted = delete_artefacts(storage, gone) if artefacts else 0
         registry.remove(name, only)
-        remove_unused_of_maps(storage)
+        remove_unused_map_copies(storage)
     if workspace.warehouse.is_file():
         try:
             with dagster_records(workspace) as instance:

@@ -9,7 +9,7 @@ import click
 
 from trace_dag.cli.ingest_options import choice_of, choice_options
 from trace_dag.cli.options import ManyValuesCommand, examples
-from trace_dag.cli.progress import progress_of_ingest
+from trace_dag.cli.progress import progress_told
 from trace_dag.errors import UserError
 from trace_dag.wording import counted
 
@@ -96,7 +96,7 @@ def ingest(
     services = [path for path in maps if path in offered(PluginKind.MAP_SOURCE)]
     if len(services) > 1:
         raise UserError(f"ingest: a cohort asks one service for maps, not {' and '.join(services)}")
-    with progress_of_ingest("reports looked up") as (tell, tell_map):
+    with progress_told("reports looked up") as tell:
         report = ingest_into(
             workspace.storage,
             cohort,
@@ -108,7 +108,6 @@ def ingest(
             map_service=services[0] if services else None,
             watch=watch,
             progress=tell,
-            map_progress=tell_map,
         )
     _add_partitions(root)
     for line in _lines(report, cohort):

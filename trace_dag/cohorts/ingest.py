@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trace_dag.cohorts.choice import Choice
-from trace_dag.cohorts.kept_maps import remove_unused_of_maps
+from trace_dag.cohorts.kept_maps import remove_unused_map_copies
 from trace_dag.cohorts.listings import remember
 from trace_dag.cohorts.registry import RegisteredMap, Registration, Registry, ReportSource, map_file
 from trace_dag.cohorts.sources import CrashApiSource, FolderSource, Source, TableSource
 from trace_dag.crash.folder import Conflict, Duplicate, Unrecognised, scan
 from trace_dag.crash.listing import CrashListing
 from trace_dag.errors import UserError
-from trace_dag.progress import MapListener, Progress, unheard
+from trace_dag.progress import Progress
 from trace_dag.storage import Storage
 from trace_dag.wording import counted
 
@@ -58,7 +58,6 @@ def ingest(
     map_service: str | None = None,
     watch: bool = False,
     progress: Progress | None = None,
-    map_progress: MapListener = unheard,
 ) -> IngestReport:
     """Register what is found and chosen. A crash that several sources hold comes from the first of them.
 
@@ -69,7 +68,7 @@ def ingest(
     Raises :class:`UserError` for folders without reports, files that are not OSM data, a choice that leaves nothing and
     the like, and what the CrashAPI's client raises; nothing is registered then.
     """
-    found_maps = _maps(storage, maps, map_progress)
+    found_maps = _maps(storage, maps)
     scanned = scan(reports)
     if reports and not scanned.reports and not watch:
         raise UserError(
@@ -92,7 +91,7 @@ def ingest(
         followed=[choice] if watch and crash_api is not None else (),
     )
     if found_maps:
-        remove_unused_of_maps(storage)
+        remove_unused_map_copies(storage)
     return IngestReport(
         registration, scanned.duplicates, scanned.conflicts, scanned.unrecognised, offers, len(found_maps)
     )
@@ -125,7 +124,7 @@ def _chosen(storage: Storage, sources: Sequence[Source], choice: Choice) -> tupl
     return len(offers), chosen
 
 
-def _maps(storage: Storage, paths: Sequence[Path], tell: MapListener) -> list[RegisteredMap]:
+def _maps(storage: Storage, paths: Sequence[Path]) -> list[RegisteredMap]:
     if not paths:
         return []
     from trace_dag.osm.catalog import MapCatalog
@@ -133,12 +132,8 @@ def _maps(storage: Storage, paths: Sequence[Path], tell: MapListener) -> list[Re
     catalog = MapCatalog.open(paths)
     known = {file.sha256 for cohort in Registry(storage).cohorts().values() for file in cohort.maps}
     files = [map_file(file.path) for file in catalog.files]
-    new = [
-        replace(each, digest=file.sha256)
-        for each, file in zip(catalog.files, files, strict=True)
-        if file.sha256 not in known
-    ]
-    MapCatalog(tuple(new), storage=storage).check(tell)
+    new = [each for each, file in zip(catalog.files, files, strict=True) if file.sha256 not in known]
+    MapCatalog(tuple(new)).check()
     if storage.local_root is not None:
         return files
     return [_uploaded(storage, file) for file in files]

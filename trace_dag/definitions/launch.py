@@ -33,7 +33,7 @@ from trace_dag.assets.summaries import DAMAGED
 from trace_dag.definitions import build_definitions
 from trace_dag.disks import disk_failure
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.flow.selection import PlannedBatch, Selection, plan
+from trace_dag.flow.selection import PlannedBatch, Selection, has_large_map, plan, plan_maps_first
 from trace_dag.flow.workspace import ROOT_VARIABLE, Workspace
 from trace_dag.processes import is_gone, this_process
 from trace_dag.stage import Stage
@@ -131,7 +131,8 @@ def planned(workspace: Workspace, instance: DagsterInstance, selection: Selectio
         for key, stage in needing_records(instance, selection.asked).items():
             start[key] = min(start.get(key, stage), stage, key=lambda each: each.position)
     partitions = instance.get_dynamic_partitions("crashes")
-    return plan(partitions, replace(selection, start=start), size=workspace.settings.execution.batch_size)
+    planning = plan_maps_first if has_large_map(workspace) else plan
+    return planning(partitions, replace(selection, start=start), size=workspace.settings.execution.batch_size)
 
 
 def run_batches(

@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 from trace_dag.code_versions import referred
@@ -175,9 +174,8 @@ class _Batch:
                     waiting.append(crash)
                 else:
                     yield from known
-            with self._prepared(waiting, segment[0]):
-                chunks = self._chunks(waiting, segment, last=segment is segments[-1])
-                yield from self._worked_on(chunks, segment)
+            chunks = self._chunks(waiting, segment, last=segment is segments[-1])
+            yield from self._worked_on(chunks, segment)
         recorded = [record for crash in crashes.values() for record in crash.records.values()]
         run_id = self.work.run_id
         write_index(self.work.storage, run_id, [record for record in recorded if record.run_id == run_id])
@@ -195,19 +193,6 @@ class _Batch:
                     if event.action is Action.COMPUTED:
                         log_outcome(event.record)
                 yield from self._with_later(crash, event)
-
-    def _prepared(self, crashes: Sequence[_Crash], definition: StageDefinition) -> AbstractContextManager[None]:
-        """Within it, what a stage needs for all of some crashes together is there."""
-        if definition.preparation is None:
-            return nullcontext()
-        preparation: AbstractContextManager[None] = referred(definition.preparation)(
-            self.workspace,
-            self.executor,
-            [self._files(each) for each in crashes],
-            [self._files(each) for each in self.crashes.values()],
-            all_again=definition.stage in self.work.force,
-        )
-        return preparation
 
     def _without_work(self, crash: _Crash, segment: Sequence[StageDefinition]) -> list[StageEvent] | None:
         """The events of a segment all of whose stages are current or out of reach; None if there is work to do."""

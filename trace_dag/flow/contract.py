@@ -197,17 +197,16 @@ class CrashFiles:
 class StageDefinition:
     """One stage. ``function`` makes it; everything it depends on is in its signature and its code.
 
-    ``preparation`` is the context in which a batch of crashes is worked on. ``grouping`` divides crashes, as
-    :class:`CrashFiles`, into the lists of keys that a function for several crashes is best called with. ``requires`` is
-    asked before a run in which the stage has work to do, with the settings and the services, and raises
-    :class:`trace_dag.errors.UserError` for what no crash could be done without. All as ``module:function``.
+    ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
+    best called with. ``requires`` is asked before a run in which the stage has work to do, with the settings and the
+    services, and raises :class:`trace_dag.errors.UserError` for what no crash could be done without. Both as
+    ``module:function``.
     """
 
     stage: Stage
     function: str
     grouping: str | None = None
     requires: str | None = None
-    preparation: str | None = None
 
     @property
     def for_several(self) -> bool:

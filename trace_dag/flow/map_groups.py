@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.large_maps import with_pieces
 from trace_dag.flow.stages.osm_extract import catalog_of
 from trace_dag.stage import Stage
 
@@ -14,20 +13,16 @@ from trace_dag.stage import Stage
 def by_map_files(crashes: Sequence[CrashFiles]) -> list[list[str]]:
     """Crashes that lie in the same map files together, so that a file is read once; small groups joined.
 
-    Crashes outside every map file share no reading and fill up the groups, and so do those whose pieces of large files
-    are cut already.
+    Crashes outside every map file share no reading and fill up the groups.
     """
     most = crashes[0].settings.execution.chunk_size
     groups: dict[tuple[tuple[RegisteredMap, ...], tuple[int, ...]], list[str]] = {}
-    at_hand = with_pieces(crashes)
     for crash in crashes:
         figures = crash.figures(Stage.CRASH_RECORD)
         latitude_deg, longitude_deg = float(figures["latitude_deg"] or 0), float(figures["longitude_deg"] or 0)
-        files = [(file.header.box, file.digest) for file in catalog_of(crash.source.maps, crash.services).files]
+        boxes = [file.header.box for file in catalog_of(crash.source.maps, crash.services).files]
         covering = tuple(
-            index
-            for index, (box, digest) in enumerate(files)
-            if (box is None or box.contains(latitude_deg, longitude_deg)) and crash.key not in at_hand.get(digest, ())
+            index for index, box in enumerate(boxes) if box is None or box.contains(latitude_deg, longitude_deg)
         )
         groups.setdefault((crash.source.maps, covering), []).append(crash.key)
     alone = [keys for (_, covering), keys in groups.items() if not covering]

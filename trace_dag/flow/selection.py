@@ -8,7 +8,7 @@ range.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from trace_dag.cohorts.registry import in_order
 from trace_dag.errors import Reason, UserError
@@ -18,6 +18,8 @@ from trace_dag.flow.standing import FinalState, standings
 from trace_dag.flow.workspace import Workspace
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
+
+_LARGE_MAP = 50_000_000  # bytes, which take some 10 s
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,24 @@ class PlannedBatch:
     keys: tuple[str, ...]
     stages: tuple[Stage, ...]
     force: frozenset[Stage] = frozenset()
+
+
+def has_large_map(workspace: Workspace) -> bool:
+    """Whether a registered map file is so large that it had better be read once than once for each batch."""
+    return any(file.size >= _LARGE_MAP for cohort in workspace.registry.cohorts().values() for file in cohort.maps)
+
+
+def plan_maps_first(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:
+    """Batches as of :func:`plan`, after others of any size that get every crash as far as its extract of the map."""
+    first_half = Stage.OSM_EXTRACT.position
+    early = {key: stage for key, stage in selection.start.items() if stage.position <= first_half}
+    late = {key: max(stage, Stage.ROAD_MAP, key=lambda each: each.position) for key, stage in selection.start.items()}
+    extracts = [
+        replace(batch, stages=stages, force=batch.force & set(stages))
+        for batch in plan(partitions, replace(selection, start=early), size=len(partitions))
+        for stages in [tuple(stage for stage in batch.stages if stage.position <= first_half)]
+    ]
+    return [*extracts, *plan(partitions, replace(selection, start=late), size=size)]
 
 
 def plan(partitions: Sequence[str], selection: Selection, *, size: int) -> list[PlannedBatch]:

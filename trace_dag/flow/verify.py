@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from trace_dag.cohorts.kept_maps import unused_of_maps
+from trace_dag.cohorts.kept_maps import unused_map_copies
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile
 from trace_dag.flow.ledgers import (
@@ -122,11 +122,7 @@ def verify_storage(
                 disagreements.append(
                     Disagreement(DisagreementKind.MISSING_REPORT, detail, key, Stage.RAW_REPORT, report.location)
                 )
-    of_no_map, left_of_maps = unused_of_maps(storage)
-    disagreements += [
-        Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is of no registered map", file=name) for name in of_no_map
-    ]
-    left = [*storage.leftovers(), *_unfinished_builds(local_folder), *left_of_maps]
+    left = [*storage.leftovers(), *_unfinished_builds(local_folder), *unused_map_copies(storage)]
     if storage.local_root is not None:
         left += [storage.local_root / name for name in foreign]
     disagreements += [Disagreement(DisagreementKind.LEFTOVER, str(path), file=str(path)) for path in left]

@@ -17,7 +17,7 @@ from trace_dag.flow.contract import Flow
 from trace_dag.flow.executors import Executor, make_executor
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.tasks import StageEvent
-from trace_dag.progress import MapListener, Progress, silent, unheard
+from trace_dag.progress import Progress, silent
 from trace_dag.settings import AutomationSettings, Settings
 from trace_dag.settings_sources import DescribedSetting, described_settings, load_settings
 from trace_dag.storage import Storage
@@ -38,9 +38,8 @@ def storage_root(chosen: str | None = None) -> str:
 class Workspace:
     """A storage root: what is stored, the settings in force, and the flow that makes it.
 
-    For progress bars, ``listener`` hears of every stage and crash as it is done, ``page_listener`` how many crashes
-    have got their page and package, of how many, and ``map_listener`` how far large map files are read. ``executor`` is
-    used instead of one made for each piece of work.
+    For progress bars, ``listener`` hears of every stage and crash as it is done, and ``page_listener`` how many crashes
+    have got their page and package, of how many. ``executor`` is used instead of one made for each piece of work.
     """
 
     storage: Storage
@@ -48,7 +47,6 @@ class Workspace:
     flow: Flow = FLOW
     listener: Callable[[StageEvent], None] | None = None
     page_listener: Progress = silent
-    map_listener: MapListener = unheard
     executor: Executor | None = None
 
     @classmethod

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, TypeVar
@@ -14,25 +12,17 @@ from typing import Final, TypeVar
 import numpy as np
 
 from trace_dag.errors import Failure, Reason, Rejection, UserError, UserErrors
-from trace_dag.garbage import no_garbage_collection
 from trace_dag.geometry import FloatArray
-from trace_dag.osm.collecting import FilePass
 from trace_dag.osm.cutting import cut_roads
-from trace_dag.osm.dividing import divide
-from trace_dag.osm.extraction import FileHeader, extract_raw, is_divisible, read_header
-from trace_dag.osm.first_reading import FirstReader
-from trace_dag.osm.large_map import Around, LargeMap, collected
+from trace_dag.osm.extraction import Around, FileHeader, FilePass, read_around, read_header
+from trace_dag.osm.pbf_check import PbfChecker
 from trace_dag.osm.plausibility import UnreadableMapError, check_roads, check_text, xml_opener
 from trace_dag.osm.types import BoundingBox, OsmExtract, Site
-from trace_dag.progress import MapListener, unheard
 from trace_dag.settings import OsmSettings
-from trace_dag.storage import Storage
 
 OSM_SUFFIXES: Final = (".osm", ".osm.gz", ".osm.bz2", ".pbf")
 
 _EARTH_RADIUS_M: Final = 6_371_008.8  # mean radius, IUGG; good to 0.3 %, for boxes and sentences only
-_TOGETHER: Final = 250  # sites of a large file that are in memory at a time
-_UNKNOWN: Final = "unknown"  # stands for the SHA-256 of a file whose pieces are not kept
 _MIN_COS_LATITUDE: Final = 1e-3  # nearer the poles a box around a point spans all longitudes anyway
 
 
@@ -42,30 +32,18 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True)
 class MapFile:
-    """One OSM file, what its header says, and its SHA-256 where it is known."""
+    """One OSM file, and what its header says."""
 
     path: Path
     header: FileHeader
-    digest: str = ""
-
-    @property
-    def divisible(self) -> bool:
-        """Whether it is large, and sorted as the public servers' are: pieces are cut of it first."""
-        return is_divisible(self.path, self.header)
-
-    def kept_in(self, storage: Storage) -> LargeMap:
-        """The file with what is kept of it."""
-        return LargeMap(self.path, self.header, self.digest or _UNKNOWN, storage)
 
 
 @dataclass(frozen=True)
 class MapCatalog:
-    """OSM files that maps are cut from. ``unreadable`` says why the other files of the set cannot be read, ``storage``
-    keeps pieces of large files; without it they are forgotten once they are used."""
+    """OSM files that maps are cut from. ``unreadable`` says why the other files of the set cannot be read."""
 
     files: tuple[MapFile, ...]
     unreadable: tuple[str, ...] = ()
-    storage: Storage | None = None
 
     @classmethod
     def open(cls, paths: Iterable[Path | str]) -> MapCatalog:
@@ -93,48 +71,41 @@ class MapCatalog:
         return cls(tuple(_each(files, lambda path: MapFile(path, read_header(path)))))
 
     @classmethod
-    def of_registered(cls, files: Iterable[tuple[Path, str] | Failure], storage: Storage | None = None) -> MapCatalog:
-        """Files that were read before, with their SHA-256. One that cannot be read or reached any more does not affect
-        the others."""
+    def of_registered(cls, files: Iterable[Path | Failure]) -> MapCatalog:
+        """Files that were read before. One that cannot be read or reached any more does not affect the others."""
         readable: list[MapFile] = []
         unreadable: list[str] = []
         for file in files:
             if isinstance(file, Failure):
                 unreadable.append(str(file))
                 continue
-            path, digest = file
             try:
-                readable.append(MapFile(path, read_header(path), digest))
+                readable.append(MapFile(file, read_header(file)))
             except UnreadableMapError as error:
-                unreadable.append(_with_remedy(error, path))
-        return cls(tuple(readable), tuple(unreadable), storage)
+                unreadable.append(_with_remedy(error, file))
+        return cls(tuple(readable), tuple(unreadable))
 
-    def check(self, tell: MapListener = unheard) -> None:
-        """Read each file to its end, and say how far that is. Raises :class:`UserError` that names all that cannot be
-        read."""
-        with FirstReader() as reader:
+    def check(self) -> None:
+        """Read each file to its end. Raises :class:`UserError` that names all that cannot be read."""
+        with PbfChecker() as checker:
 
             def read(file: MapFile) -> None:
                 if xml_opener(file.path) is None:
-                    reader.read(file.path, file.digest, self.storage, tell)
+                    checker.check(file.path)
                 else:
                     check_text(file.path)
-                    extract_raw(file.path, file.header, [], service_roads=True)
+                    read_around(file.path, file.header, [], OsmSettings())
 
             _each(self.files, read)
 
     def extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
-        """The roads in a box of ``settings.radius_m`` around each site, by site key, in one pass over each file.
+        """The roads in a box of ``settings.radius_m`` around each site, by site key, from one reading of each file.
 
         A file covers a site if there is a way in the box of the site, cut from that file. Of several the one whose
         own bounds hold the whole box is taken, then the one with most road in the box, then the newest, then the first
         by name. A site that no file covers is rejected, with the distance to the nearest data; where some file cannot
         be read to its end that could have covered it, it is a failure that names the file.
         """
-        with no_garbage_collection():
-            return self._extract(sites, settings)
-
-    def _extract(self, sites: Sequence[Site], settings: OsmSettings) -> dict[str, OsmExtract | Rejection | Failure]:
         boxes = {site.key: box_around(site, settings.radius_m) for site in sites if is_on_earth(site)}
         best: dict[str, tuple[MapFile, OsmExtract]] = {}
         nearest_m: dict[str, tuple[float, str]] = {}
@@ -148,24 +119,24 @@ class MapCatalog:
                     for site in wanted
                 ]
                 try:
-                    for together, found in self._passes(file, around, settings):
-                        bounds = bounds or found.road_bounds
-                        for index, each in enumerate(together):
-                            extract = _cut(file, found, index, each.box)
-                            try:
-                                length_m = _road_length_m(extract)
-                                area_km2 = (2e-3 * settings.radius_m) ** 2
-                                check_roads(extract, file.path, area_km2=area_km2, length_m=length_m)
-                            except UnreadableMapError as error:
-                                missing[each.key].append(_with_remedy(error, file.path))
-                                continue
-                            rival = best.get(each.key)
-                            if extract.ways and (rival is None or _rank(file, extract) > _rank(*rival)):
-                                best[each.key] = file, replace(extract, surroundings=found.surroundings(index))
+                    found = read_around(file.path, file.header, around, settings)
                 except UnreadableMapError as error:
                     for site in wanted:
                         missing[site.key].append(_with_remedy(error, file.path))
                     continue
+                bounds = bounds or found.road_bounds
+                for index, each in enumerate(around):
+                    extract = _cut(file, found, index, each.box)
+                    try:
+                        length_m = _road_length_m(extract)
+                        area_km2 = (2e-3 * settings.radius_m) ** 2
+                        check_roads(extract, file.path, area_km2=area_km2, length_m=length_m)
+                    except UnreadableMapError as error:
+                        missing[each.key].append(_with_remedy(error, file.path))
+                        continue
+                    rival = best.get(each.key)
+                    if extract.ways and (rival is None or _rank(file, extract) > _rank(*rival)):
+                        best[each.key] = file, replace(extract, surroundings=found.surroundings(index))
             if bounds is not None:
                 for site in sites:
                     distance_m = _distance_m(site, bounds)
@@ -179,27 +150,6 @@ class MapCatalog:
             else:
                 answers[site.key] = self._no_coverage(site, nearest_m, settings)
         return answers
-
-    def _passes(
-        self, file: MapFile, sites: Sequence[Around], settings: OsmSettings
-    ) -> Iterator[tuple[Sequence[Around], FilePass]]:
-        """What is around the sites: all at once in one pass, or some at a time from the pieces of a large file."""
-        service_roads = settings.service_roads
-        if file.divisible:
-            with _storage_or_folder(self.storage) as storage:
-                large = file.kept_in(storage)
-                for start in range(0, len(sites), _TOGETHER):
-                    together = sites[start : start + _TOGETHER]
-                    found = collected(large, together, service_roads=service_roads)
-                    if found is None and divide(large, sites, service_roads=service_roads):
-                        found = collected(large, together, service_roads=service_roads)
-                    if found is None:
-                        break
-                    yield together, found
-                else:
-                    return
-        boxes, nearer = [each.box for each in sites], [each.nearer for each in sites]
-        yield sites, extract_raw(file.path, file.header, boxes, service_roads=service_roads, nearer=nearer)
 
     def _no_coverage(self, site: Site, nearest_m: dict[str, tuple[float, str]], settings: OsmSettings) -> Rejection:
         place = f"({site.latitude_deg:.6f}, {site.longitude_deg:.6f})"
@@ -229,16 +179,6 @@ def _each(files: Iterable[_File], read: Callable[[_File], _Read]) -> list[_Read]
     if unreadable:
         raise UserErrors(map(str, unreadable))
     return found
-
-
-@contextmanager
-def _storage_or_folder(storage: Storage | None) -> Iterator[Storage]:
-    """The storage, or one that is there for a while."""
-    if storage is not None:
-        yield storage
-        return
-    with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder:
-        yield Storage(folder)
 
 
 def _with_remedy(error: UnreadableMapError, path: Path) -> str:

@@ -1,43 +1,63 @@
-"""All sites of a batch out of one OSM file, in one pass over it.
+"""Reads one OSM file for all sites of a batch.
 
-Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``), sorted or not. libosmium filters
-objects, locates their nodes and copies them to a file of lines (:mod:`trace_dag.osm.copying`). Arrow then reads the
-places of tens of thousands of ways at once, an index finds those near a site, and only their lines become objects
-(:mod:`trace_dag.osm.collecting`). So the time is close to that of reading the file and hardly depends on the number of
-sites. Memory holds what lies around the sites, and the locations of nodes: 16 bytes each, those of a large file in a
-file of the temporary folder.
+Any format libosmium reads (``.osm``, ``.osm.gz``, ``.osm.bz2``, ``.osm.pbf``). libosmium locates the nodes of ways and
+drops objects without the tags asked for; of the others Python looks at those that begin near a site. A file whose nodes
+come first is read once, any other twice. Memory holds what lies around the sites, and the locations of nodes, those of
+a large file on disk (``osm.node_memory_mb``).
 
-Of a large file, as the public servers have them, the pieces around all sites are cut first, which takes less time and
-memory: :mod:`trace_dag.osm.dividing`. Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing
-the file :mod:`trace_dag.osm.catalog`'s.
+Cutting the ways at the boxes is :mod:`trace_dag.osm.cutting`'s task, choosing the file :mod:`trace_dag.osm.catalog`'s.
 """
 
 from __future__ import annotations
 
+import functools
+import logging
+import math
 import os
 import shutil
 import tempfile
+import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
+import numpy as np
+import shapely
 from lxml import etree
 
 from trace_dag.errors import UserError
 from trace_dag.garbage import no_garbage_collection
-from trace_dag.osm.collecting import Collector, FilePass
-from trace_dag.osm.copying import Filters, copy, locations_in, reading, threads
-from trace_dag.osm.plausibility import UnreadableMapError, with_positive_ids, xml_opener
+from trace_dag.logs import complain
+from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
+from trace_dag.osm.plain_xml import as_plain_xml
+from trace_dag.osm.plausibility import UnreadableMapError, xml_opener
 from trace_dag.osm.rights import OSM_ATTRIBUTION, read_attribution
-from trace_dag.osm.types import BoundingBox
+from trace_dag.osm.surroundings import NODE_KEYS, WAY_KEYS, feature_of_node, features_of_ways, is_thing
+from trace_dag.osm.types import BoundingBox, OsmFeature, OsmMember, OsmRelation, RawWay
+from trace_dag.osm.walkways import is_walkway
+from trace_dag.settings import OsmSettings
 
+# Nodes keep their tags, all of them, if they have one of these keys: what stands on a road or lifts it. Gates,
+# addresses and trees that share a node with a way say nothing about the road.
+ROAD_NODE_KEYS: Final = frozenset(
+    {"highway", "traffic_signals", "traffic_sign", "traffic_calming", "railway", "junction", "ele"}
+)
 LOCATED_TO_FILE: Final = 3
-"""Size of the located nodes to that of the map; 1.7 is usual for the densest kind, ``.osm.pbf``."""
-_COPY_TO_FILE: Final = 10  # size of the copy to that of the file; 9 is usual for the densest kind, .osm.pbf
-_LARGE: Final = 5 * 10**7  # bytes
+"""Size of the node locations to that of the map; 1.7 is usual for the densest kind, ``.osm.pbf``."""
+_SAID: Final = 300  # characters of what libosmium says, which quotes what it does not like
+_UNITS_PER_DEG: Final = 10**7  # OSM stores coordinates as multiples of 1e-7 degrees
+_NOWHERE: Final = 2**31 - 1  # the coordinate of a node that is not located
+_CELL: Final = _UNITS_PER_DEG // 100  # 0.01 degrees, 1.1 km to the north
+_LONG_M: Final = 500.0
+_LONG_DEG: Final = _LONG_M / 110_000.0  # of latitude, where a degree has 110.6 km and more
+_MIN_COS_LATITUDE: Final = 1e-3
+_LOOKED_AT: Final = 100_000  # objects, after which the clock is looked at
+TOLD_EVERY_S: Final = 10.0
+_MEMBER_TYPES: Final = {"n": "node", "w": "way", "r": "relation"}
 
 
 @dataclass(frozen=True)
@@ -50,6 +70,37 @@ class FileHeader:
     attribution: str = OSM_ATTRIBUTION
 
 
+class Around(NamedTuple):
+    """A site, the box around it in which roads are wanted, and the nearer one for things beside them."""
+
+    key: str
+    box: BoundingBox
+    nearer: BoundingBox
+
+
+@dataclass(eq=False)
+class FilePass:
+    """What was found around some sites: for each the roads and walkways whose bounds overlap its box, by id, the ways
+    that are things beside roads and overlap its nearer box, and the nodes that are such things; node tags; restriction
+    relations.
+
+    ``restrictions_of`` has them by the id of each way they speak of. ``road_bounds`` is the box of all roads of the
+    file, None if there is none or the file itself says what it covers.
+    """
+
+    sites: Sequence[Around]
+    ways: list[dict[int, RawWay]]
+    things: list[dict[int, RawWay]]
+    points: list[list[OsmFeature]]
+    node_tags: dict[int, dict[str, str]] = field(default_factory=dict)
+    restrictions_of: dict[int, list[OsmRelation]] = field(default_factory=dict)
+    road_bounds: BoundingBox | None = None
+
+    def surroundings(self, index: int) -> tuple[OsmFeature, ...]:
+        """What stands and lies beside the roads of a site."""
+        return (*self.points[index], *features_of_ways([*self.things[index].values()], self.sites[index].nearer))
+
+
 def read_header(path: Path) -> FileHeader:
     """The header of an OSM file. Raises :class:`UserError` if it is not an OSM file.
 
@@ -59,8 +110,13 @@ def read_header(path: Path) -> FileHeader:
     """
     import osmium
 
-    with reading(path), _reader(path, osmium.osm.NOTHING) as reader:
-        header = reader.header()
+    with reading(path):
+        header = osmium.FileProcessor(str(path), osmium.osm.NOTHING, thread_pool=_threads(os.getpid())).header
+        if header.has_multiple_object_versions and xml_opener(path) is None:
+            raise UnreadableMapError(
+                f"{path}: a history file, with every version of its objects; cut today's out of it: "
+                "osmium time-filter -o map.osm.pbf, and its name"
+            )
         box = header.box()
         timestamp = header.get("osmosis_replication_timestamp") or header.get("timestamp")
         return FileHeader(
@@ -86,116 +142,262 @@ def _attribution(path: Path) -> str:
     return read_attribution({str(name): str(value) for name, value in root.attrib.items()})
 
 
-def extract_raw(
-    path: Path,
-    header: FileHeader,
-    boxes: Sequence[BoundingBox],
-    *,
-    service_roads: bool,
-    nearer: Sequence[BoundingBox] = (),
-) -> FilePass:
-    """Everything a road map around each of ``boxes`` needs, from one pass over ``path``; and what stands and lies
-    beside the roads in each of the ``nearer`` boxes.
+def read_around(path: Path, header: FileHeader, sites: Sequence[Around], settings: OsmSettings) -> FilePass:
+    """Everything a road map around each of some sites needs, and what stands and lies beside the roads there.
 
-    Only a file that has ways before their nodes and does not say how it is sorted has its ways read a second time.
-
-    Objects with ids below 0, which editors give to what is new, get others.
-
-    Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if its
-    roads find no room on the disk.
+    Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if the
+    locations of its nodes find no room on the disk.
 
     >>> from trace_dag.osm.xml import write_osm
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "town.osm"
     ...     _ = path.write_bytes(write_osm(extract))
-    ...     (in_box,) = extract_raw(path, read_header(path), [extract.box], service_roads=True).ways
+    ...     site = Around("2023-319003", extract.box, extract.box)
+    ...     (in_box,) = read_around(path, read_header(path), [site], OsmSettings()).ways
     >>> len(in_box) == len(extract.ways) + len(extract.walkways)
     True
     """
-    found, negative = _one_pass(path, header, boxes, nearer, service_roads=service_roads)
-    if not negative:
-        return found
-    with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder:
-        renumbered = Path(folder) / "renumbered.osm"
-        if not with_positive_ids(path, renumbered):
-            raise UnreadableMapError(f"{path}: has ids below 0; save it as .osm, where they are read")
-        return _one_pass(renumbered, header, boxes, nearer, service_roads=service_roads)[0]
-
-
-def _one_pass(
-    path: Path,
-    header: FileHeader,
-    boxes: Sequence[BoundingBox],
-    nearer: Sequence[BoundingBox],
-    *,
-    service_roads: bool,
-) -> tuple[FilePass, bool]:
-    """What one pass finds, and whether nodes were not found because their ids are below 0."""
     import osmium
 
-    times = _COPY_TO_FILE + (LOCATED_TO_FILE if is_large(path) else 0)
-    check_room(path, times, Path(tempfile.gettempdir()), "make room, or set TMPDIR to a folder that has it")
-    with tempfile.TemporaryDirectory(prefix="trace-dag-") as folder, reading(path), no_garbage_collection():
-        collector = Collector(boxes, nearer, measure_bounds=header.box is None, service_roads=service_roads)
-        filters = Filters(with_surroundings=bool(nearer), service_roads=service_roads)
-        located, copied = Path(folder) / "locations", Path(folder) / "copy.opl"
-        locations, _ = locations_in(f"sparse_file_array,{located}" if is_large(path) else "flex_mem")
-        with _reader(path, osmium.osm.NODE | osmium.osm.WAY | osmium.osm.RELATION) as reader:
-            copy(reader, copied, (filters.ways, filters.relations, locations, filters.nodes))
-        with copied.open("rb") as lines:
-            collector.read(lines)
-        if collector.near.incomplete and not header.sorted_by_type:
-            # Again, now that every node of the file is located.
-            collector.forget_ways()
-            with _reader(path, osmium.osm.WAY) as reader:
-                copy(reader, copied, (filters.ways, locations))
-            with copied.open("rb") as lines:
-                collector.read(lines)
-        return collector.found(), collector.near.negative
+    with (
+        as_plain_xml(path) as plain,
+        reading(path),
+        _node_locations(path, settings) as located,
+        no_garbage_collection(),
+    ):
+        finder = _Finder(path.name, sites, measure_bounds=header.box is None, service_roads=settings.service_roads)
+        finder.look_at(plain, osmium.osm.ALL, located)
+        if finder.incomplete and (finder.unsorted or not header.sorted_by_type):
+            finder.forget_ways()  # they are read again, now that every node of the file is located
+            finder.look_at(plain, osmium.osm.WAY, located)
+        return finder.found()
 
 
-def is_large(path: Path) -> bool:
-    """Whether the nodes of a file are located in a file.
+def _filters() -> Iterator[Any]:
+    """What drops objects that have none of the keys asked for."""
+    import osmium
 
-    >>> with tempfile.NamedTemporaryFile() as town:
-    ...     is_large(Path(town.name))
-    False
-    """
-    return path.stat().st_size >= _LARGE
-
-
-def is_divisible(path: Path, header: FileHeader) -> bool:
-    """Whether a file is large, and sorted as those of the public servers are: pieces are cut out of it first.
-
-    >>> with tempfile.NamedTemporaryFile(suffix=".osm.pbf") as town:
-    ...     is_divisible(Path(town.name), FileHeader(None, "", sorted_by_type=True))
-    False
-    """
-    return is_large(path) and path.name.endswith(".pbf") and header.sorted_by_type and header.box is not None
+    node, way, relation = osmium.osm.NODE, osmium.osm.WAY, osmium.osm.RELATION
+    for kind, keys in (
+        (way, ("highway", *WAY_KEYS)),
+        (node, {*ROAD_NODE_KEYS, *NODE_KEYS}),
+        (relation, ("restriction",)),
+    ):
+        only = osmium.filter.KeyFilter(*keys)
+        only.enable_for(kind)
+        yield only
 
 
 @contextmanager
-def _reader(path: Path, kinds: Any) -> Iterator[Any]:
+def _node_locations(path: Path, settings: OsmSettings) -> Iterator[Any]:
+    """What locates a file's nodes: in memory or, where that is short, in the temporary folder."""
     import osmium
 
-    reader = osmium.io.Reader(str(path), kinds, thread_pool=threads(os.getpid()))
-    try:
-        yield reader
-    finally:
-        reader.close()
+    def kept_in(table: str) -> Any:
+        located = osmium.NodeLocationsForWays(osmium.index.create_map(table))
+        located.ignore_errors()
+        return located
 
-
-def check_room(path: Path, times: float, folder: Path, remedy: str = "make room there") -> None:
-    """Raise :class:`UserError` where a folder has no room for so many times the size of a map file.
-
-    libosmium ends the whole process when a disk is full, so that is found out before.
-
-    >>> with tempfile.NamedTemporaryFile() as town:
-    ...     check_room(Path(town.name), 10, Path(town.name).parent)  # an empty file needs none
-    """
-    needed, free = path.stat().st_size * times, shutil.disk_usage(folder).free
-    if free < needed:
+    size = path.stat().st_size * LOCATED_TO_FILE
+    if size <= settings.node_memory_mb * 1e6:
+        yield kept_in("flex_mem")
+        return
+    # libosmium ends the whole process when a disk is full, so that is found out before.
+    folder = Path(tempfile.gettempdir())
+    if (free := shutil.disk_usage(folder).free) < size:
         raise UserError(
-            f"{folder}: {free / 1e6:.0f} MB free, but copying the roads of {path} may take {needed / 1e6:.0f} MB; "
-            f"{remedy}"
+            f"{folder}: {free / 1e6:,.0f} MB free, but the nodes of {path} may take {size / 1e6:,.0f} MB; make room, "
+            "set TMPDIR to a folder that has it, or raise osm.node_memory_mb"
         )
+    with tempfile.TemporaryDirectory(prefix="trace-dag-") as temporary:
+        yield kept_in(f"sparse_file_array,{temporary}/locations")
+
+
+@functools.cache
+def _threads(process: int) -> Any:
+    """One pool for all files of a process; a forked one has none of its parent's threads."""
+    import osmium
+
+    return osmium.io.ThreadPool(os.cpu_count() or 1)  # left to itself libosmium spares two cores
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """What libosmium says of a file that it cannot read becomes :class:`UnreadableMapError`.
+
+    >>> with reading(Path("town.osm.pbf")):  # doctest: +ELLIPSIS
+    ...     raise RuntimeError("PBF error: truncated data")
+    Traceback (most recent call last):
+    trace_dag.osm.plausibility.UnreadableMapError: town.osm.pbf: cannot be read as OSM data (PBF error: ...
+    """
+    import osmium
+
+    try:
+        yield
+    except (RuntimeError, ValueError, IndexError, OverflowError, osmium.InvalidLocationError) as error:
+        # libosmium's exceptions have no common base: text cut off within a character is an IndexError.
+        said = str(error)[:_SAID]
+        raise UnreadableMapError(
+            f"{path}: cannot be read as OSM data ({said}); expected .osm, .osm.gz, .osm.bz2 or .osm.pbf, whole"
+        ) from error
+
+
+class _Finder:
+    """Looks at the objects of a file, one by one, and keeps those near a site.
+
+    Most are not. A way no longer than :data:`_LONG_M` is near a site only if it begins in a cell, of 0.01 degrees, that
+    is no farther than that from it; others need no closer look.
+    """
+
+    def __init__(self, name: str, sites: Sequence[Around], *, measure_bounds: bool, service_roads: bool) -> None:
+        from osmium import InvalidLocationError
+        from osmium.geom import WKBFactory, haversine_distance, use_nodes
+
+        self.incomplete = False  # some way near a site has a node that was not located
+        self.unsorted = False  # a node came after a way
+        self._name, self._sites, self._service_roads = name, sites, service_roads
+        self._measure_bounds = measure_bounds
+        self._length_m, self._not_located = haversine_distance, InvalidLocationError
+        self._wkb, self._all_nodes = WKBFactory(), use_nodes.ALL
+        self._boxes = _tree_of([each.box for each in sites])
+        self._nearer = _tree_of([each.nearer for each in sites])
+        self._cells = {cell for each in sites for box in (each.box, each.nearer) for cell in _cells(box)}
+        self._points: list[list[OsmFeature]] = [[] for _ in sites]
+        self._road_tags: dict[int, dict[str, str]] = {}  # of nodes near sites
+        self._restrictions: list[OsmRelation] = []
+        self._seen, self._told_s = 0, time.monotonic()
+        self._way_seen = False
+        self.forget_ways()
+
+    def forget_ways(self) -> None:
+        """They will all be read once more."""
+        self._ways: list[dict[int, RawWay]] = [{} for _ in self._sites]
+        self._things: list[dict[int, RawWay]] = [{} for _ in self._sites]
+        self._bounds = [math.inf, math.inf, -math.inf, -math.inf]  # west, south, east, north of all roads, 1e-7 degrees
+
+    def look_at(self, path: Path, kinds: Any, located: Any) -> None:
+        """Look at the objects of a file of some kinds, with their nodes located."""
+        import osmium
+
+        processor = osmium.FileProcessor(str(path), kinds, thread_pool=_threads(os.getpid()))
+        for each in (located, *_filters()):
+            processor.with_filter(each)
+        for each in processor:
+            self._take(each)
+
+    def _take(self, each: Any) -> None:
+        self._seen += 1
+        if self._seen % _LOOKED_AT == 0:
+            self._tell()
+        if each.is_way():
+            self._take_way(each)
+        elif each.is_node():
+            self.unsorted |= self._way_seen
+            self._take_node(each)
+        else:
+            members = tuple(OsmMember(_MEMBER_TYPES[m.type], m.ref, m.role) for m in each.members)
+            self._restrictions.append(OsmRelation(each.id, members, dict(each.tags)))
+
+    def found(self) -> FilePass:
+        """Everything that was kept."""
+        found = FilePass(self._sites, self._ways, self._things, self._points)
+        in_ways = [way.node_ids for ways in self._ways for way in ways.values()]
+        nodes = np.unique(np.concatenate(in_ways)).tolist() if in_ways else []
+        found.node_tags = {node_id: self._road_tags[node_id] for node_id in nodes if node_id in self._road_tags}
+        kept = {way_id for ways in self._ways for way_id in ways}
+        for relation in self._restrictions:
+            for way_id in {member.id for member in relation.members if member.type == "way"} & kept:
+                found.restrictions_of.setdefault(way_id, []).append(relation)
+        if self._measure_bounds and self._bounds[0] <= self._bounds[2]:
+            west_deg, south_deg, east_deg, north_deg = (each / _UNITS_PER_DEG for each in self._bounds)
+            found.road_bounds = BoundingBox(south_deg, west_deg, north_deg, east_deg)
+        return found
+
+    def _take_node(self, node: Any) -> None:
+        x, y = node.location.x, node.location.y
+        if (x // _CELL, y // _CELL) not in self._cells:
+            return
+        place = shapely.Point(x / _UNITS_PER_DEG, y / _UNITS_PER_DEG)
+        near_things, near_roads = self._nearer.query(place).tolist(), self._boxes.query(place).tolist()
+        if not near_things and not near_roads:
+            return
+        tags = dict(node.tags)
+        if not ROAD_NODE_KEYS.isdisjoint(tags):
+            self._road_tags[node.id] = tags
+        if is_thing(tags, way=False):
+            for site in near_things:
+                self._points[site].append(feature_of_node(node.id, place.x, place.y, tags))
+
+    def _take_way(self, way: Any) -> None:
+        self._way_seen, nodes = True, way.nodes
+        if self._measure_bounds and way.tags.get("highway") in DRIVABLE_HIGHWAYS:
+            self._measure(nodes)
+        if len(nodes) < 2 or not self._may_be_near(nodes):
+            return
+        tree, kept = (self._boxes, self._ways) if "highway" in way.tags else (self._nearer, self._things)
+        sites = tree.query(self._line(way)).tolist()
+        if not sites or not self._is_wanted(tags := dict(way.tags)):
+            return
+        ids, x, y = np.array([(node.ref, node.x, node.y) for node in nodes], dtype=np.int64).T
+        x_deg, y_deg = (np.where(x != _NOWHERE, each / _UNITS_PER_DEG, np.nan) for each in (x, y))
+        raw = RawWay(way.id, ids, x_deg, y_deg, tags)
+        for site in sites:
+            kept[site][raw.id] = raw
+
+    def _line(self, way: Any) -> shapely.Geometry:
+        """A way, or those of its nodes that are located."""
+        try:
+            return shapely.from_wkb(self._wkb.create_linestring(way, self._all_nodes))
+        except self._not_located:
+            self.incomplete = True
+            places = [(node.x / _UNITS_PER_DEG, node.y / _UNITS_PER_DEG) for node in way.nodes if node.x != _NOWHERE]
+            return shapely.MultiPoint(places)
+
+    def _may_be_near(self, nodes: Any) -> bool:
+        first = nodes[0]
+        if first.x == _NOWHERE or (first.x // _CELL, first.y // _CELL) in self._cells:
+            return True
+        try:
+            return bool(self._length_m(nodes) > _LONG_M)
+        except self._not_located:
+            return True
+
+    def _is_wanted(self, tags: Mapping[str, str]) -> bool:
+        if "highway" in tags:
+            return is_drivable(tags, service_roads=self._service_roads) or is_walkway(tags)
+        return is_thing(tags, way=True)
+
+    def _measure(self, nodes: Any) -> None:
+        west, south, east, north = self._bounds
+        for node in nodes:
+            if node.x != _NOWHERE:
+                west, east = min(west, node.x), max(east, node.x)
+                south, north = min(south, node.y), max(north, node.y)
+        self._bounds = [west, south, east, north]
+
+    def _tell(self) -> None:
+        if time.monotonic() - self._told_s < TOLD_EVERY_S:
+            return
+        self._told_s = time.monotonic()
+        line = f"{self._name}: {self._seen:,} objects read"
+        if self._sites:
+            line += f", roads around {sum(map(bool, self._ways)):,} of {len(self._sites):,} crashes found"
+        complain(line, level=logging.INFO)
+
+
+def _tree_of(boxes: Sequence[BoundingBox]) -> shapely.STRtree:
+    return shapely.STRtree([shapely.box(box.west_deg, box.south_deg, box.east_deg, box.north_deg) for box in boxes])
+
+
+def _cells(box: BoundingBox) -> Iterator[tuple[int, int]]:
+    """The cells no farther from a box than :data:`_LONG_M`."""
+    farthest_deg = min(max(abs(box.south_deg), abs(box.north_deg)) + _LONG_DEG, 90.0)
+    east_deg = _LONG_DEG / max(math.cos(math.radians(farthest_deg)), _MIN_COS_LATITUDE)
+    sides = (
+        (box.west_deg - east_deg, box.east_deg + east_deg),
+        (box.south_deg - _LONG_DEG, box.north_deg + _LONG_DEG),
+    )
+    columns, rows = (
+        range(*(math.floor(side * _UNITS_PER_DEG / _CELL) + after for after, side in enumerate(ends))) for ends in sides
+    )
+    return product(columns, rows)

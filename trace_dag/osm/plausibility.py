@@ -34,8 +34,6 @@ _MAX_PER_KM2: Final = {"nodes of roads": 20_000, "places where roads meet": 3_00
 """In the box around a crash. Of 198 boxes in the United States the fullest had 2,400, 670 and 40,000 of them."""
 _BLOCK: Final = 2**20
 _SPECIAL: Final = re.compile(rb"<!--|<!|<\?")
-_NEGATIVE: Final = re.compile(rb"""(\b(?:id|ref)\s*=\s*["'])-([0-9]{1,15})(?=["'])""")
-_ABOVE_ALL: Final = 4 * 10**15  # OSM's ids are below 2**36
 
 
 class UnreadableMapError(UserError):
@@ -126,31 +124,3 @@ def check_roads(extract: OsmExtract, path: Path, *, area_km2: float, length_m: f
                 f"{path}: {found / area_km2:.0f} {what} per square kilometre around the crash; the densest towns have "
                 f"less than {most}"
             )
-
-
-def with_positive_ids(source: Path, target: Path) -> bool:
-    """Copy XML to ``target`` (``.osm``), with ids below 0 (which editors give to new objects) moved above all others.
-
-    Returns whether there were any.
-
-    >>> with_positive_ids(Path("town.osm.pbf"), Path("copy.osm"))  # binary: editors write XML
-    False
-    """
-    opener = xml_opener(source)
-    if opener is None:
-        return False
-    found = False
-
-    def above(match: re.Match[bytes]) -> bytes:
-        return match[1] + str(_ABOVE_ALL + int(match[2])).encode()
-
-    with opener(source, "rb") as stream, target.open("wb") as copy:
-        left = b""
-        while block := stream.read(_BLOCK):
-            left += block
-            whole = left.rfind(b">") + 1
-            text, count = _NEGATIVE.subn(above, left[:whole])
-            copy.write(text)
-            left, found = left[whole:], found or count > 0
-        copy.write(left)
-    return found

@@ -12,7 +12,6 @@ from trace_dag.flow.contract import Flow, StageDefinition
 from trace_dag.stage import Stage
 
 _GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
-_PREPARATIONS = {Stage.OSM_EXTRACT: "trace_dag.flow.large_maps:large_maps_divided"}
 _REQUIREMENTS = {
     Stage.ROAD_MAP: "trace_dag.flow.requirements:road_map",
     Stage.STATE_ESTIMATE: "trace_dag.flow.requirements:state_estimate",
@@ -26,7 +25,6 @@ FLOW = Flow(
             f"{__name__}.{stage}:{stage}",
             _GROUPINGS.get(stage),
             _REQUIREMENTS.get(stage),
-            _PREPARATIONS.get(stage),
         )
         for stage in Stage
     ),

@@ -1,4 +1,4 @@
-"""Stage ``osm_extract``: the roads around each crash, for many crashes in one pass over each map file."""
+"""Stage ``osm_extract``: the roads around each crash, for many crashes from one reading of each map file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from trace_dag.cohorts.services import Services
     from trace_dag.crash.record import CrashRecord
     from trace_dag.settings import OsmSettings
-    from trace_dag.storage import Storage
 
 
 def osm_extract(
@@ -30,7 +29,7 @@ def osm_extract(
     services: Services,
     settings: OsmSettings,
 ) -> Mapping[str, StageProduct | Rejection | Failure]:
-    """The roads around each crash, in one pass over each map file; where none covers it, from the cohort's service."""
+    """The roads around each crash, from one reading of each map file; where none has it, from the cohort's service."""
     answers: dict[str, StageProduct | Rejection | Failure] = {}
     by_maps: dict[tuple[tuple[RegisteredMap, ...], str | None], list[Site]] = {}
     for key, of_crash in record.items():
@@ -78,17 +77,17 @@ def _ask(
 
 def catalog_of(maps: tuple[RegisteredMap, ...], services: Services) -> MapCatalog:
     """The map files of a cohort; opened once per process."""
-    files: list[tuple[Path, str] | Failure] = []
+    files: list[Path | Failure] = []
     for file in maps:
         try:
-            files.append((services.map_file(file), file.sha256))
+            files.append(services.map_file(file))
         except TransientFailure:
             raise
         except Failure as failure:
             files.append(failure)
-    return _opened(tuple(files), services.storage)
+    return _opened(tuple(files))
 
 
 @lru_cache(maxsize=8)
-def _opened(files: tuple[tuple[Path, str] | Failure, ...], storage: Storage) -> MapCatalog:
-    return MapCatalog.of_registered(files, storage)
+def _opened(files: tuple[Path | Failure, ...]) -> MapCatalog:
+    return MapCatalog.of_registered(files)

@@ -1,18 +1,15 @@
-"""Large files, of which what is far from all sites is not copied, give the same extracts as small ones."""
+"""What is found around a place in a file, wherever its nodes are located."""
 
 from __future__ import annotations
 
 import random
 from pathlib import Path
 
-import numpy as np
 import osmium
 import pytest
 
 from tests.osm.osm_text import ORIGIN, node, place, restriction, save, thing, way
-from trace_dag.osm import extraction
 from trace_dag.osm.catalog import MapCatalog
-from trace_dag.osm.near_nodes import set_of
 from trace_dag.osm.types import OsmExtract, Site
 from trace_dag.settings import OsmSettings
 
@@ -20,13 +17,6 @@ SITE = Site("1", *ORIGIN)
 FAR_M = 3000.0
 CORNERS = ((1, -FAR_M, 5.0), (2, FAR_M, 5.0), (3, FAR_M, FAR_M), (4, -FAR_M, FAR_M))
 AROUND = ((5, -FAR_M, -FAR_M), (6, FAR_M, -FAR_M), (7, FAR_M, FAR_M), (8, -FAR_M, FAR_M))
-
-
-@pytest.fixture
-def all_large(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Every file is a large one."""
-    monkeypatch.setattr(extraction, "_LARGE", 0)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 
 def sorted_pbf(folder: Path, *elements: str) -> Path:
@@ -42,26 +32,23 @@ def sorted_pbf(folder: Path, *elements: str) -> Path:
     return target
 
 
-def cut(file: Path) -> OsmExtract:
-    extract = MapCatalog.open([file]).extract([SITE], OsmSettings())[SITE.key]
+def cut(file: Path, **settings: float) -> OsmExtract:
+    extract = MapCatalog.open([file]).extract([SITE], OsmSettings(**settings))[SITE.key]  # type: ignore[arg-type]
     assert isinstance(extract, OsmExtract)
     return extract
 
 
-@pytest.mark.usefixtures("all_large")
 def test_a_road_passes_without_a_node_for_kilometres(tmp_path: Path) -> None:
     file = sorted_pbf(tmp_path, *(node(*corner) for corner in CORNERS), way(10, [1, 2]), way(11, [3, 4]))
     assert [each.id for each in cut(file).ways] == [10]
 
 
-@pytest.mark.usefixtures("all_large")
 def test_a_wood_lies_around_the_place(tmp_path: Path) -> None:
     wood = thing(20, [5, 6, 7, 8, 5], natural="wood")
     file = sorted_pbf(tmp_path, *(node(*each) for each in (*CORNERS[:2], *AROUND)), way(10, [1, 2]), wood)
     assert [each.id for each in cut(file).surroundings] == ["way/20"]
 
 
-@pytest.mark.usefixtures("all_large")
 def test_a_restriction_by_way_of_another_street_is_kept(tmp_path: Path) -> None:
     nodes = [node(1, -50, 5), node(2, 0, 5), node(3, 0, 25), node(4, -50, 25)]
     turn = restriction(30, 10, 11, 12, "no_u_turn", via_type="way")
@@ -69,17 +56,38 @@ def test_a_restriction_by_way_of_another_street_is_kept(tmp_path: Path) -> None:
     assert [each.id for each in cut(file).relations] == [30]
 
 
-@pytest.mark.usefixtures("all_large")
 def test_a_way_whose_nodes_are_missing_is_kept_as_far_as_it_is_there(tmp_path: Path) -> None:
     file = sorted_pbf(tmp_path, node(1, -20, 5), node(2, 20, 5), way(10, [98, 99, 1, 2]))
     assert [each.node_ids for each in cut(file).ways] == [(1, 2)]
 
 
-def test_large_and_small_files_give_the_same(
-    shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_file_that_claims_to_be_sorted_and_is_not_is_read_again(tmp_path: Path) -> None:
+    elements = (way(10, [1, 2]), node(1, -20, 5, highway="stop"), node(2, 20, 5))
+    assert [each.node_ids for each in cut(sorted_pbf(tmp_path, *elements)).ways] == [(1, 2)]
+
+
+@pytest.mark.parametrize("node_memory_mb", [0.0, 100.0])
+def test_files_are_read_once_where_sorted_and_twice_where_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, node_memory_mb: float
 ) -> None:
-    file = shared_data / "osm" / "concho-az.osm.pbf"
-    catalog = MapCatalog.open([file])
+    readings: list[object] = []
+    processor = osmium.FileProcessor
+
+    def counted(file: str, entities: object = osmium.osm.ALL, **options: object) -> object:
+        if entities is not osmium.osm.NOTHING:
+            readings.append(entities)
+        return processor(file, entities, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(osmium, "FileProcessor", counted)
+    nodes, road = (node(1, -20, 5), node(2, 20, 5)), way(10, [1, 2])
+    assert cut(sorted_pbf(tmp_path, *nodes, road), node_memory_mb=node_memory_mb).ways
+    assert len(readings) == 1
+    assert cut(save(tmp_path / "any.osm", road, *nodes), node_memory_mb=node_memory_mb).ways
+    assert len(readings) == 3
+
+
+def test_nodes_located_on_disk_and_in_memory_give_the_same(shared_data: Path) -> None:
+    catalog = MapCatalog.open([shared_data / "osm" / "concho-az.osm.pbf"])
     box = catalog.files[0].header.box
     assert box is not None
     draw = random.Random(1)
@@ -87,13 +95,9 @@ def test_large_and_small_files_give_the_same(
         Site(str(each), draw.uniform(box.south_deg, box.north_deg), draw.uniform(box.west_deg, box.east_deg))
         for each in range(60)
     ]
-    small = catalog.extract(sites, OsmSettings())
-    assert sum(isinstance(each, OsmExtract) for each in small.values()) > 10
-    monkeypatch.setattr(extraction, "_LARGE", 0)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    for _ in ("first time", "with the long ways noted"):
-        large = catalog.extract(sites, OsmSettings())
-        assert {key: _ordered(each) for key, each in large.items()} == {k: _ordered(v) for k, v in small.items()}
+    memory, disk = (catalog.extract(sites, OsmSettings(node_memory_mb=most)) for most in (1000.0, 0.0))
+    assert sum(isinstance(each, OsmExtract) for each in memory.values()) > 10
+    assert {key: _ordered(each) for key, each in disk.items()} == {k: _ordered(v) for k, v in memory.items()}
 
 
 def _ordered(answer: object) -> object:
@@ -101,7 +105,3 @@ def _ordered(answer: object) -> object:
         return repr(answer)
     things = sorted((each.id, each.geometry.wkt, dict(each.tags)) for each in answer.surroundings)
     return answer.nodes, answer.ways, answer.relations, answer.walkways, things
-
-
-def test_scattered_ids_are_not_put_into_a_set_in_memory() -> None:
-    assert set_of([np.arange(0, 2**40, 2**29, dtype=np.uint64)]) is None

@@ -1,39 +1,36 @@
-"""The first reading of binary map files, in a process that may die of it.
+"""Reads new binary map files to their end, in a process that may die of it.
 
 libosmium believes what a ``.osm.pbf`` says: a zero byte within a name makes it read on beyond its memory, which is no
-exception but the end of the process. So a new file is read to its end once where nothing else is lost. One process
-reads all files that are registered together, so that many small ones cost one start of Python; after a death there is
-another.
+exception but the end of the process. So a new file is read once where nothing else is lost. One process reads all files
+that are registered together, so that many small ones cost one start of Python; after a death there is another.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import resource
 import select
 import subprocess
 import sys
+import time
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from trace_dag.errors import UserError
-from trace_dag.osm.extraction import extract_raw, is_divisible, read_header
-from trace_dag.osm.first_look import first_look
-from trace_dag.osm.large_map import LargeMap
+from trace_dag.logs import complain
+from trace_dag.osm.extraction import TOLD_EVERY_S, reading
 from trace_dag.osm.plausibility import UnreadableMapError
 from trace_dag.processes import how_it_ended
-from trace_dag.progress import MapListener, MapProgress, unheard
-from trace_dag.storage import Storage
 
 _LIMIT_S: Final = 120.0  # by the clock, for Python to be there and a small file to be read
 _SLOWEST_BYTES_PER_S: Final = 200_000.0  # a hundredth of the usual; what is slower than that never ends
-_COMMAND: Final = (sys.executable, "-P", "-c", "from trace_dag.osm.first_reading import serve; serve()")
+_COMMAND: Final = (sys.executable, "-P", "-c", "from trace_dag.osm.pbf_check import serve; serve()")
 
 
-class FirstReader:
+class PbfChecker:
     """Reads files in a process of its own, which is started with the first and ended by :meth:`close`."""
 
     def __init__(self, *, limit_s: float = _LIMIT_S) -> None:
@@ -46,11 +43,8 @@ class FirstReader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def read(self, path: Path, digest: str = "", storage: Storage | None = None, tell: MapListener = unheard) -> None:
-        """Read a file to its end; with ``storage``, keep there what a first look finds in a large one.
-
-        Raises :class:`UserError` for one that cannot be read, or not within its time.
-        """
+    def check(self, path: Path) -> None:
+        """Read a file to its end. Raises :class:`UserError` for one that cannot be read, or not within its time."""
         if self._process is None:
             self._process = _started()
         process = self._process
@@ -58,7 +52,7 @@ class FirstReader:
         assert process.stdout is not None
         limit_s = self._limit_s + path.stat().st_size / _SLOWEST_BYTES_PER_S
         with suppress(BrokenPipeError):  # it has died meanwhile: listening to it says so
-            process.stdin.write(json.dumps([str(path), digest, storage.root if storage else None]) + "\n")
+            process.stdin.write(json.dumps(str(path)) + "\n")
             process.stdin.flush()
         while True:
             if not select.select([process.stdout], [], [], limit_s)[0]:
@@ -73,10 +67,11 @@ class FirstReader:
                     "out"
                 )
             said = json.loads(answer)
-            if isinstance(said, dict):
-                tell(MapProgress(**said))
+            if isinstance(said, int):
+                complain(f"{path.name}: {said:,} ways checked", level=logging.INFO)
             elif said:
-                raise UserError(said)
+                self.close()  # a writer that failed ends its process when it is destructed
+                raise UnreadableMapError(said)
             else:
                 return
 
@@ -102,30 +97,47 @@ def _started() -> subprocess.Popen[str]:
 
 
 def serve() -> None:
-    """Read the files named on standard input, a JSON list in a line each: path, SHA-256, storage root.
+    """Read the files named on standard input, a JSON string in a line each.
 
-    Answers each with how far it is (objects), then with what is wrong (a string, empty if nothing is).
+    Answers each with how many ways it has seen so far, then with what is wrong (a string, empty if nothing is).
     """
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # its death is nothing to be looked into
     for line in sys.stdin:
-        path, digest, root = json.loads(line)
-        said = ""
+        path = Path(json.loads(line))
         try:
-            _read(Path(path), digest, root)
+            _read(path)
+            _answer("")
         except UserError as error:
-            said = str(error)
+            _answer(str(error))
         except MemoryError:
-            said = f"{path}: needs more memory than there is; cut the region of the crashes out of it (osmium extract)"
-        _answer(said)
+            _answer(f"{path}: needs more memory than there is; cut the region of the crashes out of it")
 
 
-def _read(path: Path, digest: str, root: str | None) -> None:
-    header = read_header(path)
-    look = None
-    if root is not None and is_divisible(path, header):
-        look = first_look(LargeMap(path, header, digest, Storage(root)), lambda each: _answer(asdict(each)))
-    if look is None or not look.sorted:
-        extract_raw(path, header, [], service_roads=True)
+def _read(path: Path) -> None:
+    """Write all objects to nowhere as text, so that libosmium looks at every letter of them."""
+    import osmium
+
+    looking = _Looking(path)
+    with reading(path):
+        nowhere = osmium.SimpleWriter(osmium.io.File(os.devnull, "opl"), overwrite=True)
+        osmium.apply(str(path), looking, nowhere)
+        nowhere.close()
+
+
+class _Looking:
+    """Looks at each way, for :func:`osmium.apply`, and answers how many there were so far."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._ways, self._told_s = path, 0, time.monotonic()
+
+    def way(self, way: Any) -> None:
+        """Count it. Raises :class:`UnreadableMapError` for an id below 0."""
+        if way.id < 0:
+            raise UnreadableMapError(f"{self._path}: has ids below 0; save it as .osm, where they are read")
+        self._ways += 1
+        if self._ways % 1000 == 0 and time.monotonic() - self._told_s >= TOLD_EVERY_S:
+            self._told_s = time.monotonic()
+            _answer(self._ways)
 
 
 def _answer(what: object) -> None:
