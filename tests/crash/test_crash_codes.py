@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,9 @@ def test_unknown_codes_are_errors_that_name_element_code_and_year() -> None:
 def test_years_beyond_the_tables_are_read_with_the_last_known_codes() -> None:
     assert crash.TYP_INT.holds(11, 2026)
     assert not crash.TYP_INT.holds(12, 2026)
+
+
+def test_no_code_stands_twice_in_the_table() -> None:
+    text = resources.files("trace_dag.crash.codes").joinpath("codes.csv").read_text(encoding="utf-8")
+    rows = [(row["variable"], row["code"]) for row in csv.DictReader(text.splitlines())]
+    assert len(rows) == len(set(rows)) > 1000

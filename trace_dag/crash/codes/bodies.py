@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trace_dag.crash.codes.table import table
+from trace_dag.crash.codes.table import code_table
 from trace_dag.crash.record import VehicleClass
 from trace_dag.units import KG_PER_LB, METRES_PER_FOOT
 
@@ -70,89 +70,21 @@ MACHINE = ReportedBody(VehicleClass.OTHER, 5.50, 2.50, 3.00, 7000)
 UNKNOWN_LIGHT = SEDAN
 """A vehicle of unknown kind is taken for the most frequent one, and the record marks that as implied."""
 
-_BODY_TYPES: Final[dict[int, tuple[str, ReportedBody]]] = {
-    1: ("convertible", COUPE),
-    2: ("two-door car", COUPE),
-    3: ("hatchback", HATCHBACK),
-    4: ("sedan", SEDAN),
-    5: ("hatchback", HATCHBACK),
-    6: ("station wagon", WAGON),
-    7: ("hatchback", HATCHBACK),
-    8: ("sedan", SEDAN),
-    9: ("car", SEDAN),
-    10: ("car-based pickup", COMPACT_PICKUP),
-    11: ("car-based panel van", WAGON),
-    12: ("limousine", LIMOUSINE),
-    13: ("three-wheeled car", THREE_WHEELER),
-    14: ("compact SUV", SUV),
-    15: ("large SUV", LARGE_SUV),
-    16: ("large SUV", LARGE_SUV),
-    17: ("coupe", COUPE),
-    19: ("SUV", SUV),
-    20: ("minivan", MINIVAN),
-    21: ("large van", LARGE_VAN),
-    22: ("step van", STEP_VAN),
-    28: ("van", LARGE_VAN),
-    29: ("van", LARGE_VAN),
-    30: ("compact pickup", COMPACT_PICKUP),
-    31: ("pickup", PICKUP),
-    32: ("pickup with a camper", PICKUP),
-    33: ("convertible pickup", COMPACT_PICKUP),
-    34: ("light pickup", PICKUP),
-    39: ("pickup", PICKUP),
-    40: ("cab-chassis light truck", LIGHT_TRUCK),
-    41: ("panel truck", LIGHT_TRUCK),
-    42: ("light motor home", MOTOR_HOME),
-    45: ("light truck", LIGHT_TRUCK),
-    48: ("light truck", LIGHT_TRUCK),
-    49: ("light vehicle", UNKNOWN_LIGHT),
-    50: ("school bus", SCHOOL_BUS),
-    51: ("intercity bus", COACH),
-    52: ("transit bus", TRANSIT_BUS),
-    55: ("van-based bus", SMALL_BUS),
-    58: ("bus", TRANSIT_BUS),
-    59: ("bus", TRANSIT_BUS),
-    60: ("step van", MEDIUM_TRUCK),
-    61: ("medium single-unit truck", MEDIUM_TRUCK),
-    62: ("large single-unit truck", LARGE_TRUCK),
-    63: ("heavy single-unit truck", HEAVY_TRUCK),
-    64: ("single-unit truck", LARGE_TRUCK),
-    65: ("motor home", MOTOR_HOME),
-    66: ("truck tractor", TRACTOR),
-    67: ("heavy pickup", HEAVY_PICKUP),
-    71: ("medium truck", MEDIUM_TRUCK),
-    72: ("heavy truck", HEAVY_TRUCK),
-    73: ("motor home", MOTOR_HOME),
-    78: ("medium or heavy truck", LARGE_TRUCK),
-    79: ("truck", LARGE_TRUCK),
-    80: ("motorcycle", MOTORCYCLE),
-    81: ("moped", MOPED),
-    82: ("three-wheel motorcycle", THREE_WHEELER),
-    83: ("off-road motorcycle", MOTORCYCLE),
-    84: ("motor scooter", MOPED),
-    85: ("three-wheel motorcycle", THREE_WHEELER),
-    86: ("enclosed autocycle", THREE_WHEELER),
-    87: ("three-wheel motorcycle", THREE_WHEELER),
-    88: ("motored cycle", MOPED),
-    89: ("motored cycle", MOTORCYCLE),
-    90: ("all-terrain vehicle", ALL_TERRAIN),
-    91: ("snowmobile", ALL_TERRAIN),
-    92: ("farm machine", MACHINE),
-    93: ("construction machine", MACHINE),
-    94: ("low-speed vehicle", GOLF_CART),
-    95: ("golf cart", GOLF_CART),
-    96: ("off-highway vehicle", SIDE_BY_SIDE),
-    97: ("vehicle of another type", SIDE_BY_SIDE),
-}
+_BODY_OF: Final[dict[int, ReportedBody]] = {
+    1: COUPE, 2: COUPE, 3: HATCHBACK, 4: SEDAN, 5: HATCHBACK, 6: WAGON, 7: HATCHBACK, 8: SEDAN, 9: SEDAN,
+    10: COMPACT_PICKUP, 11: WAGON, 12: LIMOUSINE, 13: THREE_WHEELER, 14: SUV, 15: LARGE_SUV, 16: LARGE_SUV, 17: COUPE,
+    19: SUV, 20: MINIVAN, 21: LARGE_VAN, 22: STEP_VAN, 28: LARGE_VAN, 29: LARGE_VAN, 30: COMPACT_PICKUP, 31: PICKUP,
+    32: PICKUP, 33: COMPACT_PICKUP, 34: PICKUP, 39: PICKUP, 40: LIGHT_TRUCK, 41: LIGHT_TRUCK, 42: MOTOR_HOME,
+    45: LIGHT_TRUCK, 48: LIGHT_TRUCK, 49: UNKNOWN_LIGHT, 50: SCHOOL_BUS, 51: COACH, 52: TRANSIT_BUS, 55: SMALL_BUS,
+    58: TRANSIT_BUS, 59: TRANSIT_BUS, 60: MEDIUM_TRUCK, 61: MEDIUM_TRUCK, 62: LARGE_TRUCK, 63: HEAVY_TRUCK,
+    64: LARGE_TRUCK, 65: MOTOR_HOME, 66: TRACTOR, 67: HEAVY_PICKUP, 71: MEDIUM_TRUCK, 72: HEAVY_TRUCK, 73: MOTOR_HOME,
+    78: LARGE_TRUCK, 79: LARGE_TRUCK, 80: MOTORCYCLE, 81: MOPED, 82: THREE_WHEELER, 83: MOTORCYCLE, 84: MOPED,
+    85: THREE_WHEELER, 86: THREE_WHEELER, 87: THREE_WHEELER, 88: MOPED, 89: MOTORCYCLE, 90: ALL_TERRAIN,
+    91: ALL_TERRAIN, 92: MACHINE, 93: MACHINE, 94: GOLF_CART, 95: GOLF_CART, 96: SIDE_BY_SIDE, 97: SIDE_BY_SIDE,
+}  # fmt: skip
+"""By ``BODY_TYP``."""
 
-BODY_TYP = table(
-    "BODY_TYP",
-    "Body type",
-    {code: phrase for code, (phrase, _) in _BODY_TYPES.items()},
-    unknown=(98, 99),
-    since={34: 2017, 84: 2017, 85: 2017, 86: 2017, 87: 2017, 96: 2017},
-    until={30: 2016, 31: 2016, 32: 2017},
-)
+BODY_TYP = code_table("BODY_TYP")
 
 _VPIC_BODY_CLASS: Final[dict[int, ReportedBody]] = {
     1: COUPE, 2: MINIVAN, 3: COUPE, 5: HATCHBACK, 7: SUV, 8: SUV, 9: LARGE_VAN, 10: COUPE, 11: LARGE_TRUCK,
@@ -206,7 +138,7 @@ def body_of(evidence: BodyEvidence) -> tuple[ReportedBody, bool]:
     ('car', False)
     """
     known = BODY_TYP.known(evidence.body_type)
-    body = _BODY_TYPES[known][1] if known in _BODY_TYPES else _implied_kind(evidence)
+    body = _BODY_OF[known] if known in _BODY_OF else _implied_kind(evidence)
     if body is TRACTOR and evidence.trailers:
         return TRACTOR_OF_TRAILER, known is None
     return _refined(body, evidence), known is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trace_dag.crash.codes.table import table
+from trace_dag.crash.codes.table import code_table
 
 OVERTURN: Final = 1
 PEDESTRIAN: Final = 8
@@ -43,121 +43,16 @@ RAN_OFF_AT_END: Final = 71
 RAN_OFF: Final = 79
 DEPARTURES: Final = frozenset({RAN_OFF_RIGHT, RAN_OFF_LEFT, CROSSED_MEDIAN, 68, 69, RAN_OFF_AT_END, RAN_OFF})
 """Events in which a vehicle left its side of the road, its roadway, or came back onto it."""
-
-_HARMFUL = {
-    1: "overturned",
-    2: "caught fire or exploded",
-    3: "went into water",
-    4: "gas inhalation",
-    5: "someone fell or jumped from the vehicle",
-    6: "someone was hurt inside the vehicle without a collision",
-    7: "another non-collision event",
-    8: "struck a pedestrian",
-    9: "struck a cyclist",
-    10: "struck a railway vehicle",
-    11: "struck a live animal",
-    12: "collided with a motor vehicle in transport",
-    14: "struck a parked motor vehicle",
-    15: "struck a person on a personal conveyance",
-    16: "was hit by a thrown or falling object",
-    17: "struck a boulder",
-    18: "struck an object that was not fixed",
-    19: "struck a building",
-    20: "struck a crash cushion",
-    21: "struck a bridge pier",
-    23: "struck a bridge rail",
-    24: "struck a guardrail",
-    25: "struck a concrete barrier",
-    26: "struck a traffic barrier",
-    30: "struck a utility pole or light support",
-    31: "struck a post or pole",
-    32: "struck a culvert",
-    33: "struck a curb",
-    34: "struck a ditch",
-    35: "struck an embankment",
-    38: "struck a fence",
-    39: "struck a wall",
-    40: "struck a fire hydrant",
-    41: "struck shrubbery",
-    42: "struck a tree",
-    43: "struck a fixed object",
-    44: "struck a pavement irregularity",
-    45: "struck a working motor vehicle",
-    46: "struck a traffic signal support",
-    48: "struck a snow bank",
-    49: "struck a ridden animal or an animal-drawn conveyance",
-    50: "struck an overhead bridge structure",
-    51: "jackknifed with harm to itself",
-    52: "struck the end of a guardrail",
-    53: "struck a mailbox",
-    54: "was involved with cargo, persons or objects set in motion by another motor vehicle in transport",
-    55: "collided with a motor vehicle moving outside the trafficway",
-    57: "struck a cable barrier",
-    58: "struck the ground",
-    59: "struck a traffic sign support",
-    72: "lost or shifted its cargo with harm to itself",
-    73: "struck an object that had fallen from a motor vehicle in transport",
-    74: "struck a road vehicle on rails",
-    91: "struck an unknown object that was not fixed",
-    93: "struck an unknown fixed object",
-}
-_NON_HARMFUL = {
-    60: "lost or shifted its cargo",
-    61: "had an equipment failure",
-    62: "separated from its trailing unit",
-    63: "ran off the road to the right",
-    64: "ran off the road to the left",
-    65: "crossed the median",
-    66: "ran away downhill",
-    67: "went airborne",
-    68: "crossed the centreline",
-    69: "came back onto the road",
-    70: "swayed or jackknifed without harm",
-    71: "left the road at its end",
-    79: "ran off the road",
-}
-_SINCE = {74: 2016, 91: 2017, 93: 2017, 98: 2019}
-
-HARM_EV = table("HARM_EV", "First harmful event", _HARMFUL, unknown=(98, 99), since=_SINCE)
+HARM_EV = code_table("HARM_EV")
 UNKNOWN_EVENT: Final = 99
-SOE = table("SOE", "Event of the sequence", _HARMFUL | _NON_HARMFUL, unknown=(98, 99), since=_SINCE)
+SOE = code_table("SOE")
 
-_AREAS = {
-    0: "no collision",
-    **{hour: f"{hour} o'clock" for hour in range(1, 13)},
-    3: "3 o'clock (right)",
-    6: "6 o'clock (rear)",
-    9: "9 o'clock (left)",
-    12: "12 o'clock (front)",
-    13: "the top",
-    14: "the undercarriage",
-    18: "cargo or vehicle parts set in motion",
-    19: "objects or persons set in motion",
-    20: "something set in motion",
-    61: "the left side",
-    62: "the front part of the left side",
-    63: "the rear part of the left side",
-    81: "the right side",
-    82: "the front part of the right side",
-    83: "the rear part of the right side",
-}
 SET_IN_MOTION: Final = frozenset({18, 19, 20})
 """Not the vehicle itself touched: what it had set in motion did."""
 NOT_HARMFUL: Final = 55
-IMPACT1 = table("IMPACT1", "Area of initial impact", _AREAS, unknown=(55, 77, 98, 99), since={20: 2017})
-AOI = table(
-    "AOI",
-    "Area of impact of an event",
-    {**_AREAS, NOT_HARMFUL: "not harmful", 77: "not a motor vehicle"},
-    unknown=(98, 99),
-    since={20: 2017},
-)
-DAMAGE = table(
-    "DAMAGE",
-    "Damaged area",
-    {**{hour: f"{hour} o'clock" for hour in range(1, 13)}, 13: "the top", 14: "the undercarriage", 15: "no damage"},
-    unknown=(99,),
-)
+IMPACT1 = code_table("IMPACT1")
+AOI = code_table("AOI")
+DAMAGE = code_table("DAMAGE")
 
 NO_SECOND_VEHICLE: Final = frozenset({5555, 9999})
 """``VNUMBER2`` of events that are not harmful, or whose second party is not a motor vehicle."""

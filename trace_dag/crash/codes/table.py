@@ -1,9 +1,16 @@
-"""What a table of FARS codes is: which codes an element may hold in which year, and what they mean in plain words."""
+"""What a table of FARS codes is: which codes an element may hold in which year, and what they mean in plain words.
+
+``codes.csv`` has them all: a row for each code of an element (``variable``), with a phrase of ours, the first and last
+case year of one that came or went (``since``, ``until``), and whether it says "not reported" or "unknown".
+"""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
 
 FIRST_YEAR = 2010
 """The first case year the tables speak of; FARS was restructured with it."""
@@ -31,7 +38,6 @@ class CodeTable:
     """
 
     element: str
-    title: str
     meanings: Mapping[int, str]
     unknown: frozenset[int] = frozenset()
     years: Mapping[int, tuple[int, int]] = field(default_factory=dict)
@@ -59,29 +65,33 @@ class CodeTable:
         return "" if code is None or code in self.unknown else self.meanings.get(code, "")
 
 
-def table(
-    element: str,
-    title: str,
-    meanings: Mapping[int, str],
-    *,
-    unknown: Iterable[int] = (),
-    since: Mapping[int, int] | None = None,
-    until: Mapping[int, int] | None = None,
-) -> CodeTable:
-    """A code table; the ``unknown`` codes need no meaning. ``since`` and ``until`` are case years, inclusive.
+def code_table(element: str) -> CodeTable:
+    """The table of an element, from ``codes.csv``.
 
-    >>> light = table("LGT_COND", "light", {1: "daylight", 2: "dark", 6: "dark"}, unknown=(9,), since={6: 2016})
-    >>> light.holds(6, 2015), light.holds(6, 2016), light.meaning(1), light.meaning(9)
-    (False, True, 'daylight', '')
+    >>> weather = code_table("WEATHER")  # FARS has no code 0 any more from 2020 on
+    >>> weather.holds(0, 2019), weather.holds(0, 2020), weather.meaning(2), weather.meaning(99)
+    (True, False, 'rain', '')
     """
-    first, last = since or {}, until or {}
+    rows = _rows()[element]
     return CodeTable(
         element,
-        title,
-        {**meanings, **dict.fromkeys(unknown, "unknown")},
-        frozenset(unknown),
-        {code: (first.get(code, FIRST_YEAR), last.get(code, LAST_YEAR)) for code in {*first, *last}},
+        {int(row["code"]): row["meaning"] or ("unknown" if row["unknown"] else "") for row in rows},
+        frozenset(int(row["code"]) for row in rows if row["unknown"]),
+        {
+            int(row["code"]): (int(row["since"] or FIRST_YEAR), int(row["until"] or LAST_YEAR))
+            for row in rows
+            if row["since"] or row["until"]
+        },
     )
+
+
+@cache
+def _rows() -> dict[str, list[dict[str, str]]]:
+    rows: dict[str, list[dict[str, str]]] = {}
+    text = resources.files("trace_dag.crash.codes").joinpath("codes.csv").read_text(encoding="utf-8")
+    for row in csv.DictReader(text.splitlines()):
+        rows.setdefault(row["variable"], []).append(row)
+    return rows
 
 
 def ranges(codes: Iterable[int]) -> str:
