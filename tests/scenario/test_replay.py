@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 import re
 import sys
@@ -20,7 +19,6 @@ from trace_dag.errors import UserError
 from trace_dag.scenario.animation import write_animation
 from trace_dag.scenario.colours import VEHICLE_COLOURS
 from trace_dag.scenario.replay import write_html_player
-from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.replay_content import replay_windows
 from trace_dag.settings import VerdictSettings
 from trace_dag.sim.types import SimulationLog
@@ -48,17 +46,6 @@ def test_the_page_holds_the_log(crash) -> None:
     assert data["vehicles"][1]["reported"] is None
     assert data["contact"]["time"] == pytest.approx(log.first_contact.time_s, abs=1e-3)
     assert data["vehicles"][0]["delta_v"] == pytest.approx(math.hypot(*log.first_contact.delta_v_1_mps), abs=0.01)
-
-
-def test_columns_are_kept_as_the_numbers_they_are() -> None:
-    even = [round(0.123 * k, 3) for k in range(40)]
-    rows = [[round(0.5 * k, 2), 7.0] for k in range(40)]
-    kept = with_columns({"even": even, "rows": rows, "short": [0.1, 0.2], "gaps": [0.5, None] * 20})
-    assert kept["even"] == {"by": [0, 123, *[0] * 38], "per": 1000}
-    assert (kept["rows"]["width"], len(kept["rows"]["by"])) == (2, 80)
-    assert (kept["short"], kept["gaps"]) == ([0.1, 0.2], [0.5, None] * 20)
-    page = f'<script id="data" type="application/json">{json.dumps(kept)}</script>'.encode()
-    assert data_of(page) == {"even": even, "rows": rows, "short": [0.1, 0.2], "gaps": [0.5, None] * 20}
 
 
 def test_the_page_needs_nothing_else(crash) -> None:

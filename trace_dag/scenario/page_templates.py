@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import base64
-import math
+import gzip
 from functools import cache
-from typing import TYPE_CHECKING, Final
-
-import deflate
-import numpy as np
+from typing import TYPE_CHECKING
 
 from trace_dag.crash.codes.events import SOE
 from trace_dag.crash.parties import party_in_words, party_label, thing_party
@@ -18,8 +15,6 @@ from trace_dag.units import mps_to_mph
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-_FIRST_LETTER: Final = 0x4E00  # from here on 2 ** 15 letters are all single and have no meaning for JavaScript
 
 
 def words(value: object) -> str:
@@ -85,7 +80,7 @@ def zipped(data: bytes) -> bytes:
     >>> gzip.decompress(zipped(b"a log"))
     b'a log'
     """
-    return bytes(deflate.gzip_compress(data, 8))
+    return gzip.compress(data, 6, mtime=0)
 
 
 def in_base64(data: bytes) -> str:
@@ -95,23 +90,6 @@ def in_base64(data: bytes) -> str:
     'YSBsb2c='
     """
     return base64.b64encode(data).decode()
-
-
-def in_letters(data: bytes) -> str:
-    """Bytes as a script of its own holds them, in UTF-16: 15 bits to a letter, from U+4E00 on, after a letter that says
-    how many bytes (0 or 1) to leave out at the end. A fifteenth is added so, where base64 adds a third.
-
-    ``bytes_of_letters`` of a page's script makes them again.
-
-    >>> [ord(letter) - 0x4E00 for letter in in_letters(bytes([0b10000000, 0b00000011]))]
-    [1, 16385, 16384]
-    """
-    count = math.ceil(8 * len(data) / 15)
-    bits = np.zeros(15 * count, np.uint8)
-    bits[: 8 * len(data)] = np.unpackbits(np.frombuffer(data, np.uint8))
-    values = np.packbits(np.pad(bits.reshape(count, 15), ((0, 0), (1, 0))), axis=1).view(">u2")
-    needless = 15 * count // 8 - len(data)
-    return (_FIRST_LETTER + np.append(needless, values)).astype("<u2").tobytes().decode("utf-16-le")
 
 
 def read(name: str) -> str:

@@ -8,7 +8,6 @@ thing are in :mod:`trace_dag.scenario.animation`.
 
 from __future__ import annotations
 
-import codecs
 import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from trace_dag.crash.record import CrashRecord
 from trace_dag.roads.map.network import RoadNetwork
 from trace_dag.scenario.drive import AgentDrive
 from trace_dag.scenario.map_scene import Window
-from trace_dag.scenario.page_templates import in_base64, in_letters, templates, zipped
+from trace_dag.scenario.page_templates import in_base64, templates, zipped
 from trace_dag.scenario.replay_content import (
     ReplayContent,
     ReplayWindows,
@@ -29,7 +28,6 @@ from trace_dag.scenario.replay_content import (
     square,
 )
 from trace_dag.scenario.replay_library import packed_library
-from trace_dag.scenario.solid.packing import packed_glb
 from trace_dag.sim.types import SimulationLog
 from trace_dag.verdict.types import Verdict
 
@@ -56,9 +54,9 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
             title=content.said["title"],
             paired=paired,
             in_3d=solid is not None,
-            data=_script_safe(content.columns),
+            data=_script_safe(content.said),
             map_svg=in_base64(content.zipped_map),
-            solid=in_base64(zipped(packed_glb(solid))) if solid is not None else "",
+            solid=in_base64(zipped(solid)) if solid is not None else "",
             library=packed_library() if solid is not None else "",
         )
         .encode()
@@ -66,20 +64,19 @@ def replay_page(content: ReplayContent, *, in_3d: bool = True, paired: bool = Fa
 
 
 def replay_script(content: ReplayContent) -> bytes:
-    """What the page of a site reads of one crash: a script that calls it with the zipped parts of the content.
-
-    It is in UTF-16, in which they take the least; its byte order mark says so to browsers, whatever a server says.
+    """What the page of a site reads of one crash: a script that calls it with the parts of the content, as gzip in
+    base64.
 
     >>> from trace_dag.scenario.replay_content import replay_content
-    >>> replay_script(replay_content(record, network, log, in_3d=False)).decode("utf-16")[:8]
-    'replay({'
+    >>> replay_script(replay_content(record, network, log, in_3d=False))[:8]
+    b'replay({'
     """
-    said = json.dumps(content.columns, separators=(",", ":"), allow_nan=False)
+    said = json.dumps(content.said, separators=(",", ":"), allow_nan=False)
     parts = {"data": zipped(said.encode()), "map": content.zipped_map}
     if content.solid is not None:
-        parts["solid"] = zipped(packed_glb(content.solid))
-    held = ",".join(f'"{name}":"{in_letters(data)}"' for name, data in parts.items())
-    return codecs.BOM_UTF16_LE + f"replay({{{held}}})\n".encode("utf-16-le")
+        parts["solid"] = zipped(content.solid)
+    held = ",".join(f'"{name}":"{in_base64(data)}"' for name, data in parts.items())
+    return f"replay({{{held}}})\n".encode()
 
 
 def write_html_player(

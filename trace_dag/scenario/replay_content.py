@@ -26,7 +26,6 @@ from trace_dag.scenario.map_scene import Window
 from trace_dag.scenario.maps import MapDrawing
 from trace_dag.scenario.object_shapes import in_words, is_ours, outline
 from trace_dag.scenario.page_templates import zipped
-from trace_dag.scenario.replay_columns import with_columns
 from trace_dag.scenario.solid.scene import crash_glb
 from trace_dag.scenario.vehicle_names import vehicle_name
 from trace_dag.sim.drawn_courses import PLACE_M, STEP_S, TURN_RAD
@@ -86,13 +85,8 @@ class ReplayContent:
     solid: bytes | None = None
 
     @cached_property
-    def columns(self) -> Any:
-        """What is said, its long columns in few characters."""
-        return with_columns(self.said)
-
-    @cached_property
     def zipped_map(self) -> bytes:
-        """The map as pages hold it, before it is written in letters."""
+        """The map as pages hold it, before it is written in base64."""
         return zipped(self.map_svg.encode())
 
 

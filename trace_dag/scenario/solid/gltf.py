@@ -5,7 +5,7 @@ east, y north, z up, under one root node that turns it to glTF's y up; readers t
 the local frame again.
 
 All numbers lie on a grid, vertices on one of 1/1024 m, key frames on one of 1/4096 (s, m, parts of a quaternion): finer
-than anything known of a crash, and pages need half the space for them (:mod:`trace_dag.scenario.solid.packing`).
+than anything known of a crash, and gzip makes more of them.
 """
 
 from __future__ import annotations
@@ -199,15 +199,6 @@ class _Writer:
         self._accessors.append(said)
         self._known[known] = len(self._accessors) - 1
         return self._known[known]
-
-
-def grid_of(view: Mapping[str, Any]) -> int:
-    """How many parts of a unit the floating-point numbers of a buffer view are counted in.
-
-    >>> grid_of({"target": _VERTICES}) == _VERTEX_GRID, grid_of({}) == _KEY_GRID  # points of shapes, and key frames
-    (True, True)
-    """
-    return _VERTEX_GRID if view.get("target") == _VERTICES else _KEY_GRID
 
 
 def _on_grid(values: FloatArray, parts: int) -> NDArray[np.float32]:

@@ -21,29 +21,7 @@ function drawing() {
   }
 }
 const able = drawing();
-// The glTF. Of its numbers the differences are kept; see trace_dag/scenario/solid/packing.py.
-async function model() {
-  const kept = new Uint8Array(await held("solid")), lengths = new DataView(kept.buffer), start = 28 + lengths.getUint32(12, true);
-  const glb = new Uint8Array(lengths.getUint32(8, true)), numbers = new DataView(glb.buffer, start);
-  glb.set(kept.subarray(0, start));
-  const { accessors, bufferViews } = JSON.parse(new TextDecoder().decode(kept.subarray(20, start - 8)));
-  const planes = [0, 1, 2, 3].map(k => kept.subarray(start + k * (kept.length - start) / 4));
-  let next = 0;
-  function difference() {
-    const from_0_up = planes[0][next] | planes[1][next] << 8 | planes[2][next] << 16 | planes[3][next++] << 24;
-    return from_0_up >>> 1 ^ -(from_0_up & 1);
-  }
-  for (const { bufferView, componentType, count, type } of accessors) {
-    const { byteOffset, target } = bufferViews[bufferView], width = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 }[type];
-    for (let k = 0; k < width; k++) for (let at = k, number = 0; at < count * width; at += width) {
-      number += difference();
-      if (componentType === 5126) numbers.setFloat32(byteOffset + 4 * at, number / (target ? 1024 : 4096), true);
-      else if (componentType === 5123) numbers.setUint16(byteOffset + 2 * at, number, true);
-      else numbers.setUint32(byteOffset + 4 * at, number, true);
-    }
-  }
-  return glb.buffer;
-}
+const model = () => held("solid"); // the glTF
 // Where a body of the best estimate is: x, y and heading.
 function logged(number, now) {
   const [a, b, f] = at(now), v = D.vehicles.find(v => v.number === number);
