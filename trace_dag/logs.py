@@ -11,6 +11,7 @@ Belongs here: format and context. Does not belong here: what is worth logging.
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -19,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import UTC, datetime
-from typing import Final
+from typing import Final, TextIO
 
 from trace_dag.errors import UserError
 
@@ -54,11 +55,19 @@ def configure_logging() -> None:
     for variable, value, known in ((LEVEL_VARIABLE, level, _LEVELS), (FORMAT_VARIABLE, style, _FORMATS)):
         if value not in known:
             raise UserError(f"{variable}={value}: expected one of {', '.join(known)}")
-    handler = logging.StreamHandler(sys.stderr)
+    handler = logging.StreamHandler(own_stderr())
     handler.setFormatter(_JsonLines() if style == "json" else _Text("%(levelname)s %(message)s"))
     logging.basicConfig(level=max(logging.getLevelName(level), logging.WARNING), handlers=[handler])
     log.setLevel(level)
     logging.captureWarnings(style == "json")
+
+
+def own_stderr() -> TextIO:
+    """Standard error through a descriptor of its own: it stays the terminal while Dagster sends 1 and 2 to a file."""
+    try:
+        return os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
+    except (OSError, io.UnsupportedOperation):  # something that a program has put in its place
+        return sys.stderr
 
 
 def writes_json() -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from dagster import DagsterInstance, DagsterRun, RunsFilter
+from dagster import AssetKey, DagsterInstance, DagsterRun, RunsFilter
 from dagster._core.definitions.partitions.context import partition_loading_context
 from dagster._core.remote_origin import InProcessCodeLocationOrigin
 from dagster._core.storage.tags import BACKFILL_ID_TAG
@@ -70,6 +70,17 @@ mutation($params: ReexecutionParams!) {
 """
 
 
+_COUNTS = """
+query($id: String!) {
+  partitionBackfillOrError(backfillId: $id) {
+    ... on PartitionBackfill { assetBackfillData { assetBackfillStatuses { ... on AssetPartitionsStatusCounts {
+      assetKey { path } numPartitionsMaterialized numPartitionsFailed
+    } } } }
+  }
+}
+"""
+
+
 class DagsterUi:
     """The buttons of the UI."""
 
@@ -77,13 +88,23 @@ class DagsterUi:
         self._workspace = workspace
         self._instance: DagsterInstance = workspace.instance
 
-    def materialize(self, partitions: Mapping[str, Sequence[str] | None]) -> str:
-        """Start a backfill of these partitions of these assets (None: an asset without partitions); its id."""
+    def materialize(
+        self, partitions: Mapping[str, Sequence[str] | None], config: Mapping[str, Any] | None = None
+    ) -> str:
+        """Start a backfill of neighbouring partitions of assets (None: an asset without partitions); its id."""
         by_asset = [
-            {"assetKey": {"path": [name]}, "partitions": None if keys is None else _ranges(keys)}
+            {"assetKey": {"path": [name]}, "partitions": None if keys is None else _range(keys)}
             for name, keys in partitions.items()
         ]
-        return self._launched(_LAUNCH, {"partitionsByAssets": by_asset})
+        return self._launched(_LAUNCH, {"partitionsByAssets": by_asset, "runConfigData": dict(config or {})})
+
+    def counts(self, backfill: str) -> dict[str, tuple[int, int]]:
+        """How many partitions of each asset the page of a backfill says succeeded and failed."""
+        statuses = self._ask(_COUNTS, {"id": backfill})["assetBackfillData"]["assetBackfillStatuses"]
+        return {
+            status["assetKey"]["path"][0]: (status["numPartitionsMaterialized"], status["numPartitionsFailed"])
+            for status in statuses
+        }
 
     def execute_again_from_failure(self, backfill: str) -> str:
         """Start a backfill of what an earlier one did not materialize; its id."""
@@ -112,9 +133,11 @@ class DagsterUi:
         """The runs of a backfill, the first one first."""
         return self._instance.get_runs(RunsFilter(tags={BACKFILL_ID_TAG: backfill}), ascending=True)
 
-    def runs(self, job: str) -> list[DagsterRun]:
-        """The runs of a job, the first one first."""
-        return self._instance.get_runs(RunsFilter(job_name=job), ascending=True)
+    def runs(self, asset: str) -> list[DagsterRun]:
+        """The runs that were to materialize an asset, the first one first."""
+        return [
+            run for run in self._instance.get_runs(ascending=True) if AssetKey(asset) in (run.asset_selection or ())
+        ]
 
     def _launched(self, mutation: str, params: Mapping[str, Any]) -> str:
         said = self._ask(mutation, {"params": params})
@@ -136,8 +159,8 @@ class DagsterUi:
         return said
 
 
-def _ranges(keys: Sequence[str]) -> dict[str, Any]:
-    return {"ranges": [{"start": key, "end": key} for key in keys]}
+def _range(keys: Sequence[str]) -> dict[str, Any]:
+    return {"ranges": [{"start": keys[0], "end": keys[-1]}]}
 
 
 def launch_in_this_process(dagster_home: Path) -> None:

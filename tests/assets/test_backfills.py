@@ -7,10 +7,11 @@ from pathlib import Path
 
 import fake_flow
 import pytest
-from dagster import DagsterRun, build_run_status_sensor_context
+from dagster import AssetKey, DagsterRun, build_run_status_sensor_context
 
 from tests.assets.dagster_ui import DagsterUi, dagster_ui, launch_in_this_process
 from trace_dag.assets.after_runs import summary_after_runs
+from trace_dag.assets.batch import SUMMARY_TAG
 from trace_dag.definitions.launch import open_instance
 from trace_dag.flow.selection import select_again
 from trace_dag.stage import Stage
@@ -65,6 +66,35 @@ def test_a_backfill_executed_again_from_failure_computes_what_the_command_would(
     assert set(made.statuses().values()) == {"MATERIALIZED"}
     (run,) = ui.runs_of(again)
     assert asked_for_summary(made, run), "it runs no warehouse itself"
+
+
+def test_the_page_of_a_backfill_counts_the_crashes_that_succeeded_and_that_failed(ui):
+    first = ui.materialize(STAGES)
+    before = {stage.value: (3, 0) for stage in Stage if stage not in Stage.ROAD_MAP.and_later()}
+    assert ui.counts(first) == before | {stage.value: (2, 1) for stage in Stage.ROAD_MAP.and_later()}
+    again = ui.execute_again_from_failure(first)
+    assert ui.counts(again) == {stage.value: (1, 0) for stage in Stage.ROAD_MAP.and_later()}
+
+
+def test_one_crash_can_be_materialized_alone(made, ui):
+    ui.materialize({stage.value: KEYS[:1] for stage in Stage})
+    assert {key for (_, key), status in made.statuses().items() if status == "MATERIALIZED"} == {KEYS[0]}
+    assert {key for _, key in fake_flow.calls(Path(made.workspace.root))} == {KEYS[0]}
+
+
+def test_what_is_up_to_date_is_said_to_be_and_can_be_forced(made, ui):
+    one = {stage.value: KEYS[:1] for stage in Stage}
+    ui.materialize(one)
+    before = fake_flow.calls(Path(made.workspace.root))
+    (run,) = ui.runs_of(ui.materialize(one))
+    assert fake_flow.calls(Path(made.workspace.root)) == before
+    assert run.tags[SUMMARY_TAG] == "Nothing was to do: 1 crash is up to date."
+    assert any("force: [all]" in entry.user_message for entry in made.instance.all_logs(run.run_id))
+    (shown,) = made.instance.fetch_materializations(AssetKey("verdict"), limit=1).records
+    assert "force: [all]" in shown.asset_materialization.metadata["nothing to do"].value
+    ui.materialize(one, config={"ops": {"crashes": {"config": {"force": ["verdict"]}}}})
+    after = fake_flow.calls(Path(made.workspace.root))
+    assert {where for where in after if after[where] != before[where]} == {("verdict", KEYS[0])}
 
 
 def test_what_is_made_of_all_crashes_is_made_once(made, ui):

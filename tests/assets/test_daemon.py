@@ -128,9 +128,9 @@ def test_a_cohort_is_run_at_its_hour_and_only_what_is_not_up_to_date(tmp_path, o
     for minute in (0, 1):  # the crashes are run; then the sensors that follow runs are asked
         ui.let_daemon_look(hour + minute * MINUTE_S)
     assert standing(workspace) == dict.fromkeys(keys, "verified")
-    stages = len(ui.runs("all_stages"))
+    stages = len(ui.runs("verdict"))
     ui.let_daemon_look(hour + DAY_S)
-    assert len(ui.runs("all_stages")) == stages, "there was nothing to run the next night"
+    assert len(ui.runs("verdict")) == stages, "there was nothing to run the next night"
 
 
 def test_crashes_that_another_machine_registers_are_run_as_the_helm_values_ask_for(tmp_path, open_ui, monkeypatch):
@@ -139,11 +139,11 @@ def test_crashes_that_another_machine_registers_are_run_as_the_helm_values_ask_f
     ui = open_ui(workspace, "fake_flow:FLOW")  # the sensor is on from the start
     now = time.time()
     ui.let_daemon_look(now)
-    assert ui.runs("all_stages") == []
+    assert ui.runs("verdict") == []
     keys = ["2023-510010", "2023-510011"]
     reports = fake_flow.write_reports(tmp_path / "reports", dict.fromkeys(keys, ""))
     Workspace.open(str(tmp_path / "root"), fake_flow.FLOW).registry.register("fakes", reports)
     for minute in (1, 2, 3):  # the crashes are run; then the sensors that follow runs are asked
         ui.let_daemon_look(now + minute * MINUTE_S)
     assert standing(workspace) == dict.fromkeys(keys, "verified")
-    assert len(ui.runs("all_stages")) == 1
+    assert len(ui.runs("verdict")) == 1

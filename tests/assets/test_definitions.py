@@ -47,7 +47,7 @@ def test_columns_of_tables_are_documented():
 def test_jobs_and_checks_resolve():
     repository = DEFINITIONS.get_repository_def()
     names = {job.name for job in repository.get_all_jobs()}
-    assert {"all_stages", "judge_only", "from_simulation_log", "summary"} <= names
+    assert {name for name in names if not name.startswith("__")} == {"summary"}
     assert {key.name for key in repository.asset_graph.asset_check_keys} == {
         "no_failed_crashes",
         "everything_adds_up",
@@ -84,19 +84,18 @@ def test_summary_follows_the_last_run_started_in_the_ui_and_no_other(campaign):
     from trace_dag.definitions import build_definitions
 
     made = campaign({"2023-510010": ""})
-    job = build_definitions(made.workspace).resolve_job_def("judge_only")
+    job = build_definitions(made.workspace).resolve_implicit_global_asset_job_def()
     selected = frozenset({AssetKey("verdict")})
 
-    def request_after(tags: dict[str, str], selection: frozenset[AssetKey] | None = selected) -> str:
+    def request_after(tags: dict[str, str]) -> str:
         run = made.instance.create_run_for_job(
-            job, tags=tags, status=DagsterRunStatus.SUCCESS, asset_selection=selection
+            job, tags=tags, status=DagsterRunStatus.SUCCESS, asset_selection=selected
         )
         event = made.instance.report_engine_event("done", run)
         context = build_run_status_sensor_context("summary_after_runs", event, made.instance, run)
         return type(summary_after_runs(context)).__name__
 
     assert request_after({}) == "RunRequest"
-    assert request_after({}, selection=None) == "RunRequest", "as a sensor or a schedule starts the job"
     assert request_after({PROCESS_TAG: "here:1:1"}) == "SkipReason"
     made.instance.create_run_for_job(
         job, status=DagsterRunStatus.STARTED, asset_selection=frozenset({AssetKey("verdict")})

@@ -38,7 +38,7 @@ def by_failed_partitions(made) -> None:
 
 def in_ui(made, key: str, stages: set[str]) -> None:
     """One run as a backfill of the UI launches it, without anything the command adds."""
-    job = build_definitions(made.workspace).resolve_job_def("all_stages")
+    job = build_definitions(made.workspace).resolve_implicit_global_asset_job_def()
     done = job.execute_in_process(
         run_config={"ops": {"crashes": {"config": {"settings": {"execution": {"executor": "in_process"}}}}}},
         instance=made.instance,

@@ -5,17 +5,21 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import fake_flow
 from dagster import AssetKey, DagsterRunStatus
 
 from trace_dag.assets.batch import STEP_PROCESS_TAG
+from trace_dag.assets.metadata import event_metadata
 from trace_dag.assets.run_requests import PROCESS_TAG
 from trace_dag.definitions.launch import open_instance
 from trace_dag.errors import Reason
 from trace_dag.flow.batch import run_stages
+from trace_dag.flow.records import read_records
 from trace_dag.flow.selection import select_again
+from trace_dag.flow.tasks import Action, StageEvent
 from trace_dag.stage import Stage
 
 KEYS = [f"2023-5100{number}" for number in range(10, 16)]
@@ -84,6 +88,26 @@ def test_verdict_of_every_crash_names_its_page_and_of_a_simulated_one_the_comman
     assert "replay" not in shown[KEYS[1]]
 
 
+def test_an_estimate_says_who_made_it_with_what_at_what_cost_and_in_whose_place(campaign):
+    made = campaign({KEYS[0]: ""})
+    made.run()
+    ((_, metadata),) = materializations(made, Stage.STATE_ESTIMATE)
+    shown = {name: metadata[name] for name in ("model", "cost_usd", "fallback")}
+    assert shown == {"model": "none", "cost_usd": 0.0, "fallback": "none"}
+    figures = {
+        "estimator": "analytic",
+        "model": "gemini/gemini-2.5-flash",
+        "cost_usd": 0.002,
+        "fallback_from": "llm",
+        "fallback_reason": "no answer held",
+    }
+    record = replace(read_records(made.workspace.storage, KEYS[:1])[KEYS[0]][Stage.STATE_ESTIMATE], figures=figures)
+    event = StageEvent(KEYS[0], Stage.STATE_ESTIMATE, Action.COMPUTED, record)
+    shown = event_metadata(event, made.workspace.storage)
+    assert shown["fallback"] == "analytic in place of llm: no answer held"
+    assert (shown["estimator"], shown["model"], shown["cost_usd"]) == ("analytic", "gemini/gemini-2.5-flash", 0.002)
+
+
 def test_nothing_is_run_when_nothing_changed_and_a_changed_setting_runs_from_its_stage_on(campaign):
     made = campaign(dict.fromkeys(KEYS, ""))
     made.run()
@@ -139,4 +163,4 @@ def test_runs_of_dead_processes_are_closed(campaign):
 def made_job(made):
     from trace_dag.definitions import build_definitions
 
-    return build_definitions(made.workspace).resolve_job_def("all_stages")
+    return build_definitions(made.workspace).resolve_implicit_global_asset_job_def()

@@ -47,7 +47,7 @@ class Following:
         return [] if isinstance(result, SkipReason) else list(result)
 
     def run(self, requests: list[RunRequest]) -> None:
-        job = build_definitions(self.workspace).resolve_job_def("all_stages")
+        job = build_definitions(self.workspace).resolve_implicit_global_asset_job_def()
         for request in requests:
             assert job.execute_in_process(
                 run_config=request.run_config,

@@ -77,7 +77,7 @@ def test_what_arrives_is_registered_and_run_and_only_once(watched):
     assert watched.partitions() == watched.workspace.registry.keys("arriving") == [f"2023-{case}" for case in CASES[:2]]
     assert watched.look() == []
 
-    job = build_definitions(watched.workspace).resolve_job_def("all_stages")
+    job = build_definitions(watched.workspace).resolve_implicit_global_asset_job_def()
     config = {"ops": {"crashes": {"config": {"settings": {"execution": {"executor": "in_process"}}}}}}
     assert job.execute_in_process(run_config=config, instance=watched.instance, tags=request.tags).success
     records = read_records(watched.workspace.storage, watched.partitions())
@@ -196,7 +196,7 @@ def test_what_a_run_is_under_way_for_is_not_asked_for_again(elsewhere):
     elsewhere.register(FIRST, SECOND)
     elsewhere.look(run=False)
     tags = range_tags(PlannedBatch((FIRST, SECOND), tuple(Stage)))
-    elsewhere.instance.add_run(DagsterRun("all_stages", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
+    elsewhere.instance.add_run(DagsterRun("__ASSET_JOB", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
     elsewhere.register(THIRD)
     assert elsewhere.look(run=True) == [[THIRD]]
 
@@ -205,7 +205,7 @@ def test_a_run_of_one_crash_that_was_launched_in_the_ui_counts_as_under_way(else
     elsewhere.register(FIRST)
     elsewhere.look(run=False)
     tags = {"dagster/partition": FIRST}  # as Dagster's UI marks a run of a single partition
-    elsewhere.instance.add_run(DagsterRun("all_stages", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
+    elsewhere.instance.add_run(DagsterRun("__ASSET_JOB", run_id="r", status=DagsterRunStatus.STARTED, tags=tags))
     elsewhere.register(SECOND)
     assert elsewhere.look(run=True) == [[SECOND]]
 

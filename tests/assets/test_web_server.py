@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ from sample_runs import command, ingest, reports_of
 
 from tests.browser import CHROMIUM, Page
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 MUTATION = "mutation { setNuxSeen } "
 VERSION = "{ version }"
 
@@ -103,6 +105,26 @@ def test_in_a_browser_the_ui_is_refused_nothing(server: Server, tmp_path: Path):
         page.open(f"http://{server.host}/assets/verdict")
         page.wait("document.body.innerText.includes('Materialize')")
         assert [error for error in page.errors if "403" in error or "Application error" in error] == []
+
+
+def test_plain_dagster_shows_the_same_history(server: Server, root: Path):
+    """As ``dagster dev -w workspace.yaml`` in a checkout: dagster.yaml and .env lead it to the root's history."""
+    asked = '{ assetNodeOrError(assetKey: {path: ["verdict"]}) { ... on AssetNode { partitionKeys } } }'
+    plain = Server(free_port())
+    command = [Path(sys.executable).with_name("dagster-webserver"), "-w", "workspace.yaml", "-p", str(plain.port)]
+    inherited = {name: value for name, value in os.environ.items() if name != "DAGSTER_HOME"}
+    process = subprocess.Popen(
+        command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True, env=inherited | {"TRACE_DAG_ROOT": str(root)}
+    )
+    try:
+        said = list(itertools.takewhile(lambda line: "Serving dagster-webserver" not in line, process.stderr))
+        assert process.poll() is None, said
+        answer = json.loads(plain.graphql(asked)[1])
+        assert answer["data"]["assetNodeOrError"]["partitionKeys"] == ["2023-319003"]
+        assert answer == json.loads(server.graphql(asked)[1])
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
 
 
 FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}

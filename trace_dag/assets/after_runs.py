@@ -23,7 +23,7 @@ from dagster import (
 
 from trace_dag.alerts import Alert, AlertKind, alerts_go_out, send
 from trace_dag.assets.batch import SUMMARY_TAG
-from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
+from trace_dag.assets.jobs import SUMMARY_JOB
 from trace_dag.assets.run_requests import PROCESS_TAG, UNFINISHED
 from trace_dag.assets.studies import STUDIES
 from trace_dag.assets.summaries import benchmark, warehouse
@@ -33,7 +33,6 @@ from trace_dag.stage import Stage
 _BACKFILL_TAG = "dagster/backfill"  # on each run of a backfill; Dagster's constant for it is private, its text is shown
 _BROKEN_OFF = ("CANCELING", "CANCELED", "FAILING", "FAILED")  # status of a backfill
 _ENTER_TABLES = frozenset({*(stage.value for stage in Stage), *STUDIES})
-_STAGE_JOBS = frozenset(job.name for job in STAGE_JOBS)
 _INTERVAL_S = 10
 
 
@@ -51,10 +50,7 @@ def _request(context: RunStatusSensorContext) -> RunRequest | SkipReason:
 
 
 def _changes_tables(run: DagsterRun) -> bool:
-    # Runs of a job as it is, such as those a sensor or a schedule asks for, name no assets.
-    if run.asset_selection is None:
-        return run.job_name in _STAGE_JOBS
-    return any(key.to_user_string() in _ENTER_TABLES for key in run.asset_selection)
+    return any(key.to_user_string() in _ENTER_TABLES for key in run.asset_selection or ())
 
 
 def _others_to_come(instance: DagsterInstance, run: DagsterRun) -> bool:

@@ -22,8 +22,7 @@ from pydantic import Field
 
 from trace_dag import markdown
 from trace_dag.assets.crash_checks import CRASH_CHECKS, CrashChecks
-from trace_dag.assets.metadata import materialization
-from trace_dag.assets.our_log import written_together
+from trace_dag.assets.metadata import HOW_TO_FORCE, materialization
 from trace_dag.assets.reports import REPORTS
 from trace_dag.assets.roads import ROADS
 from trace_dag.assets.scenarios import SCENARIOS
@@ -89,25 +88,28 @@ def crashes(context: AssetExecutionContext, config: BatchConfig) -> Iterator[Any
         summary, checks = RunSummary(), CrashChecks(context)
         failed: dict[str, StageEvent] = {}
         made: dict[str, MadeFiles] = {}
-        with written_together(context.instance):
-            for event in events:
-                if event.failed:
-                    failed.setdefault(event.key, event)
-                else:
-                    context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
-                    checks.note(event)
-                if event.made is not None:
-                    made[event.key] = event.made
-                summary.note(event)
-                if workspace.listener is not None:
-                    workspace.listener(event)
+        for event in events:
+            if event.failed:
+                failed.setdefault(event.key, event)
+            else:
+                context.log_event(materialization(event, workspace.storage, workspace.settings.automation.site_url))
+                checks.log(event)
+            if event.made is not None:
+                made[event.key] = event.made
+            summary.note(event)
+            if workspace.listener is not None:
+                workspace.listener(event)
         note_made(workspace.storage, made)
         finished_checks = list(checks.finish())
     except UserError as error:
         raise Failure(str(error), allow_retries=False) from error
     yield from finished_checks
-    context.log.info(summary.in_words())
-    context.instance.add_run_tags(context.run.run_id, {SUMMARY_TAG: summary.in_words()})
+    done = summary.in_words()
+    if not summary.computed and not failed:
+        done = f"Nothing was to do: {counted(len(context.partition_keys), 'crash is', 'crashes are')} up to date."
+        context.log.info(HOW_TO_FORCE)
+    context.log.info(done)
+    context.instance.add_run_tags(context.run.run_id, {SUMMARY_TAG: done})
     if failed:
         raise Failure(
             _summary(failed, len(context.partition_keys)),

@@ -19,6 +19,10 @@ from trace_dag.storage import Storage
 
 DATA_VERSION = "dagster/data_version"
 _SMALL_PX = 320
+HOW_TO_FORCE = (
+    "To compute again all the same, give the run the configuration `ops: {crashes: {config: {force: [all]}}}` (or "
+    "names of stages in place of `all`); in a terminal, `trace-dag run --only KEY --from STAGE`."
+)
 _SITE = "/site"  # where trace-dag ui serves the root: a browser completes the link with the server's own name
 
 
@@ -68,14 +72,24 @@ def event_metadata(event: StageEvent, storage: Storage, site_url: str | None = N
         metadata["page file"] = MetadataValue.path(storage.path(page_name(event.key)))
     if event.action is Action.NOT_REACHED:
         return metadata
+    if event.stage is Stage.STATE_ESTIMATE:
+        metadata |= {"model": "none", "cost_usd": 0.0, "fallback": fallback_in_words(record)}
     metadata.update({name: value for name, value in record.figures.items() if value is not None})
     for file in record.artefacts:
         metadata[f"artefact .{file.name.partition('.')[2]}"] = MetadataValue.path(storage.path(file.name))
     if event.stage in (Stage.SIMULATION_LOG, Stage.VERDICT):
         metadata["replay"] = f"trace-dag --root {shlex.quote(storage.root)} replay {event.key}"
     metadata["computed"] = event.action is Action.COMPUTED
+    if event.action is Action.UNCHANGED:
+        metadata["nothing to do"] = MetadataValue.md(f"It was up to date, so nothing was computed. {HOW_TO_FORCE}")
     metadata["duration_s"] = record.duration_s
     return metadata
+
+
+def fallback_in_words(record: OutcomeRecord) -> str:
+    """Which estimator made an estimate in place of which other one, and why; "none" if it was the one asked for."""
+    asked, why = record.figures.get("fallback_from"), record.figures.get("fallback_reason")
+    return f"{record.figures.get('estimator')} in place of {asked}: {why}" if asked else "none"
 
 
 def picture_metadata(record: OutcomeRecord, storage: Storage, site_url: str | None = None) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from collections.abc import Collection, Sequence
 
 from dagster import DagsterInstance, DynamicPartitionsDefinition
 
-from trace_dag.assets.our_log import our_log
 from trace_dag.cohorts.registry import in_order
 
 CRASHES = DynamicPartitionsDefinition(name="crashes")
@@ -29,16 +28,7 @@ def add_partitions(instance: DagsterInstance, keys: Sequence[str]) -> int:
 
 def remove_partitions(instance: DagsterInstance, keys: Collection[str]) -> int:
     """Take away the partitions of crashes that are registered no more; how many there were."""
-    gone = sorted(set(instance.get_dynamic_partitions("crashes")) & set(keys))
-    for start in range(0, len(gone), _KEYS_PER_STATEMENT):
-        _delete(instance, gone[start : start + _KEYS_PER_STATEMENT])
-    return len(gone)
-
-
-def _delete(instance: DagsterInstance, keys: Sequence[str]) -> None:
-    log = our_log(instance)
-    if log is not None:
-        log.delete_dynamic_partitions("crashes", keys)
-        return
-    for key in keys:
+    gone = set(instance.get_dynamic_partitions("crashes")) & set(keys)
+    for key in gone:
         instance.delete_dynamic_partition("crashes", key)
+    return len(gone)

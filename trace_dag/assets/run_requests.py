@@ -1,11 +1,11 @@
-"""Tags and configuration of a run of planned crashes, the same for schedules, sensors and commands."""
+"""Runs of planned crashes, the same for schedules, sensors and commands."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dagster import DagsterRunStatus
+from dagster import AssetKey, DagsterInstance, DagsterRunStatus, RunRequest
 
-from trace_dag.flow.selection import PlannedBatch
+from trace_dag.flow.selection import PlannedBatch, Selection, plan
 from trace_dag.stage import Stage
 
 PROCESS_TAG = "trace_dag/process"
@@ -33,6 +33,20 @@ def batch_config(batch: PlannedBatch, settings: Mapping[str, Any] | None = None)
 def range_tags(batch: PlannedBatch) -> dict[str, str]:
     """The tags by which Dagster knows which partitions a run is for."""
     return {_RANGE_START_TAG: batch.keys[0], _RANGE_END_TAG: batch.keys[-1]}
+
+
+def run_requests(instance: DagsterInstance, selection: Selection, *, size: int, name: str) -> list[RunRequest]:
+    """Runs of at most ``size`` crashes each for a selection; Dagster starts those of one ``name`` once."""
+    batches = plan(instance.get_dynamic_partitions("crashes"), selection, size=size)
+    return [
+        RunRequest(
+            run_key=f"{name}-{number}",
+            tags=range_tags(batch),
+            run_config=batch_config(batch),
+            asset_selection=[AssetKey(stage.value) for stage in batch.stages],
+        )
+        for number, batch in enumerate(batches)
+    ]
 
 
 def keys_of(tags: Mapping[str, str], partitions: Sequence[str]) -> Sequence[str]:

@@ -14,19 +14,18 @@ from dagster import (
     schedule,
 )
 
-from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
+from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
-from trace_dag.assets.run_requests import batch_config, range_tags
+from trace_dag.assets.run_requests import run_requests
 from trace_dag.cohorts.new_cases import register_new_cases
 from trace_dag.errors import UserError
-from trace_dag.flow.selection import Selection, not_released, plan, select_stale
+from trace_dag.flow.selection import Selection, not_released, select_stale
 from trace_dag.flow.workspace import Workspace
 from trace_dag.settings import AutomationSettings, Schedule
 from trace_dag.stage import Stage
 from trace_dag.wording import counted
 
 _Look = Callable[[ScheduleEvaluationContext, Workspace], Sequence[RunRequest] | SkipReason]
-_JOB = next(job for job in STAGE_JOBS if job.name == ALL_STAGES)
 
 
 def schedules(settings: AutomationSettings) -> list[ScheduleDefinition]:
@@ -95,7 +94,7 @@ def _defined(
     try:
         return schedule(
             name=name,
-            job=_JOB,
+            target=STAGES,
             cron_schedule=cron,
             execution_timezone=timezone,
             default_status=status,
@@ -109,10 +108,5 @@ def _defined(
 
 def _requests(context: ScheduleEvaluationContext, workspace: Workspace, selection: Selection) -> list[RunRequest]:
     """Runs for a selection, each asked for once per hour of the schedule."""
-    partitions = context.instance.get_dynamic_partitions("crashes")
-    batches = plan(partitions, selection, size=workspace.settings.execution.batch_size)
     tick = context.scheduled_execution_time.isoformat()
-    return [
-        RunRequest(run_key=f"{tick}-{number}", tags=range_tags(batch), run_config=batch_config(batch))
-        for number, batch in enumerate(batches)
-    ]
+    return run_requests(context.instance, selection, size=workspace.settings.execution.batch_size, name=tick)

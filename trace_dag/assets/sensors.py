@@ -13,22 +13,21 @@ from dagster import (
     sensor,
 )
 
-from trace_dag.assets.jobs import ALL_STAGES, STAGE_JOBS
+from trace_dag.assets.jobs import STAGES
 from trace_dag.assets.partitions import add_partitions
-from trace_dag.assets.run_requests import UNFINISHED, keys_of, range_tags
+from trace_dag.assets.run_requests import UNFINISHED, keys_of, run_requests
 from trace_dag.cohorts.watched_folders import register_arrivals
-from trace_dag.flow.selection import Selection, plan
+from trace_dag.flow.selection import Selection
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.wording import counted
 
 _INTERVAL_S = 30
-_JOBS = [job for job in STAGE_JOBS if job.name == ALL_STAGES]
 
 
 @sensor(
-    jobs=_JOBS,
+    target=STAGES,
     minimum_interval_seconds=_INTERVAL_S,
     default_status=DefaultSensorStatus.STOPPED,
     description="Registers the reports that arrive in watched folders (trace-dag ingest --reports DIR --watch) and "
@@ -51,7 +50,7 @@ def arriving_reports(
 
 
 @sensor(
-    jobs=_JOBS,
+    target=STAGES,
     minimum_interval_seconds=_INTERVAL_S,
     default_status=DefaultSensorStatus.RUNNING,
     description="Makes partitions of crashes that were registered elsewhere, such as with trace-dag ingest on another "
@@ -76,7 +75,7 @@ def registered_crashes(
 def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str]) -> list[str]:
     """The crashes of which nothing is stored, and that no run is under way for."""
     partitions = context.instance.get_dynamic_partitions("crashes")
-    under_way = context.instance.get_runs(RunsFilter(job_name=ALL_STAGES, statuses=[*UNFINISHED]))
+    under_way = context.instance.get_runs(RunsFilter(statuses=[*UNFINISHED]))
     known = {key for run in under_way for key in keys_of(run.tags, partitions)}
     known |= {crash_of(name) for name in workspace.storage.list(Stage.RAW_REPORT)}
     return [key for key in keys if key not in known]
@@ -85,9 +84,7 @@ def _never_run(context: SensorEvaluationContext, workspace: Workspace, keys: Seq
 def _runs(context: SensorEvaluationContext, workspace: Workspace, keys: Sequence[str], state: str) -> list[RunRequest]:
     """Runs of some crashes through all stages, each asked for once in the ``state`` in which they were found."""
     selection = Selection(tuple(keys), dict.fromkeys(keys, Stage.RAW_REPORT))
-    partitions = context.instance.get_dynamic_partitions("crashes")
-    batches = plan(partitions, selection, size=workspace.settings.execution.batch_size)
-    return [RunRequest(run_key=f"{state}-{number}", tags=range_tags(batch)) for number, batch in enumerate(batches)]
+    return run_requests(context.instance, selection, size=workspace.settings.execution.batch_size, name=state)
 
 
 SENSORS = (arriving_reports, registered_crashes)

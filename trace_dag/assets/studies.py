@@ -76,7 +76,7 @@ class PerturbedConfig(CohortConfig):
 class PeerConfig(CohortConfig):
     """Where the other benchmark lies."""
 
-    folder: str = Field(description="The published benchmark: a folder with simulations/ and maps/.")
+    folder: str = Field(default="", description="The published benchmark: a folder with simulations/ and maps/.")
 
 
 class EstimatorsConfig(CohortConfig):
@@ -112,8 +112,8 @@ class VariationsConfig(CohortConfig):
 class ReleaseConfig(CohortConfig):
     """What is released, and where to."""
 
-    version: str = Field(description="Such as 1.0.")
-    output: str = Field(description="The folder that the release is written into.")
+    version: str = Field(default="", description="Such as 1.0.")
+    output: str = Field(default="releases", description="The folder that the release is written into.")
 
 
 class _LeftOut(list[str]):

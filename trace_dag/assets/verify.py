@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dagster import AssetKey, AssetMaterialization, DagsterEventType, DagsterInstance
 
 from trace_dag.assets.metadata import DATA_VERSION, data_version, materialization
-from trace_dag.assets.our_log import written_together
 from trace_dag.assets.partitions import CRASHES, add_partitions, remove_partitions
 from trace_dag.flow.records import Records
 from trace_dag.flow.standing import standing, valid_records
@@ -77,12 +76,11 @@ def repair_dagster(
         (each.key, each.stage) for each in wrong if each.kind is DisagreementKind.NOT_LOGGED and each.key and each.stage
     ]
     told = {key: last_word(records[key]) for key in {key for key, _ in unlogged}}
-    with written_together(instance):
-        for done, (key, stage) in enumerate(unlogged, 1):
-            record = told[key].get(stage)
-            if record is not None:
-                instance.report_runless_asset_event(_materialization(key, stage, record, storage))
-            tell(done, len(unlogged))
+    for done, (key, stage) in enumerate(unlogged, 1):
+        record = told[key].get(stage)
+        if record is not None:
+            instance.report_runless_asset_event(_materialization(key, stage, record, storage))
+        tell(done, len(unlogged))
 
 
 def last_word(records: Records) -> dict[Stage, OutcomeRecord]:

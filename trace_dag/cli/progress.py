@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from trace_dag.logs import writes_json
+from trace_dag.logs import own_stderr, writes_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -45,4 +45,4 @@ def _bar() -> Progress:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=writes_json())
+    return Progress(*columns, console=Console(file=own_stderr()), disable=writes_json())

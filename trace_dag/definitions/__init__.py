@@ -19,7 +19,7 @@ from dagster import (
 from trace_dag.assets.after_runs import AFTER_RUNS
 from trace_dag.assets.batch import crashes
 from trace_dag.assets.checks import CHECKS
-from trace_dag.assets.jobs import STAGE_JOBS, SUMMARY_JOB
+from trace_dag.assets.jobs import SUMMARY_JOB
 from trace_dag.assets.schedules import schedules
 from trace_dag.assets.sensors import SENSORS
 from trace_dag.assets.studies import STUDIES
@@ -48,7 +48,7 @@ def build_definitions(workspace: Workspace | None = None) -> Definitions:
     return Definitions(
         assets=[crashes, _fresh(warehouse, automation), benchmark, *STUDIES.values()],
         asset_checks=CHECKS,
-        jobs=[*STAGE_JOBS, SUMMARY_JOB],
+        jobs=[SUMMARY_JOB],
         sensors=[*SENSORS, *AFTER_RUNS],
         schedules=schedules(automation),
         resources={"workspace": workspace if workspace is not None else WorkspaceResource()},

@@ -17,16 +17,14 @@ from dagster import (
     DagsterInstance,
     DagsterRunStatus,
     ExecuteInProcessResult,
-    JobDefinition,
     JsonMetadataValue,
     RunsFilter,
 )
 from sqlalchemy.exc import SQLAlchemyError
 from yaml import YAMLError  # type: ignore[import-untyped]
 
-from trace_dag.assets import dagster_internals
 from trace_dag.assets.batch import STEP_PROCESS_TAG
-from trace_dag.assets.jobs import ALL_STAGES, SUMMARY
+from trace_dag.assets.jobs import SUMMARY
 from trace_dag.assets.partitions import CRASHES, add_partitions
 from trace_dag.assets.run_requests import PROCESS_TAG, batch_config, range_tags
 from trace_dag.assets.summaries import DAMAGED
@@ -43,18 +41,17 @@ from trace_dag.storage import Storage
 _REPOSITORY = {".dagster/repository": "__repository__@trace_dag.definitions"}
 _UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
-_INSTANCE_SETTINGS = f"""\
+_INSTANCE_SETTINGS = """\
 # Dagster's records of this storage root. Nothing is sent anywhere, and no dialog asks for it.
 telemetry:
   enabled: false
 nux:
   enabled: false
-{dagster_internals.EVENT_LOG_SETTINGS}# A run uses all cores by itself.
+# A run uses all cores by itself.
 concurrency:
   runs:
     max_concurrent_runs: 2
 """
-_EVENTS_AT_ONCE = "500"  # of those that Dagster hands over as one batch: the plan of a run
 _INTERRUPTED = "UNEXPECTED_TERMINATION"  # Dagster's reason for the failure of a run that was broken off
 
 
@@ -71,12 +68,10 @@ def prepare_dagster_home(workspace: Workspace) -> Path:
     folder = workspace.dagster_home
     folder.mkdir(parents=True, exist_ok=True)
     settings = folder / "dagster.yaml"
-    text = settings.read_text() if settings.exists() else _INSTANCE_SETTINGS
-    if not settings.exists() or dagster_internals.fitting(text) != text:
-        settings.write_text(dagster_internals.fitting(text))
+    if not settings.exists():
+        settings.write_text(_INSTANCE_SETTINGS)
     os.environ["DAGSTER_HOME"] = str(folder)
     os.environ[ROOT_VARIABLE] = Storage(workspace.root).root
-    os.environ.setdefault("DAGSTER_EVENT_BATCH_SIZE", _EVENTS_AT_ONCE)
     return folder
 
 
@@ -84,7 +79,7 @@ def open_instance(workspace: Workspace) -> DagsterInstance:
     """Dagster's records of this root. Runs whose process is gone are closed as failed."""
     folder = str(prepare_dagster_home(workspace))
     try:
-        instance = dagster_internals.open_instance(folder)
+        instance = DagsterInstance.get()
         _close_orphans(instance)
         instance.has_dynamic_partition("crashes", "")  # a database that was emptied has no table for it
     except (DagsterError, SQLAlchemyError, YAMLError, UnicodeDecodeError) as error:
@@ -143,7 +138,7 @@ def run_batches(
     settings: Mapping[str, Any],
 ) -> RunReport:
     """Run planned batches one after the other, each as one Dagster run in this process."""
-    job = _job(workspace, ALL_STAGES)
+    job = build_definitions(workspace).resolve_implicit_global_asset_job_def()
     errors: list[str] = []
     for batch in batches:
         result = job.execute_in_process(
@@ -159,11 +154,15 @@ def run_batches(
 
 def summarise(workspace: Workspace, instance: DagsterInstance) -> RunReport:
     """Build what is made of all crashes together: the warehouse, the benchmark, their checks."""
-    result = _job(workspace, SUMMARY).execute_in_process(
-        run_config=_quiet({}),
-        instance=instance,
-        tags={**_REPOSITORY, PROCESS_TAG: this_process()},
-        raise_on_error=False,
+    result = (
+        build_definitions(workspace)
+        .resolve_job_def(SUMMARY)
+        .execute_in_process(
+            run_config=_quiet({}),
+            instance=instance,
+            tags={**_REPOSITORY, PROCESS_TAG: this_process()},
+            raise_on_error=False,
+        )
     )
     damaged = [
         said
@@ -185,10 +184,6 @@ def summary_is_current(workspace: Workspace, instance: DagsterInstance) -> bool:
     newest = instance.get_runs(limit=1)
     done = bool(newest) and newest[0].job_name == SUMMARY and newest[0].status is DagsterRunStatus.SUCCESS
     return done and is_built_by_this_code(workspace.warehouse) and is_made_by_this_code(Storage(workspace.root))
-
-
-def _job(workspace: Workspace, name: str) -> JobDefinition:
-    return build_definitions(workspace).resolve_job_def(name)
 
 
 def _quiet(config: Mapping[str, Any]) -> dict[str, Any]:
