@@ -25,6 +25,7 @@ from trace_dag.evaluation.evaluate import Conditions, evaluate
 from trace_dag.evaluation.registry import BASELINES, make_agent, resolve
 from trace_dag.flow.executors import available_cores
 from trace_dag.flow.workspace import Workspace
+from trace_dag.processes import descendants
 from trace_dag.studies.cases import AgentRole, StoredCase, number_of, verified_cases
 from trace_dag.studies.evaluation_work import EvaluationWork, LoadedCase
 from trace_dag.studies.evaluations import evaluate_agents
@@ -39,11 +40,14 @@ def _take_in_orphans() -> None:
 
 
 def _processor_of(agent: AgentProcess) -> float:
-    """Processor time that an agent's process has used (s), of proc(5)."""
+    """Processor time that an agent's processes have used (s), of proc(5)."""
     life = agent._life
     assert life is not None
-    fields = Path(f"/proc/{life.number}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+    ticks = 0
+    for number in (life.process.pid, *descendants(life.process.pid)):
+        fields = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
+        ticks += sum(map(int, fields[11:13]))
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def _drive(work: EvaluationWork, loaded: list[LoadedCase], agents: Mapping[str, Agent]) -> int:

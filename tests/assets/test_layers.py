@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
-from collections import Counter
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -131,9 +129,3 @@ def test_the_whole_flow_runs_without_dagster_being_loaded():
         "sys.exit(any(name.split('.')[0] == 'dagster' for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_no_public_class_name_stands_for_two_things() -> None:
-    modules = [ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")]
-    classes = Counter(node.name for module in modules for node in module.body if isinstance(node, ast.ClassDef))
-    assert [name for name, count in classes.items() if count > 1 and not name.startswith("_")] == []

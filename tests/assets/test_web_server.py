@@ -17,6 +17,7 @@ from urllib.parse import urlencode
 import pytest
 from loopback import free_port
 from sample_runs import command, ingest, reports_of
+from waiting import eventually
 
 from tests.browser import CHROMIUM, Page
 
@@ -113,18 +114,22 @@ def test_plain_dagster_shows_the_same_history(server: Server, root: Path):
     plain = Server(free_port())
     command = [Path(sys.executable).with_name("dagster-webserver"), "-w", "workspace.yaml", "-p", str(plain.port)]
     inherited = {name: value for name, value in os.environ.items() if name != "DAGSTER_HOME"}
-    process = subprocess.Popen(
-        command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True, env=inherited | {"TRACE_DAG_ROOT": str(root)}
-    )
+    process = subprocess.Popen(command, cwd=REPOSITORY, env=inherited | {"TRACE_DAG_ROOT": str(root)})
     try:
-        said = list(itertools.takewhile(lambda line: "Serving dagster-webserver" not in line, process.stderr))
-        assert process.poll() is None, said
+        eventually(lambda: process.poll() is not None or answers(plain), "it does not answer")
         answer = json.loads(plain.graphql(asked)[1])
         assert answer["data"]["assetNodeOrError"]["partitionKeys"] == ["2023-319003"]
         assert answer == json.loads(server.graphql(asked)[1])
     finally:
         process.terminate()
-        process.communicate(timeout=60)
+        process.wait(timeout=60)
+
+
+def answers(server: Server) -> bool:
+    try:
+        return server.ask("GET", "/server_info")[0] == 200
+    except OSError:
+        return False
 
 
 FOREIGN = {"Origin": "http://evil.example.org", "Sec_Fetch_Site": "cross-site"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pickle
 import signal
@@ -43,6 +44,27 @@ class Looping(Harmless):
     def act(self, observation: Observation) -> Action:
         while True:
             pass
+
+
+class Stopping(Harmless):
+    """Stops the process that started it, which it may: they belong to one user."""
+
+    def __init__(self, then: str = "") -> None:
+        self.then = then
+
+    def act(self, observation: Observation) -> Action:
+        os.kill(os.getppid(), signal.SIGSTOP)
+        while self.then == "loop":
+            pass
+        return Recorded()
+
+
+class Unsharing(Harmless):
+    """Makes a user namespace, in which it would have all rights."""
+
+    def act(self, observation: Observation) -> Action:
+        libc = ctypes.CDLL(None, use_errno=True)
+        raise RuntimeError(f"unshare: {libc.unshare(0x10000000) and ctypes.get_errno()}")  # CLONE_NEWUSER
 
 
 class Deaf(Harmless):
@@ -123,7 +145,9 @@ class HangingUp(Harmless):
 
 
 def _channel() -> int:
-    return next(int(each) for each in os.listdir("/proc/self/fd") if "socket" in os.readlink(f"/proc/self/fd/{each}"))
+    return next(
+        int(each) for each in os.listdir("/proc/self/fd") if "socket" in os.path.realpath(f"/proc/self/fd/{each}")
+    )
 
 
 class Pickling(Harmless):

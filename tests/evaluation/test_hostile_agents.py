@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from waiting import eventually
 
@@ -15,6 +18,8 @@ from trace_dag.errors import UserError
 from trace_dag.evaluation.agent_code import agent_code
 from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.agent_process import AgentProcess
+from trace_dag.evaluation.agent_protocol import answer_from_bytes, answer_to_bytes
+from trace_dag.evaluation.agents import AgentFault, Motion
 from trace_dag.evaluation.evaluate import Evaluation
 from trace_dag.evaluation.isolation import Isolation, isolation
 from trace_dag.evaluation.metrics import DriveOutcome
@@ -28,7 +33,7 @@ MODULE = "tests.evaluation.hostile_agents"
 def nothing_is_left() -> Iterator[None]:
     before = len(descendants(os.getpid()))
     yield
-    eventually(lambda: len(descendants(os.getpid())) <= before + 1, "a process was left")  # the nursery stays
+    eventually(lambda: len(descendants(os.getpid())) <= before, "a process was left")
 
 
 def driven(name: str, around: Isolation | None = None, **arguments: str) -> Evaluation:
@@ -95,23 +100,35 @@ def test_who_patches_what_measures_changes_nothing_but_itself() -> None:
     assert driven("Patching").outcome is driven("Harmless").outcome is DriveOutcome.SAME
 
 
-def test_a_path_changed_in_place_is_a_new_path() -> None:
-    import numpy as np
+def test_an_agent_that_stops_its_parent_stops_nobody_who_measures() -> None:
+    assert driven("Stopping").outcome is DriveOutcome.SAME
+    assert "took longer than 3 s" in driven("Stopping", then="loop").fault
 
-    from trace_dag.evaluation.agents import Motion
-    from trace_dag.evaluation.wire import AnswerReader, AnswerWriter
 
-    path, writer, reader = np.array([[0.0, 0.0], [9.0, 0.0]]), AnswerWriter(), AnswerReader()
-    first = reader.from_bytes(writer.to_bytes(Motion(path_m=path)))
-    same = reader.from_bytes(writer.to_bytes(Motion(path_m=path.copy())))
-    path[1, 1] = 5.0
-    other = reader.from_bytes(writer.to_bytes(Motion(path_m=path)))
-    assert isinstance(first, Motion)
-    assert isinstance(same, Motion)
-    assert isinstance(other, Motion)
-    assert first.path_m is same.path_m
-    assert other.path_m is not None
-    assert other.path_m.tolist() == [[0.0, 0.0], [9.0, 5.0]]
+def test_an_agent_ends_with_the_process_that_measures() -> None:
+    code = (
+        "from tests.evaluation.test_hostile_agents import driven; import os; from threading import Timer\n"
+        "from trace_dag.processes import descendants\n"
+        "Timer(2.5, lambda: (print(*descendants(os.getpid()), flush=True), os.kill(os.getpid(), 9))).start()\n"
+        "driven('Looping')"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    agents = [Path(f"/proc/{number}") for number in done.stdout.split()]
+    assert len(agents) == 2, done.stderr
+    eventually(lambda: not any(agent.exists() for agent in agents), "an agent outlived who measures")
+
+
+def test_a_path_arrives_as_it_was_answered_and_anything_else_is_a_fault() -> None:
+    path = np.array([[0.0, 0.1], [9.0, -1.0 / 3.0]])
+    answer = answer_from_bytes(answer_to_bytes(Motion(target_speed_mps=np.float32(2.5), path_m=path)))
+    assert isinstance(answer, Motion)
+    assert (answer.target_speed_mps, answer.acceleration_mps2) == (2.5, None)
+    assert answer.path_m is not None
+    assert np.array_equal(answer.path_m, path)
+    for data in (b"", b"{}", b"[" * 100_000, b'{"pedals": 1}', b'{"motion": {}}', b'{"fault": {}}', b'{"recorded": 0}'):
+        with pytest.raises(AgentFault, match="not an answer"):
+            answer_from_bytes(data)
 
 
 def test_results_tell_an_agent_whose_code_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,6 +163,11 @@ def test_an_isolated_agent_reaches_nothing(around: Isolation, tmp_path: Path, mo
 
 def test_an_isolated_agent_drives_as_any_other(around: Isolation) -> None:
     assert driven("Harmless", around) == driven("Harmless")
+
+
+def test_an_isolated_agent_makes_no_namespace_of_its_own(around: Isolation) -> None:
+    assert "unshare: 0" in driven("Unsharing").fault, "this machine allows it"
+    assert "unshare: 28" in driven("Unsharing", around).fault, "ENOSPC: the limit of namespaces is reached"
 
 
 def test_isolated_agents_end_as_others_do(around: Isolation) -> None:

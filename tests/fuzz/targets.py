@@ -26,8 +26,8 @@ from trace_dag.crash.completeness import check
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.errors import DamagedFile, Rejection, UserError
+from trace_dag.evaluation.agent_protocol import answer_from_bytes, answer_to_bytes, problem_of
 from trace_dag.evaluation.agents import AgentFault, Motion
-from trace_dag.evaluation.wire import AnswerReader, AnswerWriter, problem_of
 from trace_dag.flow import artefacts
 from trace_dag.osm.extraction import Around, UnreadableMapError, read_around, read_header
 from trace_dag.osm.pbf_check import PbfChecker
@@ -131,9 +131,7 @@ def _settings(data: bytes, _: Path) -> None:
 
 
 def _agent_answer(data: bytes, _: Path) -> None:
-    reader = AnswerReader()
-    for _ in range(2):
-        assert isinstance(problem_of(reader.from_bytes(data)), str)
+    assert isinstance(problem_of(answer_from_bytes(data)), str)
 
 
 def _model_answer(data: bytes, _: Path) -> None:
@@ -171,7 +169,6 @@ def targets(package: Path) -> Mapping[str, Target]:
     sample = sorted((cases.SAMPLE / "reports").glob("*.xml"))
     people = sorted((cases.SAMPLE / "people" / "reports").glob("*.xml"))
     reports = tuple(path.read_bytes() for path in (*sample[:6], *people[:4]))
-    answers = AnswerWriter()
     path_m = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 1.0]])
     moves = (
         Motion(target_speed_mps=3.0, path_m=path_m),
@@ -187,7 +184,7 @@ def targets(package: Path) -> Mapping[str, Target]:
         "opendrive": Target(_opendrive, (write_opendrive(STREET), write_opendrive(CROSSROADS)), (UserError,)),
         "package": Target(_package, (_small(files),), (UserError, DamagedFile)),
         "settings": Target(_settings, (_TOML,), (UserError,)),
-        "agent-answer": Target(_agent_answer, tuple(map(answers.to_bytes, moves)), (AgentFault,)),
+        "agent-answer": Target(_agent_answer, tuple(map(answer_to_bytes, moves)), (AgentFault,)),
         "model-answer": Target(_model_answer, (right, b"```json\n" + right + b"\n```"), ()),
     }
 

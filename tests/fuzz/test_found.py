@@ -13,8 +13,8 @@ from tests.fuzz.targets import pbf
 from tests.verdict.crashes import STREET
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.errors import DamagedFile, UserError
+from trace_dag.evaluation.agent_protocol import answer_from_bytes
 from trace_dag.evaluation.agents import AgentFault
-from trace_dag.evaluation.wire import AnswerReader
 from trace_dag.osm.extraction import UnreadableMapError, read_around, read_header
 from trace_dag.osm.pbf_check import PbfChecker
 from trace_dag.reading.packed import ArchiveFiles
@@ -38,7 +38,7 @@ def test_an_answer_nested_without_end_is_no_answer(text: str) -> None:
 
 def test_an_agent_that_fails_and_says_nothing_is_said_to_have_failed() -> None:
     with pytest.raises(AgentFault, match="did not say why"):
-        AnswerReader().from_bytes(b"F")
+        answer_from_bytes(b'{"fault": {"what": ""}}')
 
 
 @pytest.mark.parametrize("key", [b"\xff\xff\xff\xff", b"nam\xe2"], ids=["no text", "cut off"])

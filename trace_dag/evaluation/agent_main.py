@@ -1,8 +1,9 @@
 """The process an agent lives in, started by :mod:`trace_dag.evaluation.agent_process`.
 
 It holds nothing but the agent and one end of a socket: what is measured, and everything that is stored, is on the other
-side. It takes its limits upon itself before any code of the agent runs. Messages to here are pickled, by us; messages
-from here are plain bytes (:mod:`trace_dag.evaluation.wire`).
+side. It takes its limits upon itself before any code of the agent runs. The agent's parent is a guardian, which does
+nothing but wait for it: who stops or kills its parent stops nobody that measures. For the messages see
+:mod:`trace_dag.evaluation.agent_protocol`.
 """
 
 from __future__ import annotations
@@ -14,24 +15,25 @@ import resource
 import signal
 import socket
 import sys
-import time
+import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from io import BufferedRWPair
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any
 
-from trace_dag.evaluation.agents import Agent, AgentFault, Scenario
-from trace_dag.evaluation.lane_map import LaneMap
-from trace_dag.evaluation.registry import make_agent
-from trace_dag.evaluation.wire import (
-    AnswerWriter,
+from trace_dag.evaluation.agent_protocol import (
+    LENGTH,
+    READY,
+    answer_to_bytes,
     described,
     fault_to_bytes,
     framed,
-    observation_from_bytes,
-    received,
 )
+from trace_dag.evaluation.agents import Agent, AgentFault, Observation, Scenario
+from trace_dag.evaluation.lane_map import LaneMap
+from trace_dag.evaluation.registry import make_agent
 from trace_dag.processes import children, end_all
 
 if TYPE_CHECKING:
@@ -95,95 +97,54 @@ class _LaneMapOnDemand(LaneMap):
         return network
 
 
-def nursery(number: int) -> None:
-    """Fork a process for each agent asked for by a socket, and tell how each ended, until the other side hangs up."""
-    control = socket.socket(fileno=number)
-    _belong_to_parent()
-    agents: dict[int, int | None] = {}  # and their exit codes
-    while True:
-        message, handles, _, _ = socket.recv_fds(control, 64, 2)
-        if not message:
-            return
-        if handles:
-            child = os.fork()
-            if not child:
-                control.close()
-                _become_agent(*handles)
-            agents[child] = None
-            for handle in handles:
-                os.close(handle)
-            control.sendall(f"{child}\n".encode())
-        else:
-            asked, wait_s = message.split()
-            control.sendall(_exit_code(agents, int(asked), float(wait_s)) + b"\n")
-
-
-def _become_agent(connection: int, output: int) -> NoReturn:
-    """What a forked process does."""
-    os.setsid()
-    os.dup2(output, 1)
-    os.dup2(output, 2)
-    os.close(output)
-    try:
-        main(connection)
-    finally:
-        os._exit(0)
-
-
-def _exit_code(agents: dict[int, int | None], asked: int, wait_s: float) -> bytes:
-    """The exit code of an agent's process, or that it still runs; what it left behind is ended."""
-    until_s = time.monotonic() + wait_s
-    while True:
-        with suppress(ChildProcessError):
-            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-                if ended[0] in agents:
-                    agents[ended[0]] = os.waitstatus_to_exitcode(ended[1])
-        strays = [child for child in children(os.getpid()) if child not in agents]
-        for stray in strays:
-            end_all(stray)
-        if agents[asked] is not None and not strays:
-            return str(agents[asked]).encode()
-        if time.monotonic() > until_s:
-            return b"runs"
-        time.sleep(0.002)
-
-
 def main(number: int) -> None:
     """Serve one agent by an open socket until the other side hangs up."""
-    connection = socket.socket(fileno=number)
-    _belong_to_parent()
-    connection.sendall(framed(b"K"))
-    start: Start = pickle.loads(received(connection))  # noqa: S301 - from our own side
-    sys.path[:] = start.import_from
-    _limit(start.limits)
-    try:
-        agent = make_agent(start.reference)
-    except AgentFault as fault:
-        connection.sendall(framed(fault_to_bytes(str(fault))))
-        return
-    connection.sendall(framed(b"K"))
-    with suppress(EOFError):
-        _serve(connection, agent)
-
-
-def _serve(connection: socket.socket, agent: Agent) -> None:
-    writer, lane_map = AnswerWriter(), None
-    while True:
-        message = received(connection)
+    _go_on_guarded(number)
+    with socket.socket(fileno=number) as connection, connection.makefile("rwb") as channel:
+        _send(channel, READY)
+        start: Start = _received(channel)
+        sys.path[:] = start.import_from
+        _limit(start.limits)
         try:
-            if message[:1] == b"O":
-                answer = writer.to_bytes(agent.act(observation_from_bytes(message[1:])))
+            agent = make_agent(start.reference)
+        except AgentFault as fault:
+            _send(channel, fault_to_bytes(str(fault)))
+            return
+        _send(channel, READY)
+        with suppress(EOFError):
+            _serve(channel, agent)
+
+
+def _serve(channel: BufferedRWPair, agent: Agent) -> None:
+    lane_map = None
+    while True:
+        asked: Observation | Reset = _received(channel)
+        try:
+            if isinstance(asked, Observation):
+                answer = answer_to_bytes(agent.act(asked))
             else:
-                asked: Reset = pickle.loads(message[1:])  # noqa: S301 - from our own side
                 if asked.network is not None:
                     lane_map = _LaneMapOnDemand(asked.network)
                 if lane_map is None:
                     raise AgentFault("no map has come")
                 agent.reset(_scenario(asked, lane_map))
-                answer = b"K"
+                answer = READY
         except BaseException as error:  # KeyboardInterrupt and SystemExit, too, are its doing
             answer = fault_to_bytes(described(error))
-        connection.sendall(framed(answer))
+        _send(channel, answer)
+
+
+def _send(channel: BufferedRWPair, message: bytes) -> None:
+    channel.write(framed(message))
+    channel.flush()
+
+
+def _received(channel: BufferedRWPair) -> Any:
+    """The next message of our own side. Raises :class:`EOFError` once it is gone."""
+    head = channel.read(LENGTH.size)
+    if len(head) < LENGTH.size:
+        raise EOFError
+    return pickle.loads(channel.read(LENGTH.unpack(head)[0]))  # noqa: S301 - from our own side
 
 
 def _scenario(asked: Reset, lane_map: LaneMap) -> Scenario:
@@ -198,13 +159,40 @@ def _scenario(asked: Reset, lane_map: LaneMap) -> Scenario:
     )
 
 
-def _belong_to_parent() -> None:
-    """Die with the process that measures, and be the parent of whatever the agent starts and abandons."""
+def _go_on_guarded(number: int) -> None:
+    """Return in a child. This process waits for it, ends what it leaves behind, and ends as it did; or ends it when
+    the process that measures, which holds the other end of standard input, is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its agents itself
+    _ask_kernel(_PR_SET_CHILD_SUBREAPER, 1)  # the parent of whatever the agent starts and abandons
+    child = os.fork()
+    if not child:
+        _ask_kernel(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        return
+    os.close(number)
+    threading.Thread(target=_end_with_who_measures, args=(child,), daemon=True).start()
+    ended, status = os.wait()
+    while ended != child:
+        ended, status = os.wait()
+    while strays := children(os.getpid()):
+        for stray in strays:
+            end_all(stray)
+        os.wait()
+    code = os.waitstatus_to_exitcode(status)
+    if code < 0:
+        signal.signal(-code, signal.SIG_DFL) if -code != signal.SIGKILL else None
+        os.kill(os.getpid(), -code)
+    os._exit(code)
+
+
+def _end_with_who_measures(child: int) -> None:
+    os.read(0, 1)  # nothing is ever written there
+    end_all(child)
+
+
+def _ask_kernel(option: int, value: int) -> None:
     if sys.platform == "linux":
-        libc = ctypes.CDLL(None)
-        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        libc.prctl(_PR_SET_CHILD_SUBREAPER, 1)
+        ctypes.CDLL(None).prctl(option, value)
 
 
 def _limit(limits: AgentLimits) -> None:

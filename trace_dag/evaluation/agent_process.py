@@ -7,33 +7,52 @@ in a new one.
 
 from __future__ import annotations
 
+import os
 import pickle
 import socket
-import struct
+import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import IO
 
-from trace_dag.evaluation.agent_birth import Life, born
 from trace_dag.evaluation.agent_main import AgentLimits, Reset, Start
-from trace_dag.evaluation.agents import Action, AgentFault, Observation, Scenario
-from trace_dag.evaluation.isolation import Isolation
-from trace_dag.evaluation.wire import (
-    HEAD_BYTES,
+from trace_dag.evaluation.agent_protocol import (
+    LENGTH,
     MOST_PATH_POINTS,
-    AnswerReader,
+    NO_ANSWER,
+    READY,
+    answer_from_bytes,
     framed,
-    length_of,
-    observation_to_bytes,
     one_line,
 )
+from trace_dag.evaluation.agents import Action, AgentFault, Observation, Scenario
+from trace_dag.evaluation.isolation import Isolation
 from trace_dag.processes import descendants, end_all, how_it_ended
 from trace_dag.roads.map.network import RoadNetwork
 
 _START_S = 60.0  # for Python and this package to be there
-_MOST_BYTES = 64 + 16 * MOST_PATH_POINTS
+_MOST_BYTES = 1000 + 60 * MOST_PATH_POINTS  # of an answer
+_END_S = 1.0
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _LOOK_EVERY_S = 0.2  # at the processes it has started
 _SHOWN_CHARACTERS = 10_000  # of what it prints in an evaluation
+
+
+@dataclass(frozen=True)
+class _Life:
+    """A process, the socket to it, and what it prints (not blocking)."""
+
+    process: subprocess.Popen[bytes]
+    connection: socket.socket
+    output: IO[bytes]
+
+    def exit_code(self) -> int | None:
+        """The exit code; None where it goes on for a second."""
+        try:
+            return self.process.wait(timeout=_END_S)
+        except subprocess.TimeoutExpired:
+            return None
 
 
 class AgentProcess:
@@ -48,7 +67,7 @@ class AgentProcess:
         self._reference = reference
         self._limits = limits
         self._isolation = isolation
-        self._life: Life | None = None
+        self._life: _Life | None = None
         self._network: RoadNetwork | None = None  # the one its process has
         self._deadline_s = 0.0
 
@@ -56,21 +75,14 @@ class AgentProcess:
         """Start the process and make the agent in it, if that has not been done. Raises :class:`AgentFault`."""
         if self._life is not None:
             return
-        self._life = life = born(self._isolation)
-        self._reader = AnswerReader()
+        self._life = _started(self._isolation)
         self._network = None
         self._printed = 0
         self._look_at_s = 0.0
-        # Blocking, but not for longer than that: nothing else of the agent is looked at meanwhile.
-        patience = struct.pack("@ll", 0, int(1e6 * _LOOK_EVERY_S))
-        for direction in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-            life.connection.setsockopt(socket.SOL_SOCKET, direction, patience)
         self._begin(_START_S)
-        self._heard()
+        self._expect_ready(self._heard())
         self._begin(self._limits.time_s)
-        start = Start(self._reference, self._limits, tuple(sys.path))
-        if self._asked(pickle.dumps(start)) != b"K":
-            raise self._ended("answered bytes that are not an answer")
+        self._expect_ready(self._asked(Start(self._reference, self._limits, tuple(sys.path))))
 
     def reset(self, scenario: Scenario) -> None:
         """See :class:`trace_dag.evaluation.agents.Agent`. From here on the time of an evaluation runs."""
@@ -88,69 +100,73 @@ class AgentProcess:
             seed=scenario.seed,
         )
         self._network = network
-        if self._asked(b"S" + pickle.dumps(asked)) != b"K":
-            raise self._ended("answered bytes that are not an answer")
+        self._expect_ready(self._asked(asked))
 
     def act(self, observation: Observation) -> Action:
         """See :class:`trace_dag.evaluation.agents.Agent`."""
-        answer = self._asked(b"O" + observation_to_bytes(observation))
-        try:
-            return self._reader.from_bytes(answer)
-        except AgentFault:
-            self.close()
-            raise
+        return self._read(self._asked(observation))
 
     def close(self) -> None:
         """End the process and everything it has started."""
         life, self._life = self._life, None
         if life is None:
             return
-        end_all(life.number)
+        end_all(life.process.pid)
         life.exit_code()
         life.connection.close()
+        assert life.process.stdin is not None
+        life.process.stdin.close()
         life.output.close()
 
     def _begin(self, limit_s: float) -> None:
         self._deadline_s, self._limit_s = time.monotonic() + limit_s, limit_s
         self._printed = 0
 
-    def _asked(self, message: bytes) -> bytes:
+    def _read(self, answer: bytes) -> Action:
+        try:
+            return answer_from_bytes(answer)
+        except AgentFault:
+            self.close()
+            raise
+
+    def _expect_ready(self, answer: bytes) -> None:
+        if answer != READY:
+            self._read(answer)
+            raise self._ended(NO_ANSWER)
+
+    def _asked(self, message: Start | Reset | Observation) -> bytes:
         """The answer to a message. Raises :class:`AgentFault`."""
-        data = memoryview(framed(message))
+        data = memoryview(framed(pickle.dumps(message)))
         while data:
             try:
                 data = data[self._alive.connection.send(data) :]
-            except BlockingIOError:  # it has not read for a while
+            except TimeoutError:  # it has not read for a while
                 self._look()
             except OSError:
                 break  # it is gone: listening to it says how
-        answer = self._heard()
-        if answer[:1] == b"F":
-            self.close()
-            self._reader.from_bytes(answer)
-        return answer
+        return self._heard()
 
     def _heard(self) -> bytes:
         """The next message of the agent, of which it may send one at a time. Raises :class:`AgentFault`."""
-        data, wanted = b"", HEAD_BYTES
+        data, wanted = b"", LENGTH.size
         if time.monotonic() > self._look_at_s:
             self._look()
         while len(data) < wanted:
             try:
-                part = self._alive.connection.recv(4096)
-            except BlockingIOError:
+                part = self._alive.connection.recv(1 << 16)
+            except TimeoutError:
                 self._look()
                 continue
             except OSError:
                 part = b""
             if not part:
                 raise self._ended(self._how_it_left())
-            data = data + part if data else part
-            length = length_of(data)
-            wanted = HEAD_BYTES + (length or 0)
-            if length is not None and (length > _MOST_BYTES or len(data) > wanted):
-                raise self._ended("answered bytes that are not an answer")
-        return data[HEAD_BYTES:]
+            data += part
+            if len(data) >= LENGTH.size:
+                wanted = LENGTH.size + LENGTH.unpack_from(data)[0]
+                if wanted > _MOST_BYTES or len(data) > wanted:
+                    raise self._ended(NO_ANSWER)
+        return data[LENGTH.size :]
 
     def _look(self) -> None:
         """Look at the clock, at what the agent prints, and at its processes: while it does not answer, and now and then
@@ -160,7 +176,7 @@ class AgentProcess:
             raise self._ended(self._too_long)
         self._look_at_s = now_s + _LOOK_EVERY_S
         self._take_output()
-        if len(descendants(self._alive.number)) >= self._limits.processes:
+        if len(descendants(self._alive.process.pid)) > self._limits.processes:
             raise self._ended(f"started more than the {self._limits.processes} processes that are allowed")
 
     def _take_output(self) -> None:
@@ -182,7 +198,7 @@ class AgentProcess:
         return "closed its channel" if code is None else f"ended its process ({how_it_ended(code)})"
 
     @property
-    def _alive(self) -> Life:
+    def _alive(self) -> _Life:
         assert self._life is not None
         return self._life
 
@@ -190,6 +206,30 @@ class AgentProcess:
         """The fault of an agent whose process is ended for it."""
         self.close()
         return AgentFault(how)
+
+
+def _started(isolation: Isolation | None) -> _Life:
+    """A process that waits for the first message of :mod:`trace_dag.evaluation.agent_main`."""
+    ours, theirs = socket.socketpair()
+    ours.settimeout(_LOOK_EVERY_S)  # nothing else of the agent is looked at for longer than that
+    code = f"from trace_dag.evaluation.agent_main import main; main({theirs.fileno()})"
+    command, environment = [sys.executable, "-P", "-c", code], {**_ONE_THREAD, **os.environ}
+    if isolation is not None:
+        command, environment = isolation.command(command), isolation.environment(environment)
+    with theirs:
+        process = subprocess.Popen(  # noqa: S603 - our own command
+            command,
+            bufsize=0,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+            env=environment,
+        )
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    return _Life(process, ours, process.stdout)
 
 
 _last_pickled: tuple[RoadNetwork | None, bytes] = (None, b"")

@@ -54,6 +54,7 @@ while [ "$1" != -- ]; do
 done
 shift
 mount -t proc proc "$new/proc"
+echo 0 > "$new/proc/sys/user/max_user_namespaces"  # none within this one, where it would have all rights again
 mkdir -p "$new/tmp" "$new$here"
 cd "$new"
 pivot_root . .old
@@ -74,7 +75,7 @@ class Isolation:
         """A command as it is run in namespaces of its own."""
         kinds = ("--user", "--map-root-user", "--mount", "--pid", "--net", "--ipc", "--uts", "--cgroup")
         return [
-            *("setpriv", "--pdeathsig", "KILL", "unshare", *kinds, "--fork", "--kill-child=KILL"),
+            *("unshare", *kinds, "--fork", "--kill-child=KILL"),
             *("sh", "-c", _SETUP, "agent", *_readable(), "--hide", *self.hidden, "--", *command),
         ]
 

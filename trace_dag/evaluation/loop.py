@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from trace_dag.evaluation.agent_protocol import described, problem_of
 from trace_dag.evaluation.agents import Agent, AgentFault, Recorded, Scenario
 from trace_dag.evaluation.control import MotionController
 from trace_dag.evaluation.observation import Sensor
-from trace_dag.evaluation.wire import described, problem_of
 from trace_dag.sim.driving import BodyState, Pedals
 
 

@@ -13,8 +13,8 @@ from typing import Any
 from urllib.parse import parse_qsl, quote
 
 from trace_dag.errors import UserError
+from trace_dag.evaluation.agent_protocol import described
 from trace_dag.evaluation.agents import Agent, AgentFault
-from trace_dag.evaluation.wire import described
 from trace_dag.plugins import PluginKind
 from trace_dag.plugins import offered as offered_plugins
 
