@@ -1,18 +1,21 @@
-"""The tests that a change touches, for ``./check --fast``: those changed, and those of and about changed modules.
+"""The tests that a change touches, for ``./check --fast``: those changed, and those nearest to the changed modules.
 
-Prints their paths, one per line. A change is what differs from the branch ``main`` (or from the last commit, on it),
-uncommitted files included.
+Prints arguments for pytest. A change is what differs from the branch ``main`` (or from the last commit, on it),
+uncommitted files included. Nearest to a module are the tests that import it; where none does, those that import what
+imports it, and so on. With them go the examples in docstrings of the changed modules.
 """
 
 from __future__ import annotations
 
 import ast
 import subprocess
+from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SLOW = ("tests/docs/", "tests/notebooks/", "tests/cli/", "tests/faults/", "tests/sample/")
-"""Tests across everything, which take minutes: for ``./check``, unless they were changed themselves."""
+"""Tests across everything, which take minutes: for ``./check``, unless they were changed or are nearest."""
 
 
 def git(*arguments: str) -> list[str]:
@@ -26,27 +29,60 @@ def changed() -> set[str]:
 
 
 def imported(path: Path) -> set[str]:
-    """Every module that a file names in an import, within functions and for type checking too, and what it takes."""
+    """Every module that a file names in an import, within functions and for type checking too, and what it takes; and
+    those it names in text, as entry points and stages do (``module:function``)."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("trace_dag."):
+            found.add(node.value.partition(":")[0])
     return found
 
 
+def module_of(name: str) -> str:
+    return name.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+def importers() -> dict[str, set[str]]:
+    """The files that import a module, by the module's name."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for folder in ("trace_dag", "tests", "benchmarks"):
+        for path in sorted((REPOSITORY / folder).rglob("*.py")):
+            for module in imported(path):
+                found[module].add(path.relative_to(REPOSITORY).as_posix())
+    return found
+
+
+def nearest_tests(name: str, by: Mapping[str, set[str]]) -> set[str]:
+    """The tests with the fewest imports between them and a changed file; quick ones if there are any."""
+    seen, border = {name}, {name}
+    while border:
+        border = {each for file in border for each in by.get(module_of(file), ())} - seen
+        seen |= border
+        tests = {each for each in border if Path(each).name.startswith("test_")}
+        if tests:
+            return {each for each in tests if not each.startswith(SLOW)} or tests
+    package = REPOSITORY / "tests" / Path(name).parts[1]  # what nobody imports is found by an entry point
+    return {each.relative_to(REPOSITORY).as_posix() for each in package.rglob("test_*.py")}
+
+
 def main() -> None:
-    files = changed()
-    modules = {name.removesuffix(".py").replace("/", ".") for name in files if name.endswith(".py")}
-    chosen = []
-    for path in sorted((REPOSITORY / "tests").rglob("test_*.py")):
-        name = path.relative_to(REPOSITORY).as_posix()
-        if name in files or (not name.startswith(SLOW) and imported(path) & modules):
-            chosen.append(name)
-    if any(name.startswith("trace_dag/") for name in files):
-        chosen.append("tests/assets/test_layers.py")
-    print("\n".join(dict.fromkeys(chosen)))
+    files, by = sorted(changed()), importers()
+    chosen: dict[str, None] = {}
+    for name in files:
+        if name.startswith("tests/") and Path(name).name.startswith("test_") and (REPOSITORY / name).exists():
+            chosen[name] = None
+        elif name.endswith(".py"):
+            chosen |= dict.fromkeys(sorted(nearest_tests(name, by)))
+    for name in files:
+        if name.startswith("trace_dag/") and name.endswith(".py") and (REPOSITORY / name).exists():
+            chosen["tests/assets/test_layers.py"] = None
+            if ">>> " in (REPOSITORY / name).read_text():
+                chosen[f"tests/test_doctests.py::test_the_examples_of_a_module_hold[{module_of(name)}]"] = None
+    print("\n".join(chosen))
 
 
 if __name__ == "__main__":

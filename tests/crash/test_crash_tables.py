@@ -49,7 +49,7 @@ def _instances(kind: type) -> st.SearchStrategy[object]:
     return st.builds(kind, **fields)
 
 
-@hypothesis_settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@hypothesis_settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(_instances(CrashRecord))
 def test_any_record_comes_back_as_it_was(record: CrashRecord) -> None:
     assert record_from_json(record_to_json(record)) == record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town, report, vehicle
@@ -152,7 +152,7 @@ def garbage(draw: st.DrawFn) -> OsmExtract:
     return OsmExtract(BoundingBox(36.99, -77.01, 37.01, -76.99), nodes, ways, (relation,))
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=60)
 @given(
     garbage(), st.sampled_from(list(RoadTopology)), st.sampled_from([None, 1, 2, 7]), st.sampled_from([None, 0, 3, 20])
 )

@@ -34,12 +34,16 @@ def test_a_spot_narrower_than_a_lane_is_paved_to_its_edges() -> None:
 
 
 def test_an_island_wider_than_a_lane_is_not() -> None:
-    for gap in paved_gaps(_crossing(6.0), [range(4)]):
+    gaps = list(paved_gaps(_crossing(6.0), [range(4)]))
+    assert gaps
+    for gap in gaps:
         assert not shapely.Polygon(gap.outline_m).intersects(shapely.Point(0, 0).buffer(2.0))
 
 
 def test_the_corners_between_the_arms_stay_ground() -> None:
-    for gap in paved_gaps(_crossing(2.0), [range(4)]):
+    gaps = list(paved_gaps(_crossing(2.0), [range(4)]))
+    assert gaps
+    for gap in gaps:
         assert not shapely.Polygon(gap.outline_m).intersects(shapely.box(8, 8, 12, 12))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from cases import SAMPLE, SETTINGS, Case, sample_case, sample_cases
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from motion_judge import judge_geometry
 
@@ -162,7 +162,7 @@ vehicles = st.tuples(
 )
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(vehicles, vehicles, st.integers(0, 2))
 @example(  # backs at 87 mph; the turn that it comes to lies beyond the impact
     (0, PreCrashMovement.NO_DRIVER, None, None, (VehicleClass.MOTORCYCLE, 2.2, 0.8), None, None),

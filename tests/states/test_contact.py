@@ -27,7 +27,6 @@ lengths = st.floats(2.0, 20.0)
 widths = st.floats(0.7, 2.6)
 
 
-@settings(deadline=None)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.floats(-math.pi, math.pi), lengths, widths, lengths, widths)
 def test_separation_has_the_sign_shapely_finds(x, y, heading, length_1, width_1, length_2, width_2):
     zero = np.zeros(1)
@@ -49,7 +48,7 @@ def test_separation_has_the_sign_shapely_finds(x, y, heading, length_1, width_1,
         assert distance == 0
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.floats(math.radians(-170), math.radians(170)),
     st.floats(0.5, 40),

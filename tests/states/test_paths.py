@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trace_dag.geometry import Pose
@@ -38,7 +38,6 @@ def consistent(path: Path, tolerance_m: float = 0.03) -> None:
     assert np.abs(dy * np.cos(middle) - dx * np.sin(middle)).max() < tolerance_m
 
 
-@settings(deadline=None)
 @given(st.floats(0.5, 12), st.floats(0.02, 0.5), st.floats(6, 60), st.sampled_from([1, -1]))
 def test_a_shift_ends_beside_the_line_and_parallel_to_it(total, slope, ramp, sign):
     ramp = min(ramp, total / slope)
@@ -57,7 +56,6 @@ def test_a_shift_keeps_the_curvature_its_ramp_promises():
     assert np.abs(path.curvature_1pm).max() <= 1.5 * 0.1 / 25 * 1.02
 
 
-@settings(deadline=None)
 @given(st.floats(math.radians(20), math.radians(180)), st.floats(4, 60), st.floats(1, 20), st.sampled_from([1, -1]))
 def test_a_turn_turns_by_its_angle_no_tighter_than_its_radius(angle, radius, ramp, sign):
     shape = TurnShape(sign * angle, radius, min(ramp, radius * angle))
@@ -67,7 +65,6 @@ def test_a_turn_turns_by_its_angle_no_tighter_than_its_radius(angle, radius, ram
     consistent(path)
 
 
-@settings(deadline=None)
 @given(st.floats(math.radians(40), math.radians(140)), st.floats(6, 30), st.sampled_from([1, -1]))
 def test_a_turn_can_be_begun_where_it_ends_in_the_lane_meant(angle, radius, sign):
     base = straight(Pose(0, 0, 0), back_m=100, ahead_m=100)
@@ -124,7 +121,6 @@ def test_a_path_goes_on_straight_beyond_its_ends():
     consistent(longer)
 
 
-@settings(deadline=None)
 @given(st.floats(-40, 40), st.floats(-5, 5))
 def test_projection_finds_station_and_side(along, aside):
     path = straight(Pose(0, 0, 0), back_m=50, ahead_m=50)

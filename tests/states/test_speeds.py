@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from trace_dag.crash.crash_types import CRASH_TYPES, CrashType, Turn
@@ -22,7 +22,6 @@ def car(**changes: object) -> VehicleRecord:
     return dataclasses.replace(CAR, **changes)
 
 
-@settings(deadline=None)
 @given(st.floats(0, 70), st.floats(0, 1), st.floats(0.1, 6), st.floats(0.5, 8))
 def test_distance_is_the_integral_of_speed_and_the_impact_is_a_sample(initial, share, change_s, lead_s):
     profile = SpeedProfile(initial, initial * share, change_s)
@@ -37,7 +36,6 @@ def test_distance_is_the_integral_of_speed_and_the_impact_is_a_sample(initial, s
     assert np.abs((distance - distance[0]) - integral).max() <= 0.02 * 0.02 * initial / change_s + 1e-6
 
 
-@settings(deadline=None)
 @given(st.floats(0.1, 67))
 def test_a_reported_speed_is_the_initial_speed_exactly(speed):
     for movement in PreCrashMovement:

@@ -95,6 +95,30 @@ CHANGED = {
     "alignment_other": ["VALIGN 2 1", "VALIGN 1 2"],
     "bodies": ["BODY_TYP 4 52", "BODY_TYP 14 80"],
 }
+AREAS = {"IMPACT1", "DAMAGE", "AOI", "AOI1", "AOI2"}
+COURSE = {"P_CRASH1", "P_CRASH2"}
+PLACE = {"LATITUDE", "LONGITUD"}
+ELEMENTS_OF = {
+    **dict.fromkeys(("clock", "clocks"), AREAS),
+    **dict.fromkeys(("left", "straight", "both"), COURSE),
+    "speeds": {"TRAV_SP"},
+    **dict.fromkeys(("moved", "random"), PLACE),
+    "type": {"ACC_TYPE"},
+    "types": {"ACC_TYPE"},
+    "manner": {"MAN_COLL"},
+    "tree": {"HARM_EV", "SOE", "VNUMBER2", "AOI2"},
+    "name": {"TWAY_ID"},
+    "names": {"TWAY_ID", "TWAY_ID2"},
+    "intersection": {"RELJCT2", "TYP_INT"},
+    "road": {"FUNC_SYS", "ROUTE", "VNUM_LAN", "VSPD_LIM"},
+    "class": {"FUNC_SYS", "ROUTE"},
+    "lanes": {"VNUM_LAN"},
+    "limit": {"VSPD_LIM"},
+    "alignment": {"VALIGN"},
+    "bodies": {"BODY_TYP"},
+    "vehicles": {*AREAS, *COURSE, "ACC_TYPE", "TRAV_SP"},
+}
+"""What a perturbation may change, by the first word of its name; others put together whole reports."""
 GONE = {b"MODEL"}  # tells of another body; as the labels (...NAME) of codes that were changed
 
 
@@ -121,6 +145,31 @@ def test_a_perturbation_changes_what_it_says_and_nothing_else(name: str) -> None
     changed = perturb(KINDS[name], REPORT, scene())
     assert changed is not None
     assert list(differences(REPORT, changed.xml)) == CHANGED[name]
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in KINDS if name.partition("_")[0] in ELEMENTS_OF and name != "clocks_swapped"]
+)
+def test_a_perturbation_changes_elements_of_its_subject_alone(name: str) -> None:
+    changed = perturb(KINDS[name], REPORT, scene())
+    if changed is None:
+        pytest.skip("does not apply to this report")
+    names = {each.partition(" ")[0] for each in differences(REPORT, changed.xml)}
+    assert names
+    assert names <= ELEMENTS_OF[name.partition("_")[0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "subject"), [("clocks_random", AREAS - {"AOI1"}), ("vehicles_random", ELEMENTS_OF["vehicles"])]
+)
+def test_what_is_drawn_at_random_is_drawn_for_every_element_of_its_subject(name: str, subject: set[str]) -> None:
+    """Of twenty draws one at least differs in each; areas lie in five elements."""
+    names: set[str] = set()
+    for seed in range(20):
+        changed = perturb(KINDS[name], REPORT, scene(seed=seed))
+        assert changed is not None
+        names |= {each.partition(" ")[0] for each in differences(REPORT, changed.xml)}
+    assert names >= subject
 
 
 @pytest.mark.parametrize("name", CHANGED_OF_PEOPLE)

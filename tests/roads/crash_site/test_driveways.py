@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.test_build import built, garbage
@@ -149,7 +149,7 @@ def test_one_that_turned_left_between_intersections_turned_into_something() -> N
     assert headings == pytest.approx([-math.pi / 2, math.pi / 2], abs=0.02)
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=30)
 @given(garbage(), st.sampled_from([(89, 88), (87, 86), (76, 77), (80, 81)]))
 def test_garbage_gives_a_map_or_a_rejection(extract: OsmExtract, codes: tuple[int, int]) -> None:
     result = built(extract, crash(codes, junction_relation=8))

@@ -166,7 +166,7 @@ def placed_or_rejected(record: CrashRecord) -> CrashPlacement | Rejection:
         return rejection
 
 
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(
     x_m=st.floats(-160, 160),
     y_m=st.floats(-160, 160),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town
@@ -177,7 +177,7 @@ def towns(draw: st.DrawFn) -> OsmExtract:
     return extract_of(points, *ways)
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80)
 @given(towns())
 def test_generated_networks_keep_what_maps_promise(extract: OsmExtract) -> None:
     if not extract.ways:
@@ -195,7 +195,7 @@ def test_generated_networks_keep_what_maps_promise(extract: OsmExtract) -> None:
             assert backward == ("oneway" not in extract.ways[road.osm_way_ids[0] - 1].tags)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(towns())
 def test_every_junction_can_be_left_again_on_every_lane(extract: OsmExtract) -> None:
     if not extract.ways:
@@ -212,7 +212,7 @@ def test_every_junction_can_be_left_again_on_every_lane(extract: OsmExtract) -> 
 
 
 @given(towns())
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20)
 def test_the_same_extract_gives_the_same_bytes(extract: OsmExtract) -> None:
     if extract.ways:
         first = write_opendrive(convert(extract, FRAME, SETTINGS))

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.roads.towns import FRAME, SETTINGS, Town
@@ -117,7 +117,7 @@ def interchanges(draw: st.DrawFn) -> OsmExtract:
     return town.extract()
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(interchanges())
 def test_clearance_grades_and_continuity_hold_together(extract: OsmExtract) -> None:
     network = convert(extract, FRAME, SETTINGS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.roads.towns import Town
@@ -22,8 +22,7 @@ _headings = st.floats(-3.1, 3.1)
 @given(_places, _places, _headings)
 def test_a_drivable_turn_leads_from_pose_to_pose_without_a_loop(x_m: float, y_m: float, heading_rad: float) -> None:
     plan = drivable_turn(PlanPose(1.0, 2.0, 0.5), PlanPose(x_m, y_m, heading_rad))
-    if plan is None:
-        return
+    assume(plan is not None)
     end = plan_pose(plan, plan.length_m)
     assert math.dist(end[:2], (x_m, y_m)) < 1e-5
     assert abs(math.remainder(end.heading_rad - heading_rad, math.tau)) < 1e-5

@@ -57,7 +57,7 @@ def test_a_sidewalk_is_neither_drivable_nor_a_neighbour() -> None:
 
 
 @given(plans(), st.integers(0, 2), st.integers(1, 3), st.floats(0, 1), st.floats(-1.7, 1.7))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_projection_inverts_pose(
     plan: tuple[PlanElement, ...], left: int, right: int, share: float, offset_m: float
 ) -> None:
@@ -73,7 +73,7 @@ def test_projection_inverts_pose(
 
 
 @given(plans(), st.floats(0.02, 0.98))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_heading_is_the_direction_the_centre_moves_in(plan: tuple[PlanElement, ...], share: float) -> None:
     """Also where the lane widens: a numerical derivative of the positions is the judge."""
     network = curvy_road(plan)
@@ -88,7 +88,7 @@ def test_heading_is_the_direction_the_centre_moves_in(plan: tuple[PlanElement, .
 
 
 @given(plans(), st.lists(st.floats(-5, 400), min_size=1, max_size=20), st.floats(-3, 3))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_scalar_and_vectorised_evaluation_agree(
     plan: tuple[PlanElement, ...], stations: list[float], offset_m: float
 ) -> None:
@@ -102,7 +102,7 @@ def test_scalar_and_vectorised_evaluation_agree(
 
 
 @given(plans(), st.floats(-150, 150), st.floats(-150, 150))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_nearest_lane_agrees_with_the_lanes_surfaces(plan: tuple[PlanElement, ...], x: float, y: float) -> None:
     """The distance to each lane's surface as shapely sees it, within what 0.25 m facets cut off."""
     network = one_road(plan, lanes_left=1, lanes_right=1, width_m=3.5)

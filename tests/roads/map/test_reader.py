@@ -139,7 +139,7 @@ def _assert_fields(found: object, expected: object, where: str) -> None:
 
 
 @given(networks(), st.sampled_from(["reconstruction", "legal"]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_is_written_is_read_back(network: RoadNetwork, marks: str) -> None:
     data = write_opendrive(network, marks=marks)  # type: ignore[arg-type]
     found = read_opendrive(data, name="written.xodr")
@@ -147,7 +147,7 @@ def test_what_is_written_is_read_back(network: RoadNetwork, marks: str) -> None:
 
 
 @given(networks())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_what_is_written_keeps_the_rules(network: RoadNetwork) -> None:
     assert find_violations(write_opendrive(network)) == []
 
