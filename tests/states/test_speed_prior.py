@@ -84,3 +84,19 @@ def test_braking_takes_speed_unless_the_report_says_that_nothing_was_done() -> N
 def test_between_levels_a_distribution_is_straight() -> None:
     found = Distribution(tuple(10 * level for level in LEVELS))
     assert found.at(0.37) == pytest.approx(3.7)
+
+
+def test_the_tables_are_what_the_data_give(shared_data) -> None:
+    """Fitted anew to the reports and recorders at hand, as their docstring says they were."""
+    from benchmarks.fit_speeds import fit_braking, fit_shifts, fit_spread, masked, read_reports, recorded_speeds
+
+    tables = sorted((shared_data / "fars-csv").iterdir())
+    rows = list(masked(read_reports(tables, [shared_data / "va-2023" / "reports"])))
+    recorded = recorded_speeds(shared_data / "ciren" / "cases.json")
+    assert (len(rows), len(recorded)) == (318, 148)
+    shifts = fit_shifts(rows)
+    assert shifts == pytest.approx(SHIFTS_MPH, abs=0.02)
+    for fitted, stored in ((fit_spread(rows, shifts), SPREAD_MPH), (fit_braking(recorded), BRAKING)):
+        assert set(fitted) == set(stored)
+        for name, values in fitted.items():
+            assert values == pytest.approx(stored[name], abs=0.02), name

@@ -11,7 +11,7 @@ import pytest
 from tests.verdict.crashes import STREET, record, vehicle
 from trace_dag.crash.crash_types import Turn
 from trace_dag.crash.parties import PartyKind, person_party, thing_party
-from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist
+from trace_dag.crash.record import CrashRecord, EventRecord, NonMotorist, PreCrashMovement
 from trace_dag.crash.strikes import strikes_of, untold_strike
 from trace_dag.errors import Rejection
 from trace_dag.roads.map.model import Crosswalk
@@ -247,3 +247,12 @@ def test_an_animal_is_struck_in_the_reported_area(clock_h: int, left_m: float) -
     assert ahead == pytest.approx(car.length_m / 2, abs=0.05)
     assert math.copysign(1.0, left) == math.copysign(1.0, left_m) or left_m == 0.0
     assert abs(left) >= abs(left_m) - 0.1
+
+
+def test_who_backs_into_a_person_backs_along_a_street_whatever_turn_is_reported() -> None:
+    backing = replace(struck(walker(), clock_h=6), vehicles=(vehicle(1, 6, 13, movement=PreCrashMovement.BACKING),))
+    found = estimate(backing, STREET, PLACE, StateSettings())
+    for hypothesis in found.hypotheses:
+        car = hypothesis.participants[0]
+        assert car.manoeuvre is Manoeuvre.BACKING
+        assert car.impact_speed_mps < 0.0

@@ -91,6 +91,8 @@ def test_a_map_beside_its_ways_is_rejected_with_the_distance(network: RoadNetwor
     moved = _changed(network, lambda road: replace(road, plan=tuple(replace(e, y_m=e.y_m + 5) for e in road.plan)))
     gates = _gates(moved, crossing)
     assert gates["way_deviation_worst"].value == pytest.approx(5.0, abs=0.2)
+    # Half of the ways run across the move, half along it, where the road is beside the way at its ends alone.
+    assert 2.0 < gates["way_deviation_mean"].value < 5.0
     with pytest.raises(Rejection, match="way deviation") as caught:
         require(gates.values())
     assert caught.value.reason is Reason.MAP_DISTORTED
