@@ -65,11 +65,7 @@ def is_of_contacts(record: CrashRecord) -> bool:
 
 
 def order_is_told(record: CrashRecord) -> bool:
-    """Whether the report says in which order the contacts came.
-
-    >>> order_is_told(queue_record)
-    True
-    """
+    """Whether the report says in which order the contacts came."""
     return ORDER_OF_CONTACTS not in record.implied
 
 

@@ -134,9 +134,6 @@ def untold_departure(record: CrashRecord) -> str | None:
     """What the report leaves open about which vehicle left the road and what it struck, as a sentence.
 
     None if it leaves nothing open, or if the crash is not reconstructed by a departure.
-
-    >>> untold_departure(tree_record) is None
-    True
     """
     if not is_of_departure(record):
         return None
@@ -150,20 +147,12 @@ def untold_departure(record: CrashRecord) -> str | None:
 
 
 def overturns_first(record: CrashRecord) -> bool:
-    """Whether the vehicle overturned before it struck anything.
-
-    >>> overturns_first(tree_record)
-    False
-    """
+    """Whether the vehicle overturned before it struck anything."""
     return record.kind is CrashKind.OVERTURN
 
 
 def overturns_on_road(record: CrashRecord) -> bool:
-    """Whether the vehicle overturned on the roadway, so that it left it to no side.
-
-    >>> overturns_on_road(tree_record)
-    False
-    """
+    """Whether the vehicle overturned on the roadway, so that it left it to no side."""
     return overturns_first(record) and record.road_relation_code in ON_ROADWAY
 
 
@@ -171,9 +160,6 @@ def untold_side(record: CrashRecord) -> str | None:
     """A sentence saying that the report does not tell where the vehicle left the road.
 
     None if it does tell, or if the crash is not reconstructed by a departure.
-
-    >>> untold_side(tree_record) is None  # SOE 63: ran off the road to the right
-    True
     """
     departure = departure_of(record)
     if departure is None or departure.side is not None or overturns_on_road(record):

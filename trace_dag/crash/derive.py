@@ -260,12 +260,7 @@ CORNER_H: Final = 2.0
 
 
 def agrees_with_manner(man_coll: int | None, one: ImpactArea | None, other: ImpactArea | None) -> bool | None:
-    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known.
-
-    >>> front, right = record.vehicles[1].impact, record.vehicles[0].impact
-    >>> agrees_with_manner(1, front, right)  # MAN_COLL 1: front to rear
-    False
-    """
+    """Whether ``MAN_COLL`` lets these areas meet, None where it says nothing of them or an area is not known."""
     needs = _MANNERS.get(man_coll or 0)
     return None if needs is None or one is None or other is None else needs(one, other) or needs(other, one)
 

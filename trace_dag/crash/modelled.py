@@ -35,9 +35,6 @@ _JUDGED_IN_WORDS: Final = {
 def another_kind(record: CrashRecord) -> str | None:
     """Why the crash cannot be judged: its kind and what happened, as a sentence. None if it can be judged, or if the
     report does not tell.
-
-    >>> another_kind(record) is None
-    True
     """
     kind = record.kind
     met = record.colliding_vehicles is not None
@@ -77,9 +74,6 @@ def another_kind(record: CrashRecord) -> str | None:
 def untold_meeting(record: CrashRecord) -> str | None:
     """Why the report does not tell which two vehicles met first, or whether any did. None if it tells, or if the crash
     is of a kind in which no vehicles meet.
-
-    >>> untold_meeting(record) is None
-    True
     """
     if is_of_contacts(record):
         return untold_contact(record)

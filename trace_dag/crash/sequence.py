@@ -89,22 +89,12 @@ def read_sequence(crash: Fields, vehicles: Sequence[VehicleRecord]) -> ReadSeque
 
 
 def told_of_by_events_alone(vehicle: Fields) -> bool:
-    """Whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row there.
-
-    >>> told_of_by_events_alone(Fields(etree.fromstring("<Vehicle><VEH_NO>2</VEH_NO></Vehicle>"), "vehicle 2"))
-    True
-    """
+    """Whether an element of ``Vehicles`` holds nothing but a number and what other tables say: it has no row there."""
     return not vehicle.names() - {"VEH_NO"}
 
 
 def struck_standing_only(vehicle: Fields) -> bool:
-    """Whether a vehicle's own events are those of one that stands: it was struck while parked or at work.
-
-    >>> event = "<Vsoes><VSOE><VEVENTNUM>1</VEVENTNUM><SOE>12</SOE></VSOE></Vsoes>"
-    >>> vehicle = etree.fromstring(f"<Vehicle><VEH_NO>2</VEH_NO>{event}</Vehicle>")
-    >>> struck_standing_only(Fields(vehicle, "a report", 2023))  # SOE 12: met one in transport
-    False
-    """
+    """Whether a vehicle's own events are those of one that stands: it was struck while parked or at work."""
     found = {row.code for row in _rows_of(vehicle)}
     return bool(found) and found <= codes.STRUCK_STANDING
 

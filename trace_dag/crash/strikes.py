@@ -57,11 +57,7 @@ def is_of_strikes(record: CrashRecord) -> bool:
 
 
 def strikes_ridden_animal(record: CrashRecord) -> bool:
-    """Whether the crash is one with a ridden animal, or with a conveyance that an animal drew.
-
-    >>> strikes_ridden_animal(pedestrian_record)
-    False
-    """
+    """Whether the crash is one with a ridden animal, or with a conveyance that an animal drew."""
     if record.kind is not CrashKind.ANIMAL:
         return False
     first = record.first_harmful_event_code
@@ -94,11 +90,7 @@ def strikes_of(record: CrashRecord) -> tuple[Strike, ...]:
 
 
 def order_is_told(record: CrashRecord) -> bool:
-    """Whether the report says in which order its strikes happened.
-
-    >>> order_is_told(pedestrian_record)
-    True
-    """
+    """Whether the report says in which order its strikes happened."""
     return ORDER_OF_STRIKES not in record.implied
 
 

@@ -52,11 +52,7 @@ _CROSSWALK: Final = 2  # PEDPOS
 
 
 def in_crosswalk(person: NonMotorist) -> bool:
-    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``.
-
-    >>> in_crosswalk(pedestrian_record.non_motorists[0])
-    False
-    """
+    """Whether the report has the person in a crosswalk, marked or not: by the typing, else by ``LOCATION``."""
     return person.pedestrian_position_code == _CROSSWALK or person.location_code in _IN_CROSSWALK
 
 

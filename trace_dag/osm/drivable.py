@@ -24,11 +24,6 @@ def is_drivable(tags: Mapping[str, str], *, service_roads: bool) -> bool:
     """Whether a way with ``tags`` belongs to the map; ``service_roads`` adds service roads and driveways.
 
     Private roads stay: a crash at a driveway needs the driveway. Areas (``area=yes``) are not driven along.
-
-    >>> is_drivable({"highway": "residential"}, service_roads=False)
-    True
-    >>> is_drivable({"highway": "footway"}, service_roads=True)
-    False
     """
     highway = tags.get("highway")
     if highway in TRACK_HIGHWAYS:

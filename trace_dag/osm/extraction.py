@@ -147,15 +147,6 @@ def read_around(path: Path, header: FileHeader, sites: Sequence[Around], setting
 
     Raises :class:`UnreadableMapError` if the file cannot be read to its end as OSM data, :class:`UserError` if the
     locations of its nodes find no room on the disk.
-
-    >>> from trace_dag.osm.xml import write_osm
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "town.osm"
-    ...     _ = path.write_bytes(write_osm(extract))
-    ...     site = Around("2023-319003", extract.box, extract.box)
-    ...     (in_box,) = read_around(path, read_header(path), [site], OsmSettings()).ways
-    >>> len(in_box) == len(extract.ways) + len(extract.walkways)
-    True
     """
     import osmium
 

@@ -33,11 +33,7 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 
 
 def write_osm(extract: OsmExtract) -> bytes:
-    """The extract as OSM XML, UTF-8, the same bytes for the same extract.
-
-    >>> read_osm(write_osm(extract), name="map.osm").nodes == extract.nodes
-    True
-    """
+    """The extract as OSM XML, UTF-8, the same bytes for the same extract."""
     lines = [f"<?xml version='1.0' encoding='UTF-8'?>\n<osm version=\"0.6\" generator=\"{_GENERATOR}\""]
     for name, said in (("attribution", extract.attribution), ("source", extract.source)):
         lines[0] += f' {name}="{_text(said)}"' if said else ""
