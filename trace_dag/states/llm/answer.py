@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -160,54 +161,63 @@ def decide(
             f"it must lie within {MAX_PLACE_M:.0f} m."
         )
     vehicles = {vehicle.number: vehicle for vehicle in record.vehicles}
-    approaches: dict[int, Approach] = {}
+    found: dict[int, list[tuple[Approach, float]]] = {}
     for each in answer.vehicles:
-        vehicle = vehicles[each.vehicle_number]
-        found = (
+        found[each.vehicle_number] = (
             _segment(each, choices, complaints)
             if isinstance(each, SegmentChoice)
             else _point(each, choices, complaints)
         )
-        if found is None:
-            continue
-        approach, position_m = found
-        approaches[vehicle.number] = approach
-        complaint = _position_complaint(vehicle, position_m, lead_time_s)
+    chosen = _leading_to_the_crash(found, choices)
+    for number, (_, position_m) in chosen.items():
+        complaint = _position_complaint(vehicles[number], position_m, lead_time_s)
         if complaint:
             complaints.append(complaint)
     if complaints:
         raise WrongAnswer(complaints)
-    return Decision(approaches, answer.reasoning)
+    return Decision({number: approach for number, (approach, _) in chosen.items()}, answer.reasoning)
 
 
-def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> tuple[Approach, float] | None:
+def _leading_to_the_crash(
+    found: dict[int, list[tuple[Approach, float]]], choices: Choices
+) -> dict[int, tuple[Approach, float]]:
+    """Of the approaches that each vehicle may be on, the first two on which some candidate meets; else the nearest."""
+    known = {number: approaches for number, approaches in found.items() if approaches}
+    pairs = [dict(zip(known, pair, strict=True)) for pair in product(*known.values())]
+    if len(known) < len(found):
+        return pairs[0]
+    meeting = (pair for pair in pairs if choices.chosen({number: each for number, (each, _) in pair.items()}))
+    return next(meeting, pairs[0])
+
+
+def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> list[tuple[Approach, float]]:
     who = f"Vehicle {choice.vehicle_number}"
     approach = choices.by_id(choice.candidate)
     if approach is None:
         known = ", ".join(each.id for each in choices.approaches)
         complaints.append(f"{who}: there is no candidate {choice.candidate[:40]!r}; the candidates are {known}.")
-        return None
+        return []
     if choice.vehicle_number not in approach.vehicles:
         open_to = ", ".join(each.id for each in choices.approaches if choice.vehicle_number in each.vehicles)
         complaints.append(f"{who}: candidate {approach.id} is not open to it; choose from {open_to}.")
-        return None
+        return []
     road = approach.stream.road
     if choice.road is not None and choice.road != (road.id if road is not None else None):
         complaints.append(
             f"{who}: candidate {approach.id} is on road {road.id if road is not None else None}, "
             f"not {choice.road[:40]!r}."
         )
-        return None
+        return []
     lane = approach.stream.lanes[0].lane_id if approach.stream.lanes else None
     if choice.lane is not None and choice.lane != lane:
         complaints.append(f"{who}: candidate {approach.id} is lane {lane}, not {choice.lane}.")
-        return None
+        return []
     if not 0.0 <= choice.position_m <= max(approach.length_m, 1.0):
         complaints.append(
             f"{who}: position {choice.position_m:.0f} m lies outside the road: candidate {approach.id} is known "
             f"from 0 to {approach.length_m:.0f} m before the crash."
         )
-        return None
+        return []
     direction = approach.heading_deg(choice.position_m)
     apart = abs(math.remainder(direction - choice.heading_deg, 360.0))
     if apart > HEADING_TOLERANCE_DEG:
@@ -216,22 +226,21 @@ def _segment(choice: SegmentChoice, choices: Choices, complaints: list[str]) -> 
             f"{who}: heading {choice.heading_deg:.0f} deg disagrees with candidate {approach.id}, which leads "
             f"{direction:.0f} deg there.{side}"
         )
-        return None
-    return approach, choice.position_m
+        return []
+    return [(approach, choice.position_m)]
 
 
-def _point(point: StartPoint, choices: Choices, complaints: list[str]) -> tuple[Approach, float] | None:
+def _point(point: StartPoint, choices: Choices, complaints: list[str]) -> list[tuple[Approach, float]]:
     who = f"Vehicle {point.vehicle_number}"
-    approach = choices.at(point.x_m, point.y_m, point.heading_deg, point.vehicle_number)
-    if approach is None:
+    approaches = choices.at(point.x_m, point.y_m, point.heading_deg, point.vehicle_number)
+    if not approaches:
         reverse = choices.at(point.x_m, point.y_m, point.heading_deg + 180.0, point.vehicle_number)
         why = "is on the wrong side of the road" if reverse else "lies outside the lanes that lead to the crash"
         complaints.append(
             f"{who}: the point ({point.x_m:.0f}, {point.y_m:.0f}) with heading {point.heading_deg:.0f} deg {why}."
         )
-        return None
-    station, _ = approach.stream.path.project(point.x_m, point.y_m)
-    return approach, approach.stream.station_m - station
+    stations = (approach.stream.path.project(point.x_m, point.y_m)[0] for approach in approaches)
+    return [(each, each.stream.station_m - station) for each, station in zip(approaches, stations, strict=True)]
 
 
 def _position_complaint(vehicle: VehicleRecord, position_m: float, lead_time_s: float) -> str | None:

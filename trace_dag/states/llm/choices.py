@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 
 from trace_dag.states.candidates import Candidate
 from trace_dag.states.scene import Scene
@@ -12,6 +13,7 @@ from trace_dag.states.streams import Stream
 
 _SAMPLED_AT_M = (0.0, 10.0, 25.0, 50.0, 75.0, 100.0, 150.0)
 _WITHIN_LANE_M = 3.0
+_CENTIMETRES = 2  # digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +95,21 @@ class Choices:
         """The approach with that id; None if there is none."""
         return next((approach for approach in self.approaches if approach.id == approach_id), None)
 
-    def at(self, x_m: float, y_m: float, heading_deg: float, vehicle_number: int) -> Approach | None:
-        """The approach of a vehicle on which a point lies, travelled in that direction; None if on none."""
-        best: tuple[float, str, Approach] | None = None
+    def at(self, x_m: float, y_m: float, heading_deg: float, vehicle_number: int) -> list[Approach]:
+        """The approaches of a vehicle on which a point lies, travelled in that direction; the nearest first.
+
+        Several share a lane until they part at the crash, and lie equally near: those keep their order.
+        """
+        near: list[tuple[float, Approach]] = []
         for approach in self.approaches:
             if vehicle_number not in approach.vehicles:
                 continue
             station, offset = approach.stream.path.project(x_m, y_m)
             before_m = approach.stream.station_m - station
             apart = abs(math.remainder(approach.heading_deg(max(before_m, 0.0)) - heading_deg, 360.0))
-            if abs(offset) > _WITHIN_LANE_M or not -5.0 <= before_m <= approach.length_m or apart > 60.0:
-                continue
-            if best is None or (abs(offset), approach.id) < best[:2]:
-                best = (abs(offset), approach.id, approach)
-        return best[2] if best is not None else None
+            if abs(offset) <= _WITHIN_LANE_M and -5.0 <= before_m <= approach.length_m and apart <= 60.0:
+                near.append((round(abs(offset), _CENTIMETRES), approach))
+        return [approach for _, approach in sorted(near, key=itemgetter(0))]
 
     def chosen(self, by_vehicle: dict[int, Approach]) -> list[Candidate]:
         """The candidates in which every vehicle is on its chosen approach."""
