@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import tarfile
 import zipfile
 import zlib
@@ -12,7 +11,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from trace_dag.errors import DamagedFile, UserError
+from pydantic import BaseModel, ValidationError
+
+from trace_dag.crash.keys import parse_key
+from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.artefacts import (
     ESTIMATE,
     EXTRACT,
@@ -29,6 +31,7 @@ from trace_dag.flow.artefacts import (
     CrashArtefacts,
 )
 from trace_dag.reading.crashes import Crashes, asked
+from trace_dag.reading.untrusted import GET_AGAIN, check_json, check_size
 from trace_dag.scenario.package import MANIFEST
 from trace_dag.schemas import table_from_parquet
 
@@ -41,8 +44,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 INDEX = "index.parquet"
+_SAID = 200  # characters of what a library says
 _ZIP = b"PK\x03\x04"
-_GET_AGAIN = "get it again from where it came from"
 _FILES = {
     REPORT_XML: "report.xml",
     RECORD: "report.xml",
@@ -96,6 +99,9 @@ class FolderFiles:
 
     def read(self, name: str) -> bytes:
         """See :class:`Files`."""
+        if not self.has(name):
+            raise FileNotFoundError(f"{self.place}: no {name}")
+        check_size(f"{self.place}: {name}", (self._folder / name).stat().st_size)
         return (self._folder / name).read_bytes()
 
     def has(self, name: str) -> bool:
@@ -104,13 +110,21 @@ class FolderFiles:
 
 
 class ArchiveFiles:
-    """The files of a zip or tar archive, read one at a time into memory; nothing is unpacked."""
+    """The files of a zip or tar archive, read one at a time into memory; links among them are not followed."""
 
     def __init__(self, place: str, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
         self.place = place
         self._archive = archive
-        names = archive.namelist() if isinstance(archive, zipfile.ZipFile) else archive.getnames()
-        self._names = {name.partition("/")[2]: name for name in names}
+        self._members: dict[str, zipfile.ZipInfo | tarfile.TarInfo] = {}
+        for member in archive.infolist() if isinstance(archive, zipfile.ZipFile) else archive:
+            if isinstance(member, zipfile.ZipInfo):
+                name, size = member.filename, member.file_size
+            elif member.isreg():
+                name, size = member.name, member.size
+            else:
+                continue
+            check_size(f"{place}: {name}", size)  # before a packed tar is unpacked up to its next member
+            self._members[name.partition("/")[2]] = member
 
     @classmethod
     def of(cls, data: Path | bytes, place: str) -> ArchiveFiles:
@@ -122,31 +136,41 @@ class ArchiveFiles:
             if begins == _ZIP:  # zipfile.is_zipfile takes a tar that ends with a package for that package
                 return cls(place, zipfile.ZipFile(source))
             return cls(place, tarfile.open(fileobj=source))
-        except (tarfile.TarError, zipfile.BadZipFile, NotImplementedError, EOFError) as error:
+        except (tarfile.TarError, zipfile.BadZipFile, NotImplementedError, EOFError, OSError, zlib.error) as error:
             raise UserError(
                 f"{place}: neither a zip nor a tar archive ({error}); expected a package or a release"
             ) from error
 
     def read(self, name: str) -> bytes:
         """See :class:`Files`. Raises :class:`DamagedFile` for an archive that cannot be read on."""
-        if name not in self._names:
+        if name not in self._members:
             raise FileNotFoundError(f"{self.place}: no {name}")
+        member = self._members[name]
         try:
             if isinstance(self._archive, zipfile.ZipFile):
-                return self._archive.read(self._names[name])
-            found = self._archive.extractfile(self._names[name])
+                return self._archive.read(member)  # type: ignore[arg-type] # of its own archive
+            found = self._archive.extractfile(member)  # type: ignore[arg-type]
             data = found.read() if found is not None else None
         except (tarfile.TarError, zipfile.BadZipFile, zlib.error, RuntimeError, OSError, EOFError) as error:
             # RuntimeError is zipfile's for files with a password and, as NotImplementedError, for ways to pack that it
             # does not know.
-            raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", _GET_AGAIN) from error
+            raise DamagedFile(f"{self.place}: {name}", f"cannot be read ({error})", GET_AGAIN) from error
         if data is None:
             raise FileNotFoundError(f"{self.place}: {name} is not a file")
         return data
 
     def has(self, name: str) -> bool:
         """See :class:`Files`."""
-        return name in self._names
+        return name in self._members
+
+
+class _File(BaseModel):
+    sha256: str
+
+
+class _Manifest(BaseModel):
+    key: str
+    files: dict[str, _File]
 
 
 class PackedCrash:
@@ -157,24 +181,24 @@ class PackedCrash:
         self._parsed: dict[str, Any] = {}
 
     @cached_property
-    def _manifest(self) -> dict[str, Any]:
-        name = f"{self._files.place}: {MANIFEST}"
+    def _manifest(self) -> _Manifest:
+        name, data = self._place(MANIFEST), self._files.read(MANIFEST)
+        check_json(name, data)
         try:
-            manifest: dict[str, Any] = json.loads(self._files.read(MANIFEST))
-            if not (isinstance(manifest["key"], str) and isinstance(manifest["files"], dict)):
-                raise ValueError("expected the crash's key and its files")
-        except (ValueError, KeyError, TypeError) as error:
-            raise DamagedFile(name, f"not a manifest of a package ({error})", _GET_AGAIN) from error
+            manifest = _Manifest.model_validate_json(data)
+            parse_key(manifest.key)
+        except (ValidationError, UserError) as error:
+            raise DamagedFile(name, f"not a manifest of a package ({_said(error)})", GET_AGAIN) from error
         return manifest
 
     @property
     def key(self) -> str:
         """The crash's key."""
-        return str(self._manifest["key"])
+        return self._manifest.key
 
     def has(self, artefact: Artefact[Any]) -> bool:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`."""
-        return _FILES.get(artefact) in self._manifest["files"]
+        return _FILES.get(artefact) in self._manifest.files
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
@@ -194,7 +218,11 @@ class PackedCrash:
 
             return read_report(self._read(name), name=self._place(name), settings=CrashSettings())  # type: ignore[return-value]
         named = {"name": self._place(name)} if artefact.named else {}
-        parsed: T = reader(self._read(name), **named)
+        data = self._read(name)
+        try:
+            parsed: T = reader(data, **named)
+        except (ValueError, Failure) as error:
+            raise DamagedFile(self._place(name), f"not what a package holds ({_said(error)})", GET_AGAIN) from error
         return parsed
 
     def shown_log(self) -> SimulationLog:
@@ -214,13 +242,15 @@ class PackedCrash:
         return f"{self._files.place}: {name}"
 
     def _read(self, name: str) -> bytes:
-        said = self._manifest["files"].get(name)
+        said = self._manifest.files.get(name)
         try:
             data = self._files.read(name)
         except FileNotFoundError as error:
-            raise DamagedFile(self._place(name), "it is not there", _GET_AGAIN) from error
-        if said is None or hashlib.sha256(data).hexdigest() != said["sha256"]:
-            raise DamagedFile(self._place(name), "its content is not what the manifest says", _GET_AGAIN)
+            raise DamagedFile(self._place(name), "it is not there", GET_AGAIN) from error
+        if said is None or hashlib.sha256(data).hexdigest() != said.sha256:
+            raise DamagedFile(self._place(name), "its content is not what the manifest says", GET_AGAIN)
+        if name.endswith(".json"):
+            check_json(self._place(name), data)
         return data
 
 
@@ -268,7 +298,7 @@ class Release(Crashes):
             frame: pd.DataFrame = table_from_parquet(self._files.read(INDEX)).to_pandas()
             return frame.set_index("key")
         except (pa.ArrowInvalid, KeyError, OSError) as error:
-            raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", _GET_AGAIN) from error
+            raise DamagedFile(f"{self.place}: {INDEX}", f"not the index of a release ({error})", GET_AGAIN) from error
 
     @cached_property
     def _keys(self) -> list[str]:
@@ -280,9 +310,9 @@ class Release(Crashes):
         try:
             data = self._files.read(name)
         except FileNotFoundError as error:
-            raise DamagedFile(f"{self.place}: {name}", "it is not there", _GET_AGAIN) from error
+            raise DamagedFile(f"{self.place}: {name}", "it is not there", GET_AGAIN) from error
         if hashlib.sha256(data).hexdigest() != row["package_sha256"]:
-            raise DamagedFile(f"{self.place}: {name}", "its content is not what the index says", _GET_AGAIN)
+            raise DamagedFile(f"{self.place}: {name}", "its content is not what the index says", GET_AGAIN)
         return PackedCrash(ArchiveFiles.of(data, f"{self.place}: {name}"))
 
     def sql(self, query: str) -> duckdb.DuckDBPyRelation:
@@ -312,3 +342,11 @@ def _connection(crashes: pd.DataFrame) -> duckdb.DuckDBPyConnection:
     connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
     return connection
+
+
+def _said(error: Exception) -> str:
+    """What is wrong first, in one line."""
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False, include_input=False)[0]
+        return f"{'.'.join(map(str, first['loc'])) or 'the document'}: {first['msg']}"[:_SAID]
+    return " ".join(str(error).split())[:_SAID]
