@@ -29,17 +29,20 @@ def changed() -> set[str]:
 
 
 def imported(path: Path) -> set[str]:
-    """Every module that a file names in an import, within functions and for type checking too, and what it takes; and
-    those it names in text, as entry points and stages do (``module:function``)."""
+    """Every module that a file names in an import, within functions and for type checking too, and what it takes."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("trace_dag."):
-            found.add(node.value.partition(":")[0])
     return found
+
+
+def named(path: Path) -> set[str]:
+    """The modules that a file names in text, as stages and entry points do (``module:function``)."""
+    strings = (node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant))
+    return {each.partition(":")[0] for each in strings if isinstance(each, str) and each.startswith("trace_dag.")}
 
 
 def module_of(name: str) -> str:
@@ -47,11 +50,11 @@ def module_of(name: str) -> str:
 
 
 def importers() -> dict[str, set[str]]:
-    """The files that import a module, by the module's name."""
+    """The files that import or name a module, by the module's name."""
     found: dict[str, set[str]] = defaultdict(set)
     for folder in ("trace_dag", "tests", "benchmarks"):
         for path in sorted((REPOSITORY / folder).rglob("*.py")):
-            for module in imported(path):
+            for module in imported(path) | named(path):
                 found[module].add(path.relative_to(REPOSITORY).as_posix())
     return found
 
