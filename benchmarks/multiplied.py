@@ -1,13 +1,12 @@
 """Roots of any size: crashes that were really run, stored again under new keys.
 
-Reports, outcome records and JSON artefacts are written anew with the new key, and the records with the new digests and
-the present code, so that every crash is whole and up to date; other files are hard links to those of the root they
-come from. How far a crash got is how far its copies got. Pages and packages are not copied.
+Reports, outcome records, crash records and JSON artefacts are written anew with the new key, and the records with the
+new digests and the present code, so that every crash is whole and up to date; other files are hard links to those of
+the root they come from. How far a crash got is how far its copies got. Pages and packages are not copied.
 """
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
@@ -17,8 +16,8 @@ from pathlib import Path
 
 from trace_dag.cohorts.registry import CrashSource, Registry, ReportSource
 from trace_dag.crash.keys import parse_key
+from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.flow.batch import work_of
-from trace_dag.flow.compression import content_of, kept
 from trace_dag.flow.records import Records, read_records, write_record
 from trace_dag.flow.staleness import made_from
 from trace_dag.flow.standing import valid_records
@@ -95,12 +94,12 @@ def _copy_crash(origin: Storage, work: Work, old: str, new: str, records: Record
 
 
 def _copy(source: Storage, target: Storage, file: StoredFile, name: str, old: str, new: str) -> StoredFile:
-    if name.endswith((".json", ".json.gz")):
-        renamed = content_of(file.name, source.read(file.name)).replace(old.encode(), new.encode())
-        if name.startswith(f"{Stage.CRASH_RECORD}/"):
-            year, case = parse_key(new)
-            renamed = json.dumps({**json.loads(renamed), "case_year": year, "state_case": case}).encode()
-        return target.write(name, kept(name, renamed))
+    if name.startswith(f"{Stage.CRASH_RECORD}/"):
+        year, case = parse_key(new)
+        record = record_from_parquet(source.read(file.name))
+        return target.write(name, record_to_parquet(replace(record, key=new, case_year=year, state_case=case)))
+    if name.endswith(".json"):
+        return target.write(name, source.read(file.name).replace(old.encode(), new.encode()))
     _link(Path(source.path(file.name)), target, name)
     return StoredFile(name, file.size, file.sha256)
 

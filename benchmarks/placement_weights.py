@@ -12,14 +12,13 @@ measured so.
 from __future__ import annotations
 
 import argparse
-import gzip
 import math
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.tables import record_from_json
+from trace_dag.crash.tables import record_from_parquet
 from trace_dag.roads.crash_site.carriageways import carriageway_at
 from trace_dag.roads.crash_site.placement import class_steps
 from trace_dag.roads.crash_site.reported_road import lanes_as_reported, pair_of, trafficway_of, trafficway_on_map
@@ -75,10 +74,10 @@ def main() -> None:
     parser.add_argument("roots", nargs="+", type=Path, metavar="ROOT")
     counts: dict[bool, Counter[tuple[str, str]]] = {True: Counter(), False: Counter()}
     crashes = others = 0
-    for path in sorted(path for root in parser.parse_args().roots for path in (root / "road_map").glob("*.xodr.gz")):
+    for path in sorted(path for root in parser.parse_args().roots for path in (root / "road_map").glob("*.xodr")):
         key = path.name.partition(".")[0]
-        record = record_from_json(gzip.decompress((path.parents[1] / "crash_record" / f"{key}.json.gz").read_bytes()))
-        network = read_opendrive(gzip.decompress(path.read_bytes()), name=path.name)
+        record = record_from_parquet((path.parents[1] / "crash_record" / f"{key}.parquet").read_bytes())
+        network = read_opendrive(path.read_bytes(), name=path.name)
         named: list[tuple[float, Road]] = []
         for road_id, distance_m in roads_near(network, record).items():
             road = network.road_by_id[road_id]

@@ -11,7 +11,6 @@ one a crash is found in counts.
 from __future__ import annotations
 
 import argparse
-import gzip
 import json
 import statistics
 import sys
@@ -54,8 +53,8 @@ def beside_m(network: RoadNetwork, participant: ParticipantState, index: int) ->
 
 def measure(root: Path, key: str) -> list[Motion]:
     """Both vehicles of a crash's best hypothesis."""
-    network = read_opendrive(gzip.decompress((root / "road_map" / f"{key}.xodr.gz").read_bytes()), name=key)
-    best = estimate_from_json(gzip.decompress((root / "state_estimate" / f"{key}.json.gz").read_bytes())).best
+    network = read_opendrive((root / "road_map" / f"{key}.xodr").read_bytes(), name=key)
+    best = estimate_from_json((root / "state_estimate" / f"{key}.json").read_bytes()).best
     motions = []
     for participant in best.participants:
         until_s = best.impact_time_s - EVASION_S

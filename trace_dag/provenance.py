@@ -187,7 +187,7 @@ def record_name(stage: Stage, key: str) -> str:
 def crash_of(name: str) -> str:
     """The key of the crash that a stored file is of, by its name; some other word for a file of no crash.
 
-    >>> crash_of("road_map/2023-319003.rejected.json.gz")
+    >>> crash_of("road_map/2023-319003.rejected.json")
     '2023-319003'
     """
     return name.rpartition("/")[2].partition(".")[0]

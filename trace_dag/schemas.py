@@ -6,7 +6,6 @@ Belongs here: the machinery. Does not belong here: any table; each package decla
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -73,11 +72,6 @@ class Column:
             metadata={key: value for key, value in metadata.items() if value},
         )
 
-    def json_structure(self) -> object:
-        """What :meth:`TableSchema.json_structure` says of this column."""
-        kind = {field.name: field.json_structure() for field in self.fields} if self.type is None else self.type.value
-        return [kind] if self.repeated else kind
-
     def walk(self, prefix: str = "") -> Iterator[tuple[str, Column]]:
         """This column and the ones below it, each with its dotted path."""
         path = prefix + self.name
@@ -99,14 +93,6 @@ class TableSchema:
         import pyarrow as pa
 
         return pa.schema([column.arrow_field() for column in self.columns], metadata={"meaning": self.meaning})
-
-    def json_structure(self) -> str:
-        """The columns as DuckDB's ``from_json`` wants to be told them, for rows that are stored as JSON documents.
-
-        >>> TableSchema("t", "", (Column("of", ColumnType.TEXT, "", repeated=True),)).json_structure()
-        '{"of": ["VARCHAR"]}'
-        """
-        return json.dumps({column.name: column.json_structure() for column in self.columns})
 
     def dictionary(self) -> list[dict[str, str]]:
         """The data dictionary: one row per column, nested ones by dotted path."""

@@ -129,15 +129,15 @@ def test_run_prints_the_funnel_and_every_crash_is_where_its_truth_says(finished_
 def test_artefacts_lie_where_they_are_said_to(finished_root):
     key = KEYS[0]
     for name in (
-        f"raw_report/{key}.xml.gz",
-        f"crash_record/{key}.json.gz",
-        f"osm_extract/{key}.osm.gz",
-        f"road_map/{key}.xodr.gz",
-        f"road_map/{key}.json.gz",
-        f"state_estimate/{key}.json.gz",
+        f"raw_report/{key}.xml",
+        f"crash_record/{key}.parquet",
+        f"osm_extract/{key}.osm.pbf",
+        f"road_map/{key}.xodr",
+        f"road_map/{key}.json",
+        f"state_estimate/{key}.json",
         f"simulation_log/{key}.parquet",
-        f"simulation_log/{key}.json.gz",
-        f"verdict/{key}.json.gz",
+        f"simulation_log/{key}.json",
+        f"verdict/{key}.json",
         f"pictures/{key}.png",
         "warehouse.duckdb",
         "dagster/dagster.yaml",

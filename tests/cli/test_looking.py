@@ -29,7 +29,7 @@ def test_show_says_what_happened_and_where_the_files_are():
     assert " collided." in done.stdout
     files = [line for line in done.stdout.splitlines() if line.startswith(str(finished()))]
     assert all(Path(file).is_file() for file in files)
-    assert {Path(file).name for file in files} >= {f"{key}.xodr.gz", f"{key}.html", f"{key}.zip"}
+    assert {Path(file).name for file in files} >= {f"{key}.xodr", f"{key}.html", f"{key}.zip"}
 
 
 def test_show_says_why_a_crash_is_rejected_and_what_can_be_done():

@@ -40,7 +40,7 @@ def test_stages_that_are_older_than_the_settings_are_named_and_are_no_disagreeme
 
 
 def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(root):
-    (root / f"road_map/{VERIFIED}.xodr.gz").write_bytes(b"<OpenDRIVE/>")
+    (root / f"road_map/{VERIFIED}.xodr").write_bytes(b"<OpenDRIVE/>")
     (root / "verdict/2023-319999.json").write_text("{}")
     with duckdb.connect(str(root / "warehouse.duckdb")) as connection:
         connection.execute("DELETE FROM crashes WHERE final_state = 'rejected'")

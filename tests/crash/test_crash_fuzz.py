@@ -29,7 +29,7 @@ from trace_dag.crash.completeness import check
 from trace_dag.crash.folder import identify, scan
 from trace_dag.crash.listing import list_report
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.tables import record_from_json, record_to_json
+from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.errors import Rejection
 from trace_dag.settings import CrashSettings
 
@@ -177,7 +177,7 @@ def _outcome(data: bytes, settings: CrashSettings) -> str:
     try:
         record = read_report(data, name="report.xml", settings=settings)
         assert KEY.fullmatch(record.key)
-        assert record_from_json(record_to_json(record)) == record
+        assert record_from_parquet(record_to_parquet(record)) == record
         check(record, settings)
     except Rejection as rejection:
         return rejection.reason.value
@@ -226,14 +226,14 @@ def test_large_files_take_little_memory_and_time(size_mb: int, limit_mb: int) ->
         from crash_reports import report
         from trace_dag.crash.folder import identify
         from trace_dag.crash.parse import read_report
-        from trace_dag.crash.tables import record_to_json
+        from trace_dag.crash.tables import record_to_parquet
         from trace_dag.errors import Rejection
         from trace_dag.settings import CrashSettings
 
         def outcome(data, settings):
             try:
                 identify(data, name="large.xml")
-                return record_to_json(read_report(data, name="large.xml", settings=settings))
+                return record_to_parquet(read_report(data, name="large.xml", settings=settings))
             except Rejection as rejection:
                 assert rejection.reason == "malformed_report", rejection
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from trace_dag.crash.derive import impact_area, implied_impact_of_damage
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, PreCrashMovement, VehicleClass
-from trace_dag.crash.tables import record_from_json, record_to_json
+from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings
 
@@ -297,7 +297,7 @@ def test_what_a_vehicle_pulls(
 ) -> None:
     """Lengths by 23 CFR 658.13 and makers' data, the hitch 0.15 m behind the bumper and drawbars of 1.2 and 1.5 m."""
     record = read(report(vehicles=[elements | {"J_KNIFE": 2}]), settings)
-    stored = record_from_json(record_to_json(record))
+    stored = record_from_parquet(record_to_parquet(record))
     vehicle = stored.vehicles[0]
     assert vehicle.jackknife_code == 2
     if length_m is None:

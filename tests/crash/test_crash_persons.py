@@ -11,7 +11,7 @@ from crash_reports import report
 from trace_dag.crash.fars_csv import FarsCsvSource
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord
-from trace_dag.crash.tables import record_from_json, record_to_json
+from trace_dag.crash.tables import record_from_parquet, record_to_parquet
 from trace_dag.errors import Reason, Rejection
 from trace_dag.settings import CrashSettings
 
@@ -35,7 +35,7 @@ def test_a_real_pedestrian(real_reports: dict[str, bytes], settings: CrashSettin
     assert (person.actions, person.circumstances, person.equipment) == ((3,), (2, 12), ())
     assert person.helmet_code is None
     assert "pedestrian, crossing the roadway, in an intersection, struck by vehicle 1" in record.summary
-    assert record_from_json(record_to_json(record)) == record
+    assert record_from_parquet(record_to_parquet(record)) == record
 
 
 def test_cyclists_of_national_files_without_a_person_table(shared_data: Path, settings: CrashSettings) -> None:

@@ -7,6 +7,7 @@ import typing
 from pathlib import Path
 
 import duckdb
+import pandas as pd
 import pytest
 from crash_reports import report
 from hypothesis import HealthCheck, given
@@ -15,9 +16,8 @@ from hypothesis import strategies as st
 
 from trace_dag.crash.parse import read_report
 from trace_dag.crash.record import CrashRecord, EventRecord, ImpactArea, NonMotorist, VehicleRecord
-from trace_dag.crash.tables import CRASH_RECORD, record_from_json, record_to_json
+from trace_dag.crash.tables import CRASH_RECORD, SCHEMA_VERSION, record_from_parquet, record_to_parquet
 from trace_dag.errors import Failure
-from trace_dag.flow.compression import kept
 from trace_dag.settings import CrashSettings
 
 DERIVED = {CrashRecord: ["kind"], EventRecord: ["kind"], NonMotorist: ["party", "kind"]}
@@ -52,14 +52,14 @@ def _instances(kind: type) -> st.SearchStrategy[object]:
 @hypothesis_settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(_instances(CrashRecord))
 def test_any_record_comes_back_as_it_was(record: CrashRecord) -> None:
-    assert record_from_json(record_to_json(record)) == record
+    assert record_from_parquet(record_to_parquet(record)) == record
 
 
 def test_real_records_come_back_as_they_were(real_reports: dict[str, bytes]) -> None:
     settings = CrashSettings(repair_malformed=True)
     for name, data in real_reports.items():
         record = read_report(data, name=name, settings=settings)
-        assert record_from_json(record_to_json(record)) == record
+        assert record_from_parquet(record_to_parquet(record)) == record
 
 
 @pytest.mark.parametrize(
@@ -83,18 +83,20 @@ def test_units_are_in_the_names_and_every_column_has_a_meaning() -> None:
 
 
 def test_others_can_read_it(settings: CrashSettings, tmp_path: Path) -> None:
-    path = tmp_path / "2023-519001.json.gz"
-    record = read_report(report(), name="report.xml", settings=settings)
-    path.write_bytes(kept(path.name, record_to_json(record)))
+    for number, vehicles in enumerate([None, [{}]]):
+        record = read_report(report(vehicles=vehicles), name="report.xml", settings=settings)
+        (tmp_path / f"{number}.parquet").write_bytes(record_to_parquet(record))
     (row,) = duckdb.sql(f"""
-        SELECT record.key, len(record.vehicles), record.vehicles[2].impact.clock_h, record.events[1].code
-        FROM (SELECT from_json(json, '{CRASH_RECORD.json_structure()}') AS record
-              FROM read_json_objects('{path}'))
+        SELECT schema_version, key, len(vehicles), vehicles[2].impact.clock_h, events[1].code
+        FROM read_parquet('{tmp_path}/*.parquet') WHERE len(vehicles) = 2
     """).fetchall()
-    assert row == ("2023-519001", 2, 3.0, 12)
+    assert row == (SCHEMA_VERSION, "2023-519001", 2, 3.0, 12)
+    frame = pd.read_parquet(tmp_path)
+    assert list(frame.columns) == [column.name for column in CRASH_RECORD.columns]
+    assert sorted(len(vehicles) for vehicles in frame["vehicles"]) == [1, 2]
 
 
-@pytest.mark.parametrize("data", [b"", b"{}", b"no JSON at all", b'{"key": "2023-519001", "vehicles": 2}'])
+@pytest.mark.parametrize("data", [b"", b"{}", b"PAR1", b"PAR1 and no more PAR1"])
 def test_damaged_files_are_failures_that_say_what_to_do(data: bytes) -> None:
     with pytest.raises(Failure, match="run crash_record again"):
-        record_from_json(data)
+        record_from_parquet(data)

@@ -126,7 +126,7 @@ def test_a_record_that_cannot_be_read_costs_its_crash(root: Path, caplog: pytest
 
 
 def test_an_artefact_that_cannot_be_read_is_found_and_mended(root: Path) -> None:
-    circle(root / f"road_map/{KEY}.xodr.gz")
+    circle(root / f"road_map/{KEY}.xodr")
     (found,) = [line for line in trace_dag(root, "verify", "--contents").stdout.splitlines() if KEY in line][:1]
     assert "road_map" in found
     assert trace_dag(root, "run").returncode == 0

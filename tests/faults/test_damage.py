@@ -100,7 +100,7 @@ def test_a_damaged_ledger_lets_nothing_out(tmp_path: Path, damage: Damage) -> No
 @DAMAGES
 def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, damage: Damage) -> None:
     workspace = Workspace.open(str(root), FLOW)
-    damage(root / f"road_map/{KEY}.xodr.gz")
+    damage(root / f"road_map/{KEY}.xodr")
     heard: list[str] = []
     others = [key for key in verified_keys(workspace) if key != KEY]
     export(workspace, [KEY, others[0]], tmp_path / "out", "packages", complain=lambda each: heard.append(str(each)))
@@ -108,22 +108,22 @@ def test_a_damaged_map_costs_its_crash_and_no_other(root: Path, tmp_path: Path, 
     rows = negative_controls(workspace, "sample", most=2, complain=lambda each: heard.append(str(each)))
     assert all(row.key != KEY for row in rows)
     assert all(f"--only {KEY} --from road_map" in said for said in heard)
-    with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr.gz: damaged"):
+    with pytest.raises(DamagedFile, match=f"road_map/{KEY}.xodr: damaged"):
         replay(stored_crash(workspace, KEY), "html")
 
 
 def test_the_command_names_the_crash_does_the_rest_and_its_remedy_works(root: Path, tmp_path: Path) -> None:
-    whole = (root / f"road_map/{KEY}.xodr.gz").read_bytes()
-    flip(root / f"road_map/{KEY}.xodr.gz")
+    whole = (root / f"road_map/{KEY}.xodr").read_bytes()
+    flip(root / f"road_map/{KEY}.xodr")
     done = trace_dag(root, "export", "--output", str(tmp_path / "out"))
     assert done.returncode == 1
     (said,) = [line for line in done.stderr.splitlines() if line.startswith("failed:")]
-    assert f"road_map/{KEY}.xodr.gz: damaged" in said
+    assert f"road_map/{KEY}.xodr: damaged" in said
     assert "Traceback" not in done.stderr
     remedy = said.rpartition("trace-dag ")[2].removesuffix(" makes it again").split()
     assert remedy == ["run", "--only", KEY, "--from", "road_map"]
     assert trace_dag(root, *remedy).returncode == 0
-    assert (root / f"road_map/{KEY}.xodr.gz").read_bytes() == whole
+    assert (root / f"road_map/{KEY}.xodr").read_bytes() == whole
     assert KEY in verified_keys(Workspace.open(str(root), FLOW))
     assert trace_dag(root, "verify", "--contents").returncode == 0
 
@@ -149,14 +149,14 @@ def test_a_finished_release_is_put_right_before_it_is_archived(root: Path, tmp_p
 
 
 def test_a_release_waits_for_a_crash_that_cannot_be_packed(root: Path, tmp_path: Path, packages) -> None:
-    flip(root / f"verdict/{KEY}.json.gz")
+    flip(root / f"verdict/{KEY}.json")
     workspace = Workspace.open(str(root), FLOW)
     built = build_warehouse(workspace.storage, root)
     assert built.incomplete_crashes == {KEY}
     heard: list[Failure] = []
     unknown = built.incomplete_crashes
     made = build_release(workspace, "1.0", tmp_path, unknown=unknown, complain=heard.append)
-    assert all(f"verdict/{KEY}.json.gz: damaged" in str(each) for each in heard)
+    assert all(f"verdict/{KEY}.json: damaged" in str(each) for each in heard)
     assert (made.missing, made.packages) == (1, len(packages) - 1)
     assert not (made.folder / "SHA256SUMS").exists()
 
@@ -199,13 +199,13 @@ def test_both_remedies_for_a_corrupt_warehouse_work(root: Path, remedy: tuple[st
 
 # --- verify --------------------------------------------------------------------------------------------------------
 EVERYTHING = (
-    (f"raw_report/{KEY}.xml.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"crash_record/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"osm_extract/{KEY}.osm.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"road_map/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"state_estimate/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"raw_report/{KEY}.xml", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"crash_record/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"osm_extract/{KEY}.osm.pbf", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"road_map/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"state_estimate/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
     (f"simulation_log/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
-    (f"verdict/{KEY}.json.gz", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"verdict/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{OTHER}.outcome.json", DisagreementKind.UNREADABLE_RECORD),
     (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_ARTEFACT),
     (PACKAGE, DisagreementKind.DAMAGED_PAGE),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import shutil
 import zipfile
@@ -103,7 +102,7 @@ def run(workspace: Workspace, run_id: str, **options: Any) -> dict[str, OutcomeR
 
 
 def estimate_bytes(workspace: Workspace) -> list[bytes]:
-    return [gzip.decompress(workspace.storage.read(f"{Stage.STATE_ESTIMATE}/{key}.json.gz")) for key in CRASHES]
+    return [workspace.storage.read(f"{Stage.STATE_ESTIMATE}/{key}.json") for key in CRASHES]
 
 
 def test_a_run_is_verified_says_what_it_took_and_costs_nothing_again(root, served, model):

@@ -25,11 +25,11 @@ def test_what_is_handed_on_is_what_the_files_say(name: str, tmp_path: Path) -> N
     made, record = made_of(name), record_of(name)
     services = Services(Storage.open(str(tmp_path)), SETTINGS.services, "")
     estimated = state_estimate(record, made.network, made.map_report, SETTINGS.states, services)
-    estimate = estimate_from_json(estimated.files["json.gz"])
-    np.testing.assert_equal(asdict(estimated.parsed["json.gz"]), asdict(estimate))
+    estimate = estimate_from_json(estimated.files["json"])
+    np.testing.assert_equal(asdict(estimated.parsed["json"]), asdict(estimate))
 
     simulated = simulation_log(record, made.network, made.map_report, made.xodr, estimate, SETTINGS.sim)
-    stored = logs_from_files(simulated.files["parquet"], simulated.files["json.gz"])
+    stored = logs_from_files(simulated.files["parquet"], simulated.files["json"])
     handed_on = [asdict(replace(log, wall_s=0.0)) for log in simulated.parsed["parquet"]]  # the clock is not stored
     np.testing.assert_equal(handed_on, [asdict(log) for log in stored])
-    assert simulated.parsed["samples.json.gz"] == samples_from_json(simulated.files["samples.json.gz"])
+    assert simulated.parsed["samples.json"] == samples_from_json(simulated.files["samples.json"])

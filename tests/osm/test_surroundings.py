@@ -11,8 +11,8 @@ from shapely.geometry import LineString
 from tests.osm.osm_text import LATITUDE_PER_M, LONGITUDE_PER_M, ORIGIN, document, node, save, thing, way
 from trace_dag.errors import UserError
 from trace_dag.osm.catalog import MapCatalog
-from trace_dag.osm.surroundings import surroundings_from_geojson, surroundings_to_geojson
-from trace_dag.osm.types import OsmExtract, OsmFeature, Site
+from trace_dag.osm.stored import read_extract, write_extract
+from trace_dag.osm.types import BoundingBox, OsmExtract, OsmFeature, Site
 from trace_dag.settings import OsmSettings
 
 ROAD = (node(1, -200, 0), node(2, 200, 0), way(10, [1, 2], name="Main Street"))
@@ -55,12 +55,14 @@ def test_what_is_larger_than_the_box_is_cut_at_it(tmp_path: Path) -> None:
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     features = tuple(surroundings(tmp_path, *HOUSE, node(3, 5, 8, natural="tree", name='"Old\\" oak')).values())
-    data = surroundings_to_geojson(features, "(c) somebody")
-    assert json.loads(data)["attribution"] == "(c) somebody"
-    assert sorted(surroundings_from_geojson(data)) == sorted(features)
+    extract = OsmExtract(BoundingBox(0, 0, 1, 1), {}, (), surroundings=features, attribution="(c) somebody")
+    pbf, geojson = write_extract(extract)
+    assert json.loads(geojson)["attribution"] == "(c) somebody"
+    assert sorted(read_extract(pbf, geojson, name="a").surroundings) == sorted(features)
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b'{"features": [{}]}', document()])
 def test_what_is_no_such_file_is_said(data: bytes) -> None:
-    with pytest.raises(UserError, match="GeoJSON"):
-        surroundings_from_geojson(data)
+    pbf, _ = write_extract(OsmExtract(BoundingBox(0, 0, 1, 1), {}, ()))
+    with pytest.raises(UserError, match="a: not the GeoJSON"):
+        read_extract(pbf, data, name="a")

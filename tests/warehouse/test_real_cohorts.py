@@ -6,7 +6,6 @@ which nothing is changed but a copy.
 
 from __future__ import annotations
 
-import gzip
 import json
 import os
 import shutil
@@ -24,6 +23,7 @@ from trace_dag.errors import Reason
 from trace_dag.flow.batch import run_stages
 from trace_dag.flow.stages import FLOW
 from trace_dag.flow.workspace import Workspace
+from trace_dag.schemas import table_from_parquet
 from trace_dag.stage import Stage
 from trace_dag.warehouse.build import build_warehouse
 from trace_dag.warehouse.query import rows
@@ -131,12 +131,12 @@ def test_funnel_and_reasons_equal_a_count_of_the_records(root, registered, outco
 def test_coverage_equals_a_count_over_the_records_and_verdicts(root, outcomes):
     verified: Counter[tuple[str, str]] = Counter()
     read: Counter[tuple[str, str]] = Counter()
-    for path in (root / "crash_record").glob("*.json.gz"):
-        record = json.loads(gzip.decompress(path.read_bytes()))
+    for path in (root / "crash_record").glob("*.parquet"):
+        (record,) = table_from_parquet(path.read_bytes()).to_pylist()
         classes = [(dimension, record[dimension]) for dimension in DIMENSIONS]
         read.update(classes)
-        verdict = root / "verdict" / f"{record['key']}.json.gz"
-        if verdict.exists() and json.loads(gzip.decompress(verdict.read_bytes()))["accepted"]:
+        verdict = root / "verdict" / f"{record['key']}.json"
+        if verdict.exists() and json.loads(verdict.read_bytes())["accepted"]:
             verified.update(classes)
     table = {(row["dimension"], row["class"]): row for row in rows(root / "warehouse.duckdb", "coverage")}
     assert {name: row["verified"] for name, row in table.items() if row["verified"]} == verified

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import threading
 from pathlib import Path
@@ -25,7 +24,7 @@ def note(storage: Storage, key: str, stage: Stage, run: int, reason: Reason | No
     if stage is Stage.VERDICT and not error:
         document = {"key": key, "accepted": reason is None, "hypothesis": run, "rule_set": "x", "criteria": []}
         document["criteria"] = [{"name": "contact_distance", "value": float(run), "unit": "m"}]
-        artefacts = (storage.write(f"{stage}/{key}.json.gz", gzip.compress(json.dumps(document).encode())),)
+        artefacts = (storage.write(f"{stage}/{key}.json", json.dumps(document).encode()),)
     outcome = Outcome.FAILED if error else Outcome.REJECTED if reason else Outcome.ACCEPTED
     record = OutcomeRecord(
         key=key,

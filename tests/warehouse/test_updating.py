@@ -87,12 +87,12 @@ def test_is_built_anew_after_a_change_by_hand_or_of_many(tmp_path, monkeypatch):
 
 def test_damaged_crashes_are_read_until_they_are_whole(tmp_path, monkeypatch, caplog):
     storage = made(tmp_path, KEYS)
-    whole = storage.read(f"verdict/{KEYS[0]}.json.gz")
-    storage.write(f"verdict/{KEYS[0]}.json.gz", whole[:-1])
+    whole = storage.read(f"verdict/{KEYS[0]}.json")
+    storage.write(f"verdict/{KEYS[0]}.json", whole[:-1])
     with caplog.at_level(logging.ERROR):
         assert build_warehouse(storage, tmp_path).incomplete_crashes == {KEYS[0]}
         assert build_warehouse(storage, tmp_path).incomplete_crashes == {KEYS[0]}
-    storage.write(f"verdict/{KEYS[0]}.json.gz", whole)
+    storage.write(f"verdict/{KEYS[0]}.json", whole)
     assert read_again(tmp_path, monkeypatch) == {KEYS[0]}
     assert {row["key"] for row in rows(tmp_path / WAREHOUSE, "crashes") if row["final_state"] == "verified"} == set(
         KEYS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import re
 import shutil
@@ -14,6 +13,7 @@ import sample_runs
 
 from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.crash.classes import CollisionType, RoadTopology, VehicleTrajectory
+from trace_dag.schemas import table_from_parquet
 from trace_dag.storage import Storage
 from trace_dag.warehouse.build import build_warehouse, table_documentation
 from trace_dag.warehouse.query import open_warehouse, rows
@@ -107,7 +107,7 @@ def test_funnel_equals_a_count_of_artefacts(root):
 
 def test_verdicts_equal_the_criteria_in_the_artefacts(root):
     found = {row["key"]: row for row in table(root, "verdicts")}
-    documents = [json.loads(gzip.decompress(path.read_bytes())) for path in (root / "verdict").glob("*.json.gz")]
+    documents = [json.loads(path.read_bytes()) for path in (root / "verdict").glob("*[0-9].json")]
     assert {document["key"] for document in documents} == set(found)
     for document in documents:
         values: dict[str, list[float]] = {}
@@ -129,8 +129,8 @@ def test_verdicts_equal_the_criteria_in_the_artefacts(root):
 def test_vehicles_and_classes_equal_the_records(root):
     vehicles = Counter(row["key"] for row in table(root, "vehicles"))
     classes = {row["key"]: row["collision_type"] for row in table(root, "crashes")}
-    for path in (root / "crash_record").glob("*.json.gz"):
-        row = json.loads(gzip.decompress(path.read_bytes()))
+    for path in (root / "crash_record").glob("*.parquet"):
+        (row,) = table_from_parquet(path.read_bytes()).to_pylist()
         assert vehicles[row["key"]] == len(row["vehicles"])
         assert classes[row["key"]] == row["collision_type"]
 
@@ -155,8 +155,8 @@ def test_codes_that_say_unknown_are_null_and_what_is_implied_is_named(root):
         ("first_harmful_event", "HARM_EV"),
         ("road_relation", "REL_ROAD"),
     )
-    for path in (root / "crash_record").glob("*.json.gz"):
-        record = json.loads(gzip.decompress(path.read_bytes()))
+    for path in (root / "crash_record").glob("*.parquet"):
+        (record,) = table_from_parquet(path.read_bytes()).to_pylist()
         row = crashes[record["key"]]
         assert row["implied"] == record["implied"]
         for column, element in coded:
@@ -174,8 +174,8 @@ def test_codes_that_say_unknown_are_null_and_what_is_implied_is_named(root):
 def test_usable_information_equals_a_count_over_the_records(root):
     reasons = {row["key"]: row["reason"] for row in table(root, "crashes")}
     counts: dict[tuple[str, int], Counter[str]] = {}
-    for path in (root / "crash_record").glob("*.json.gz"):
-        row = json.loads(gzip.decompress(path.read_bytes()))
+    for path in (root / "crash_record").glob("*.parquet"):
+        (row,) = table_from_parquet(path.read_bytes()).to_pylist()
         if reasons[row["key"]] == "not_modelled":
             continue
         moving = [vehicle for vehicle in row["vehicles"] if vehicle["in_transport"]]

@@ -65,7 +65,7 @@ _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
 # Of a crash without a package, as its page calls them.
-_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr.gz": XODR, "verdict.json.gz": VERDICT}
+_OFFERED: Mapping[str, Artefact[Any]] = {"map.xodr": XODR, "verdict.json": VERDICT}
 
 
 def page_name(key: str) -> str:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from trace_dag.flow.artefacts import (
     ESTIMATE,
+    EXTRACT,
     LOGS,
     MAP_REPORT,
-    OSM_XML,
     RECORD,
     REPORT_XML,
     ROAD_MAP,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[str, bytes]:
     """The scenario package of a verified crash, by file name; ``replay`` where what it shows is at hand."""
     from trace_dag.evaluation.drives import drives_of
+    from trace_dag.osm.xml import write_osm
     from trace_dag.scenario.package import PackageInput, package_files
     from trace_dag.studies.cases import case_of
 
@@ -42,7 +43,7 @@ def package_of(files: CrashFiles, replay: ReplayContent | None = None) -> dict[s
         PackageInput(
             record=files.load(RECORD),
             report_xml=files.load(REPORT_XML),
-            osm_xml=files.load(OSM_XML),
+            osm_xml=write_osm(files.load(EXTRACT)),
             map_xodr=files.load(XODR),
             provenance={
                 stage.value: {

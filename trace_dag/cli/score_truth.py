@@ -52,9 +52,9 @@ def score_truth(root: str, as_json: bool) -> None:
         valid, stand = valid_records(of_crash), standing(key, of_crash)
         outcomes[key] = (stand.final_state.value, stand.reason.value if stand.reason else None)
         try:
-            if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json.gz")):
+            if (record := valid.get(Stage.STATE_ESTIMATE)) and (file := record.artefact("json")):
                 estimate = estimate_from_json(read_artefact(storage, record, file))
-                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json.gz")):
+                if (record := valid.get(Stage.VERDICT)) and (file := record.artefact("json")):
                     hypotheses[key] = verdict_from_json(read_artefact(storage, record, file)).hypothesis
                 estimates[key] = estimate
         except DamagedFile as damaged:

@@ -30,7 +30,6 @@ class Artefact(Generic[T]):
     """An artefact of a stage. ``reader`` (``module:function``) is given the bytes of each of its files.
 
     Without a reader it is the bytes themselves. A ``named`` reader is told the file's name too, for its messages.
-    What ends with ``.gz`` is stored compressed; stages, readers and whoever loads it have the content.
     """
 
     stage: Stage
@@ -56,47 +55,42 @@ class CrashArtefacts(Protocol):
         """The log that the verdict is about, the first one without a verdict; None where nothing was simulated."""
 
 
-REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml.gz",))
+REPORT_XML: Final[Artefact[bytes]] = Artefact(Stage.RAW_REPORT, ("xml",))
 RECORD: Final[Artefact[CrashRecord]] = Artefact(
-    Stage.CRASH_RECORD, ("json.gz",), "trace_dag.crash.tables:record_from_json"
+    Stage.CRASH_RECORD, ("parquet",), "trace_dag.crash.tables:record_from_parquet"
 )
-OSM_XML: Final[Artefact[bytes]] = Artefact(Stage.OSM_EXTRACT, ("osm.gz",))
 EXTRACT: Final[Artefact[OsmExtract]] = Artefact(
-    Stage.OSM_EXTRACT, ("osm.gz",), "trace_dag.osm.xml:read_osm", named=True
+    Stage.OSM_EXTRACT, ("osm.pbf", "geojson"), "trace_dag.osm.stored:read_extract", named=True
 )
-SURROUNDINGS: Final[Artefact[tuple[OsmFeature, ...]]] = Artefact(
-    Stage.OSM_EXTRACT, ("geojson.gz",), "trace_dag.osm.surroundings:surroundings_from_geojson"
-)
-XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr.gz",))
+XODR: Final[Artefact[bytes]] = Artefact(Stage.ROAD_MAP, ("xodr",))
 ROAD_MAP: Final[Artefact[RoadNetwork]] = Artefact(
-    Stage.ROAD_MAP, ("xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
+    Stage.ROAD_MAP, ("xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 MAP_REPORT: Final[Artefact[MapReport]] = Artefact(
-    Stage.ROAD_MAP, ("json.gz",), "trace_dag.roads.json_io:map_report_from_json"
+    Stage.ROAD_MAP, ("json",), "trace_dag.roads.json_io:map_report_from_json"
 )
 REJECTED_MAP: Final[Artefact[RoadNetwork]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.xodr.gz",), "trace_dag.roads.map.reader:read_opendrive", named=True
+    Stage.ROAD_MAP, ("rejected.xodr",), "trace_dag.roads.map.reader:read_opendrive", named=True
 )
 REJECTED_REPORT: Final[Artefact[RejectedMapReport]] = Artefact(
-    Stage.ROAD_MAP, ("rejected.json.gz",), "trace_dag.roads.json_io:rejected_report_from_json"
+    Stage.ROAD_MAP, ("rejected.json",), "trace_dag.roads.json_io:rejected_report_from_json"
 )
 ESTIMATE: Final[Artefact[StateEstimate]] = Artefact(
-    Stage.STATE_ESTIMATE, ("json.gz",), "trace_dag.states.json_io:estimate_from_json"
+    Stage.STATE_ESTIMATE, ("json",), "trace_dag.states.json_io:estimate_from_json"
 )
 LOGS: Final[Artefact[tuple[SimulationLog, ...]]] = Artefact(
-    Stage.SIMULATION_LOG, ("parquet", "json.gz"), "trace_dag.sim.log_io:logs_from_files"
+    Stage.SIMULATION_LOG, ("parquet", "json"), "trace_dag.sim.log_io:logs_from_files"
 )
 SAMPLED: Final[Artefact[SampledRuns]] = Artefact(
-    Stage.SIMULATION_LOG, ("samples.json.gz",), "trace_dag.sim.sampled:samples_from_json"
+    Stage.SIMULATION_LOG, ("samples.json",), "trace_dag.sim.sampled:samples_from_json"
 )
-VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json.gz",), "trace_dag.verdict.json_io:verdict_from_json")
-VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json.gz",))
+VERDICT: Final[Artefact[Verdict]] = Artefact(Stage.VERDICT, ("json",), "trace_dag.verdict.json_io:verdict_from_json")
+VERDICT_JSON: Final[Artefact[bytes]] = Artefact(Stage.VERDICT, ("json",))
 
 ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
     "report_xml": REPORT_XML,
     "record": RECORD,
     "extract": EXTRACT,
-    "surroundings": SURROUNDINGS,
     "xodr": XODR,
     "road_map": ROAD_MAP,
     "map_report": MAP_REPORT,
@@ -108,4 +102,4 @@ ARTEFACTS: Final[Mapping[str, Artefact[Any]]] = {
 
 def surroundings_of(crash: CrashArtefacts) -> tuple[OsmFeature, ...]:
     """What is beside the roads around a crash; nothing where that was not kept."""
-    return crash.load(SURROUNDINGS) if crash.has(SURROUNDINGS) else ()
+    return crash.load(EXTRACT).surroundings if crash.has(EXTRACT) else ()

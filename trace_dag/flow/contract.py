@@ -30,7 +30,6 @@ from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
-from trace_dag.flow.compression import content_of
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.flow.staleness import Recipe
 from trace_dag.provenance import OutcomeRecord, artefact_name, code_of, libraries_of, settings_of
@@ -61,7 +60,7 @@ class DamagedArtefactError(DamagedFile):
 def read_artefact(storage: Storage, record: OutcomeRecord, file: StoredFile) -> bytes:
     """The content of one of the files a record lists. Raises :class:`DamagedArtefactError`."""
     try:
-        return content_of(file.name, storage.read_whole(file))
+        return storage.read_whole(file)
     except DamagedFile as damaged:
         raise DamagedArtefactError(record.key, record.stage, file.name, damaged.found) from damaged
 

@@ -21,7 +21,6 @@ from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_at
 
 from trace_dag.code_versions import referred
 from trace_dag.errors import Failure, Rejection, TransientFailure
-from trace_dag.flow.compression import kept
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, StageDefinition
 from trace_dag.flow.locks import held
 from trace_dag.flow.products import StageProduct
@@ -219,7 +218,7 @@ class _CrashWorker:
             for extension, data in product.files.items():
                 name = artefact_name(definition.stage, self.task.key, extension)
                 contents[name] = data
-                stored.append(self.work.storage.write(name, kept(name, data)))
+                stored.append(self.work.storage.write(name, data))
             attempt = self._attempt(definition, provenance, started_at, duration_s)
             record = made_record(attempt, product, stored)
             record = replace(record, attempts=attempts).superseding(earlier)

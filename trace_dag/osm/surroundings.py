@@ -8,16 +8,13 @@ Areas drawn by one way are kept. Those of relations (multipolygons) are not: the
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry import shape
 
-from trace_dag.errors import UserError
 from trace_dag.geometry import FloatArray
 from trace_dag.osm.types import BoundingBox, OsmFeature, RawWay
 
@@ -132,47 +129,6 @@ def _is_area(tags: Mapping[str, str]) -> bool:
     return any(key in tags for key in _AREA_KEYS) or not _AREA_VALUES.isdisjoint(
         tags.get(key, "") for key in ("natural", "waterway", "man_made")
     )
-
-
-def surroundings_to_geojson(features: Iterable[OsmFeature], attribution: str) -> bytes:
-    """The features as a GeoJSON collection, by their ids, the same bytes for the same features.
-
-    ``attribution`` is who has to be named with them, a foreign member of the collection (RFC 7946, section 6.1).
-
-    >>> import shapely
-    >>> tree = OsmFeature("n1", shapely.Point(-101.5, 41.8), {"natural": "tree"})
-    >>> json.loads(surroundings_to_geojson([tree], "© Some Town"))["features"][0]["geometry"]["coordinates"]
-    [-101.5, 41.8]
-    """
-    ordered = sorted(features, key=lambda each: each.id)
-    shapes = shapely.to_geojson([each.geometry for each in ordered])
-    members = (
-        f'{{"type":"Feature","id":"{each.id}","geometry":{of_it},"properties":{_json(dict(sorted(each.tags.items())))}}}'
-        for each, of_it in zip(ordered, shapes, strict=True)
-    )
-    start = f'{{"type":"FeatureCollection","attribution":{_json(attribution)},"features":['
-    return (start + ",\n".join(members) + "]}\n").encode()
-
-
-def surroundings_from_geojson(data: bytes) -> tuple[OsmFeature, ...]:
-    """What :func:`surroundings_to_geojson` wrote. Raises :class:`UserError` for anything else.
-
-    >>> place = {"type": "Point", "coordinates": [-101.5, 41.8]}
-    >>> tree = {"id": "n1", "geometry": place, "properties": {"natural": "tree"}}
-    >>> (feature,) = surroundings_from_geojson(json.dumps({"features": [tree]}).encode())
-    >>> feature.geometry.x, feature.tags["natural"]
-    (-101.5, 'tree')
-    """
-    try:
-        return tuple(
-            OsmFeature(each["id"], shape(each["geometry"]), each["properties"]) for each in json.loads(data)["features"]
-        )
-    except (ValueError, KeyError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
-        raise UserError(f"not the GeoJSON of what stands around a crash: {error}") from error
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _rounded(places: FloatArray) -> FloatArray:

@@ -105,7 +105,7 @@ class OsmFeature(NamedTuple):
 class OsmExtract:
     """The pruned OSM data around one crash.
 
-    ``osm_extract/<key>.osm`` holds all but the ``surroundings``, which are in ``osm_extract/<key>.geojson``.
+    ``osm_extract/<key>.osm.pbf`` holds the streets, ``osm_extract/<key>.geojson`` the ``surroundings``.
     """
 
     box: BoundingBox

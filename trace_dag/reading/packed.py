@@ -19,7 +19,6 @@ from trace_dag.flow.artefacts import (
     ESTIMATE,
     EXTRACT,
     MAP_REPORT,
-    OSM_XML,
     RECORD,
     REPORT_XML,
     ROAD_MAP,
@@ -49,7 +48,6 @@ _ZIP = b"PK\x03\x04"
 _FILES = {
     REPORT_XML: "report.xml",
     RECORD: "report.xml",
-    OSM_XML: "map.osm",
     EXTRACT: "map.osm",
     XODR: "map.xodr",
     ROAD_MAP: "map.xodr",
@@ -217,6 +215,10 @@ class PackedCrash:
             from trace_dag.settings import CrashSettings
 
             return read_report(self._read(name), name=self._place(name), settings=CrashSettings())  # type: ignore[return-value]
+        if artefact is EXTRACT:  # as OSM XML, and nothing beside the roads
+            from trace_dag.osm.xml import read_osm
+
+            return read_osm(self._read(name), name=self._place(name))  # type: ignore[return-value]
         named = {"name": self._place(name)} if artefact.named else {}
         data = self._read(name)
         try:

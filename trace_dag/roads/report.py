@@ -1,7 +1,7 @@
 """The report on a road map: the crash's place on it, its gates, its agreement with the crash report.
 
 Stored beside the map as ``road_map/<key>.json``; for a map for which its crash is rejected, as
-``road_map/<key>.rejected.json.gz``. Types only.
+``road_map/<key>.rejected.json``. Types only.
 """
 
 from __future__ import annotations

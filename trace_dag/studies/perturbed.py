@@ -14,7 +14,7 @@ from fnmatch import fnmatchcase
 from trace_dag.cohorts.registry import RegisteredMap
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import DamagedFile, Failure, Rejection, UserError
-from trace_dag.flow.artefacts import OSM_XML, RECORD, VERDICT
+from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
@@ -166,9 +166,8 @@ def _maps_around(crashes: Sequence[CrashFiles]) -> dict[str, bytes]:
         for crash in together:
             extract = extracts[crash.key]
             if isinstance(extract, Rejection | Failure):
-                found[crash.key] = crash.load(OSM_XML)
-            else:
-                found[crash.key] = write_osm(extract)
+                extract = crash.load(EXTRACT)
+            found[crash.key] = write_osm(extract)
     return found
 
 

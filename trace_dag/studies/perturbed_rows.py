@@ -22,7 +22,6 @@ from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.crash.record import CrashRecord, PreCrashMovement
 from trace_dag.errors import Reason
 from trace_dag.flow.artefacts import MAP_REPORT, RECORD, REPORT_XML, VERDICT, VERDICT_JSON
-from trace_dag.flow.compression import kept
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.records import Records
 from trace_dag.flow.standing import FinalState, standing_of_valid
@@ -237,7 +236,7 @@ class _Perturbation:
     def _copied(self, stage: Stage, storage: Storage) -> OutcomeRecord | None:
         outcome = self._crash.records.get(stage)
         for file in outcome.artefacts if outcome else ():
-            storage.write(file.name, kept(file.name, self._crash.read(stage, file.name.partition(".")[2])))
+            storage.write(file.name, self._crash.read(stage, file.name.partition(".")[2]))
         return outcome
 
     def _record(self, records: Records, storage: Storage) -> CrashRecord:

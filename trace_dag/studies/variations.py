@@ -16,7 +16,7 @@ import numpy as np
 
 from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
-from trace_dag.flow.artefacts import ESTIMATE, MAP_REPORT, OSM_XML, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
+from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
 from trace_dag.flow.ledgers import sound_ledger, write_ledger
 from trace_dag.flow.workspace import Workspace
@@ -191,6 +191,7 @@ def package_of(stored: StoredCase) -> Mapping[str, bytes]:
     """The scenario package of a variation, like that of a crash; a verdict beside it says how it compares with the
     report."""
     from trace_dag.evaluation.drives import drives_of
+    from trace_dag.osm.xml import write_osm
     from trace_dag.scenario.package import PackageInput, package_files
     from trace_dag.verdict.judge import judge
 
@@ -205,7 +206,7 @@ def package_of(stored: StoredCase) -> Mapping[str, bytes]:
         PackageInput(
             record=record,
             report_xml=files.load(REPORT_XML),
-            osm_xml=files.load(OSM_XML),
+            osm_xml=write_osm(files.load(EXTRACT)),
             map_xodr=files.load(XODR),
             provenance={"variation": {"code": varied.about.code_version, "request": asdict(varied.about.request)}},
             network=network,

@@ -10,22 +10,24 @@ from typing import TYPE_CHECKING
 from trace_dag.crash.tables import CRASH_RECORD
 from trace_dag.disks import disk_failure
 from trace_dag.errors import Failure
+from trace_dag.schemas import table_from_parquet
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.snapshot import CrashSnapshot
 
 if TYPE_CHECKING:
     import duckdb
+    import pyarrow as pa
 
-JSON_DOCUMENTS = {
-    "crash_record": (Stage.CRASH_RECORD, "json.gz"),
-    "map_report": (Stage.ROAD_MAP, "json.gz"),
-    "estimate": (Stage.STATE_ESTIMATE, "json.gz"),
-    "simulation": (Stage.SIMULATION_LOG, "json.gz"),
-    "sampled": (Stage.SIMULATION_LOG, "samples.json.gz"),
-    "verdict": (Stage.VERDICT, "json.gz"),
+_RECORD = (Stage.CRASH_RECORD, "parquet")
+_JSON = {
+    "map_report": (Stage.ROAD_MAP, "json"),
+    "estimate": (Stage.STATE_ESTIMATE, "json"),
+    "simulation": (Stage.SIMULATION_LOG, "json"),
+    "sampled": (Stage.SIMULATION_LOG, "samples.json"),
+    "verdict": (Stage.VERDICT, "json"),
 }
-DOCUMENTS = tuple(JSON_DOCUMENTS.values())
+DOCUMENTS = (_RECORD, *_JSON.values())
 
 
 class DocumentTables:
@@ -34,27 +36,27 @@ class DocumentTables:
     def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self._connection = connection
         self._made = False
-        structure = {"structure": CRASH_RECORD.json_structure()}
-        connection.execute("SET VARIABLE crash_record_structure = $structure", structure)
         self.add([])
 
     def add(self, crashes: Sequence[CrashSnapshot]) -> None:
         """Take over some crashes."""
         import pyarrow as pa
 
-        for name, document in JSON_DOCUMENTS.items():
+        records = [table_from_parquet(crash.documents[_RECORD]) for crash in crashes if _RECORD in crash.documents]
+        columns = CRASH_RECORD.arrow().empty_table()  # records of an older version may lack some
+        self._take("crash_record", pa.concat_tables([columns, *records], promote_options="permissive"))
+        for name, document in _JSON.items():
             found = [(crash.key, crash.documents[document]) for crash in crashes if document in crash.documents]
             keys, contents = ([each[column] for each in found] for column in (0, 1))
             texts = pa.array(contents, pa.binary()).cast(pa.string())  # never texts of Python's
-            table = pa.table({"key": pa.array(keys, pa.string()), "content": texts})
-            self._connection.register("document", table)
-            self._take(name)
-            self._connection.unregister("document")
+            self._take(name, pa.table({"key": pa.array(keys, pa.string()), "content": texts}))
         self._made = True
 
-    def _take(self, name: str) -> None:
+    def _take(self, name: str, documents: pa.Table) -> None:
         into = f"INSERT INTO {name}" if self._made else f"CREATE TEMP TABLE {name} AS"
+        self._connection.register("document", documents)
         execute_sql(self._connection, f"documents/{name}", prefix=into)
+        self._connection.unregister("document")
 
 
 def local_files(storage: Storage, names: Sequence[str], folder: Path) -> list[str]:

@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from trace_dag.errors import DamagedFile
-from trace_dag.flow.compression import content_of
 from trace_dag.flow.contract import DamagedArtefactError
 from trace_dag.flow.ledgers import Complaint
 from trace_dag.flow.records import Records, read_records
@@ -81,5 +80,5 @@ def _read(
                 damaged = DamagedArtefactError(key, stage, file.name, "not the file its record lists")
                 of_crash = {each: record for each, record in of_crash.items() if each.position < stage.position}
                 break
-            found[stage, extension] = content_of(file.name, data)
+            found[stage, extension] = data
         yield CrashSnapshot(key, records[key], of_crash, found), damaged

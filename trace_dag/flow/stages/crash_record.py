@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from trace_dag.crash.completeness import check
 from trace_dag.crash.parse import read_report
-from trace_dag.crash.tables import record_to_json
+from trace_dag.crash.tables import record_to_parquet
 from trace_dag.errors import Rejection
 from trace_dag.flow.products import Figure, StageProduct
 
@@ -34,4 +34,4 @@ def crash_record(key: str, report_xml: bytes, settings: CrashSettings) -> StageP
         "longitude_deg": record.longitude_deg,
         "contradictions": "; ".join(record.contradictions),
     }
-    return StageProduct({"json.gz": record_to_json(record)}, figures, rejection)
+    return StageProduct({"parquet": record_to_parquet(record)}, figures, rejection)

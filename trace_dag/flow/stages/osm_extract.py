@@ -11,9 +11,8 @@ from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.osm.catalog import MapCatalog
 from trace_dag.osm.services import MapSource
-from trace_dag.osm.surroundings import surroundings_to_geojson
+from trace_dag.osm.stored import write_extract
 from trace_dag.osm.types import OsmExtract, Site
-from trace_dag.osm.xml import write_osm
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import RegisteredMap
@@ -55,11 +54,8 @@ def _product(extract: OsmExtract) -> StageProduct:
         "data_timestamp": extract.data_timestamp,
         "attribution": extract.attribution,
     }
-    files = {
-        "osm.gz": write_osm(extract),
-        "geojson.gz": surroundings_to_geojson(extract.surroundings, extract.attribution),
-    }
-    return StageProduct(files, figures)
+    pbf, geojson = write_extract(extract)
+    return StageProduct({"osm.pbf": pbf, "geojson": geojson}, figures)
 
 
 def _ask(

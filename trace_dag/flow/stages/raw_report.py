@@ -34,4 +34,4 @@ def raw_report(key: str, report: ReportSource, services: Services) -> StageProdu
         found = None  # what cannot be read is the next stage's to say
     if found is not None and not found[1]:
         raise Rejection(Reason.NOT_RELEASED, "The report holds no case: it is not released yet.")
-    return StageProduct({"xml.gz": data}, {"source": report.kind, "bytes": len(data)})
+    return StageProduct({"xml": data}, {"source": report.kind, "bytes": len(data)})

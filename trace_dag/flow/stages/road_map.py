@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trace_dag.flow.products import Figure, StageProduct
@@ -11,22 +10,20 @@ from trace_dag.roads.json_io import map_report_to_json, rejected_report_to_json
 
 if TYPE_CHECKING:
     from trace_dag.crash.record import CrashRecord
-    from trace_dag.osm.types import OsmExtract, OsmFeature
+    from trace_dag.osm.types import OsmExtract
     from trace_dag.settings import RoadSettings
 
 
-def road_map(
-    record: CrashRecord, extract: OsmExtract, surroundings: tuple[OsmFeature, ...], settings: RoadSettings
-) -> StageProduct:
+def road_map(record: CrashRecord, extract: OsmExtract, settings: RoadSettings) -> StageProduct:
     """The OpenDRIVE road map, with the crash's place on it, its gates and its agreement with the report.
 
     A map that its crash is rejected for is kept under other names: to look at, not to be built upon.
     """
     try:
-        built = build_road_map(replace(extract, surroundings=surroundings), record, settings)
+        built = build_road_map(extract, record, settings)
     except RejectedRoadMap as rejected:
-        kept = {"rejected.xodr.gz": rejected.xodr, "rejected.json.gz": rejected_report_to_json(rejected.report)}
-        read_back = {"rejected.xodr.gz": rejected.network, "rejected.json.gz": rejected.report}
+        kept = {"rejected.xodr": rejected.xodr, "rejected.json": rejected_report_to_json(rejected.report)}
+        read_back = {"rejected.xodr": rejected.network, "rejected.json": rejected.report}
         return StageProduct(kept, {"converter": rejected.report.converter}, rejected, parsed=read_back)
     report = built.report
     figures: dict[str, Figure] = {
@@ -40,5 +37,5 @@ def road_map(
         "things_beside_road": len(report.things),
         "attributes_that_differ": sum(each.agreement == "differs" for each in report.comparisons),
     }
-    files = {"xodr.gz": built.stored.xodr, "json.gz": map_report_to_json(report)}
-    return StageProduct(files, figures, parsed={"xodr.gz": built.stored.network})
+    files = {"xodr": built.stored.xodr, "json": map_report_to_json(report)}
+    return StageProduct(files, figures, parsed={"xodr": built.stored.network})

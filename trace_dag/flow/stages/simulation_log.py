@@ -33,7 +33,7 @@ def simulation_log(
     """All hypotheses simulated; a crash none of which collides is rejected, its logs kept."""
     logs = simulate(backend(settings), road_map, xodr, estimate, settings, record=record)
     steps, summary = logs_to_files(logs)
-    files = {"parquet": steps, "json.gz": summary}
+    files = {"parquet": steps, "json": summary}
     parsed: dict[str, object] = {"parquet": logs}
     collided = [log for log in logs if log.first_contact is not None or any(map(_overturns, log.vehicles))]
     shown = collided[0] if collided else logs[0]
@@ -49,7 +49,7 @@ def simulation_log(
         figures["closing_speed_mps"] = shown.first_contact.closing_speed_mps
     if shown.first_contact is not None and estimate.samples:
         sampled = simulate_samples(road_map, estimate, logs, settings, record, place_of(map_report.placement))
-        files["samples.json.gz"], parsed["samples.json.gz"] = samples_to_json(sampled), sampled
+        files["samples.json"], parsed["samples.json"] = samples_to_json(sampled), sampled
         figures["draws"] = f"{sampled.drawn}, worth {sampled.effective:g} of equal weight"
     rejection = None
     if not collided and reconstruction_of(record) is not Reconstruction.OVERTURN:  # the verdict says so

@@ -42,7 +42,7 @@ def state_estimate(
         figures[party_in_words(state.vehicle_number).replace(" ", "_")] = (
             f"{state.manoeuvre}, {state.initial_speed_mps:.1f} m/s ({state.speed_source})"
         )
-    return StageProduct({"json.gz": estimate_to_json(made)}, figures, parsed={"json.gz": made})
+    return StageProduct({"json": estimate_to_json(made)}, figures, parsed={"json": made})
 
 
 def _run_figures(run: EstimatorRun) -> dict[str, Figure]:

@@ -60,4 +60,4 @@ def verdict(
             measured=broken.value if broken else None,
             threshold=broken.threshold if broken else None,
         )
-    return StageProduct({"json.gz": verdict_to_json(found)}, figures, rejection)
+    return StageProduct({"json": verdict_to_json(found)}, figures, rejection)

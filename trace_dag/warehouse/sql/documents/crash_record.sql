@@ -35,4 +35,4 @@ SELECT
     vehicles,
     events,
     non_motorists
-FROM (SELECT unnest(from_json(content, getvariable('crash_record_structure'))) FROM document)
+FROM document
