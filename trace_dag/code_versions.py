@@ -40,7 +40,7 @@ _DECIDES_NOTHING = frozenset(
         "trace_dag.http",
         "trace_dag.flow.stages",
         "trace_dag.settings",
-        "trace_dag.sealing",
+        "trace_dag.checksums",
         "trace_dag.storage",
         "fsspec",
         "httpx",

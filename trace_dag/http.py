@@ -14,7 +14,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 TRANSIENT_STATUS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 USER_AGENT: Final = "trace-dag (crash reconstruction research)"
 _SNIPPET: Final = 120
+_BODY: Final = ".body"
 
 Check = Callable[[bytes], str | None]
 """Looks at an answer: None if it is a right one, else what is wrong with it."""
@@ -130,8 +131,10 @@ class HttpClient:
             Failure: the request was refused for good (a 4xx), or is not in the cache in cache-only mode.
         """
         cached = self._cached(method, url, params, data)
-        if cached is not None and cached.is_file() and not (self.policy.refresh and not self.policy.cache_only):
-            return cached.read_bytes()
+        if cached is not None and not (self.policy.refresh and not self.policy.cache_only):
+            kept = _kept(cached)
+            if kept is not None:
+                return kept
         if self.policy.cache_only:
             raise Failure(
                 f"{method} {url}: not in the cache, and cache-only mode allows no request; run once with it off"
@@ -271,7 +274,7 @@ class HttpClient:
             return None
         request = json.dumps([method, url, sorted((params or {}).items()), sorted((data or {}).items())])
         digest = hashlib.sha256(request.encode()).hexdigest()
-        return self.cache_dir / digest[:2] / f"{digest}.body"
+        return self.cache_dir / digest[:2] / f"{digest}{_BODY}"
 
 
 def send_json(url: str, document: Mapping[str, object], *, attempts: int = 3, timeout_s: float = 10.0) -> None:
@@ -305,10 +308,30 @@ def _status(response: httpx.Response) -> str:
     return f"{response.status_code} {response.reason_phrase}".strip()
 
 
+def damaged_answers(folder: Path) -> Iterator[Path]:
+    """Kept answers, of all services with a cache below a folder, that are not as they were kept, and what says so."""
+    for body in sorted(folder.glob(f"*/??/*{_BODY}")):
+        if _kept(body) is None:
+            yield body
+    for about in sorted(folder.glob("*/??/*.json")):
+        if not about.with_suffix(_BODY).is_file():
+            yield about
+
+
+def _kept(path: Path) -> bytes | None:
+    """An answer that was kept; None if there is none, or if it is not as it was kept."""
+    try:
+        body, about = path.read_bytes(), json.loads(path.with_suffix(".json").read_bytes())
+        return body if about["sha256"] == hashlib.sha256(body).hexdigest() else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
 def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
     """Write the answer, and beside it what was asked; whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    about = json.dumps({**request, "fetched": datetime.now(UTC).isoformat(timespec="seconds")}, indent=1)
+    said = {"fetched": datetime.now(UTC).isoformat(timespec="seconds"), "sha256": hashlib.sha256(body).hexdigest()}
+    about = json.dumps({**request, **said}, indent=1)
     for target, content in ((path.with_suffix(".json"), about.encode()), (path, body)):
         handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
         try:

@@ -21,10 +21,10 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.code_versions import CodeVersion, code_version
 from trace_dag.errors import DamagedFile, Reason
 from trace_dag.plugins import Plugin, PluginKind, plugin
-from trace_dag.sealing import sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import StoredFile
 
@@ -199,14 +199,14 @@ def artefact_name(stage: Stage, key: str, extension: str) -> str:
 
 
 def record_to_json(record: OutcomeRecord) -> bytes:
-    """The record as stored, sealed."""
-    return sealed(_RECORDS.dump_json(record, indent=1))
+    """The record as stored, with its checksum."""
+    return with_checksum(_RECORDS.dump_json(record))
 
 
 def record_from_json(data: bytes, *, name: str) -> OutcomeRecord:
     """A stored record; :class:`DamagedFile` if it is not one, or that of another stage or crash."""
     try:
-        record = _RECORDS.validate_json(unsealed(data, name=name))
+        record = _RECORDS.validate_python(checked(data, name=name))
     except ValidationError as error:
         raise DamagedFile(name, f"not an outcome record ({error.errors()[0]['msg']})", MADE_AGAIN) from error
     except DamagedFile as damaged:

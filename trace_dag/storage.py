@@ -207,6 +207,20 @@ class Storage:
         except FileNotFoundError:
             return
 
+    def move(self, name: str, to: str) -> None:
+        """Put a file under another name, replacing what was there; nothing happens if there is none."""
+        if self.local_root is not None:
+            source, target = Path(self.path(name)), Path(self.path(to))
+            if source.is_file() or source.is_symlink():
+                _on_disk(lambda: target.parent.mkdir(parents=True, exist_ok=True), str(target))
+                _on_disk(lambda: source.replace(target), str(source))
+            return
+        try:
+            self.write(to, self.read(name))
+        except FileNotFoundError:
+            return
+        self.delete(name)
+
     def exists(self, name: str) -> bool:
         """Whether there is such a file."""
         return name in self.sizes([name])

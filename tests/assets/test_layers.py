@@ -19,7 +19,7 @@ LAYERS = (
     {"units", "stage", "markdown", "version", "wording"},
     {"errors", "file_locks", "geometry", "garbage", "processes", "progress", "schemas"},
     {"disks", "plugins"},
-    {"logs", "rate_limit", "settings", "storage", "sealing", "code_versions"},
+    {"logs", "rate_limit", "settings", "storage", "checksums", "code_versions"},
     {"http", "provenance", "settings_sources"},
     {"alerts"},
     # the domain, in the order of the flow

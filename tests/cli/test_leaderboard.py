@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from sample_runs import trace_dag
 
-from trace_dag.sealing import sealed, unsealed
+from trace_dag.checksums import checked, with_checksum
 
 AGENT = "trace_dag.evaluation.baselines:BrakeOnTimeToCollision"
 NAME = "trace_dag.evaluation.baselines.BrakeOnTimeToCollision"
@@ -34,10 +34,10 @@ def here(finished_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def changed(file: Path, target: Path, change: Callable[[dict[str, Any]], object]) -> Path:
-    """The file with something changed, and sealed anew by whoever changed it."""
-    document = json.loads(unsealed(file.read_bytes(), name="results"))
+    """The file with something changed, and the checksum made anew by whoever changed it."""
+    document = checked(file.read_bytes(), name="results")
     change(document)
-    target.write_bytes(sealed(json.dumps(document).encode()))
+    target.write_bytes(with_checksum(json.dumps(document).encode()))
     return target
 
 
@@ -70,7 +70,10 @@ def test_a_forged_or_stale_file_is_refused_with_a_line(why: str, elsewhere: Path
 
 
 def test_a_changed_file_and_one_that_is_none_are_refused(elsewhere: Path, here: Path, tmp_path: Path) -> None:
-    for data, why in ((elsewhere.read_bytes().replace(b"true", b"false", 1), "seal is broken"), (b"[]", "no seal")):
+    for data, why in (
+        (elsewhere.read_bytes().replace(b"true", b"false", 1), "not the one it was written with"),
+        (b"[]", "not the one it was written with"),
+    ):
         (tmp_path / "results.json").write_bytes(data)
         done = trace_dag(here, "leaderboard", "add", str(tmp_path / "results.json"))
         assert (done.returncode, why in done.stderr) == (2, True), done.stderr

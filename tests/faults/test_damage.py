@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,14 +14,15 @@ from sample_runs import finished, trace_dag
 
 from trace_dag.benchmark.export import export, verified_keys
 from trace_dag.benchmark.release import build_release
-from trace_dag.benchmark.verify import repair_benchmark, verify_benchmark
+from trace_dag.benchmark.verify import verify_benchmark
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.flow.ledgers import not_as_listed, read_ledger, read_listed, write_ledger
+from trace_dag.flow.batch import first_stale
+from trace_dag.flow.manifests import list_files, not_as_listed, read_listed, read_manifest
 from trace_dag.flow.stages import FLOW
-from trace_dag.flow.verify import DisagreementKind, repair_storage, verify_storage
+from trace_dag.flow.verify import DisagreementKind, verify_storage
 from trace_dag.flow.workspace import Workspace
-from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
 from trace_dag.studies.controls import negative_controls
 from trace_dag.studies.evaluations import all_rows
@@ -57,40 +59,40 @@ def packages() -> dict[str, bytes]:
     return {path.stem: path.read_bytes() for path in (finished() / "benchmark/packages").glob("*.zip")}
 
 
-# --- seals and ledgers ---------------------------------------------------------------------------------------------
-def test_a_seal_finds_every_flipped_bit_and_leaves_a_document_of_json() -> None:
+# --- checksums and manifests ---------------------------------------------------------------------------------------
+def test_a_checksum_finds_every_flipped_bit_and_leaves_a_document_of_json() -> None:
     document = b'{\n "name": "a",\n "length_m": 4.5\n}'
-    stored = sealed(document)
-    assert json.loads(stored) | {"sha256": ""} == {"name": "a", "length_m": 4.5, "sha256": ""}
-    assert json.loads(unsealed(stored, name="x.json")) == json.loads(document)
-    assert json.loads(sealed(b"{}")).keys() == {"sha256"}
-    for place in range(len(document) - 2):
-        changed = bytearray(stored)
-        changed[place] ^= 1
-        with pytest.raises(DamagedFile, match=r"x\.json"):
-            unsealed(bytes(changed), name="x.json")
+    stored = with_checksum(document)
+    assert json.loads(stored) | {"checksum": ""} == {"name": "a", "length_m": 4.5, "checksum": ""}
+    assert checked(stored, name="x.json") == json.loads(document)
+    for place in range(len(stored)):
+        for bit in range(8):
+            changed = bytearray(stored)
+            changed[place] ^= 1 << bit
+            with pytest.raises(DamagedFile, match=r"x\.json"):
+                checked(bytes(changed), name="x.json")
 
 
 @DAMAGES
 def test_a_listed_file_is_read_only_as_it_was_written(tmp_path: Path, damage: Damage) -> None:
     storage = Storage(tmp_path)
     file = storage.write("evaluations/x.parquet", b"0123456789" * 50)
-    write_ledger(storage, "evaluations/x", [file])
-    assert read_listed(storage, "evaluations/x", file.name, remedy="do it") == b"0123456789" * 50
+    list_files(storage, "evaluations", [file])
+    assert read_listed(storage, file.name, remedy="do it") == b"0123456789" * 50
     assert not list(not_as_listed(storage, [file], contents=True))
     damage(tmp_path / file.name)
     assert [each.name for each, _ in not_as_listed(storage, [file], contents=True)] == [file.name]
     with pytest.raises(DamagedFile, match=r"evaluations/x\.parquet: damaged: .*; do it$"):
-        read_listed(storage, "evaluations/x", file.name, remedy="do it")
+        read_listed(storage, file.name, remedy="do it")
 
 
 @DAMAGES
-def test_a_damaged_ledger_lets_nothing_out(tmp_path: Path, damage: Damage) -> None:
+def test_a_damaged_manifest_lets_nothing_out(tmp_path: Path, damage: Damage) -> None:
     storage = Storage(tmp_path)
-    write_ledger(storage, "evaluations/x", [storage.write("evaluations/x.parquet", b"0")])
-    damage(tmp_path / "ledgers/evaluations/x.json")
-    with pytest.raises(DamagedFile, match="evaluations/x"):
-        read_listed(storage, "evaluations/x", "evaluations/x.parquet", remedy="do it")
+    list_files(storage, "evaluations", [storage.write("evaluations/x.parquet", b"0")])
+    damage(tmp_path / "evaluations/manifest.json")
+    with pytest.raises(DamagedFile, match="evaluations/"):
+        read_listed(storage, "evaluations/x.parquet", remedy="do it")
     heard: list[Failure] = []
     assert all_rows(storage, complain=heard.append) == []
     assert len(heard) == 1
@@ -207,44 +209,88 @@ EVERYTHING = (
     (f"simulation_log/{KEY}.parquet", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{KEY}.json", DisagreementKind.DAMAGED_ARTEFACT),
     (f"verdict/{OTHER}.outcome.json", DisagreementKind.UNREADABLE_RECORD),
-    (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_ARTEFACT),
+    (f"pictures/{KEY}.png", DisagreementKind.DAMAGED_PICTURE),
     (PACKAGE, DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/crashes/{KEY}.html", DisagreementKind.DAMAGED_PAGE),
     (f"benchmark/replays/{KEY}.js", DisagreementKind.DAMAGED_PAGE),
     ("benchmark/index.html", DisagreementKind.DAMAGED_PAGE),
-    ("ledgers/benchmark.json", DisagreementKind.DAMAGED_PAGE),
+    ("cohorts/sample.json", DisagreementKind.LOST_COHORT),
+    ("cohorts/copies/sample.json", DisagreementKind.LOST_COHORT),
+    ("benchmark/manifest.json", DisagreementKind.DAMAGED_PAGE),
 )
 
 
-def test_a_flipped_bit_in_any_kind_of_file_is_found_and_mended(root: Path) -> None:
-    for name, _ in EVERYTHING[:-1]:
-        flip(root / name)
+def look(root: Path) -> dict[str | None, DisagreementKind]:
     storage = Storage(root)
     report = verify_storage(storage, root, contents=True)
-    found = {each.file: each.kind for each in (*report.disagreements, *verify_benchmark(storage, contents=True))}
-    assert {name: found.get(name) for name, _ in EVERYTHING[:-1]} == dict(EVERYTHING[:-1])
-    flip(root / "ledgers/benchmark.json")
-    (damaged,) = verify_benchmark(storage, contents=True)
-    assert (damaged.file, damaged.kind) == EVERYTHING[-1]
-    repair_storage(storage, report)
-    repair_benchmark(storage, [damaged])
-    assert trace_dag(root, "run").returncode == 0
-    done = trace_dag(root, "verify", "--contents")
-    assert done.returncode == 0, done.stdout
+    return {each.file: each.kind for each in (*report.disagreements, *verify_benchmark(storage, contents=True))}
 
 
-def test_a_damaged_cohort_is_said_in_one_line_and_ingesting_again_mends_it(root: Path) -> None:
-    (cohort,) = (root / "cohorts").iterdir()
-    whole = Registry(Storage(root)).cohorts()["sample"]
-    flip(cohort)
-    with pytest.raises(DamagedFile, match="ingest the cohort again"):
-        Registry(Storage(root)).cohorts()
-    cohort.unlink()
-    Registry(Storage(root)).register("sample", whole.reports, whole.maps)
-    assert Registry(Storage(root)).cohorts()["sample"].reports == whole.reports
+def test_a_flipped_bit_in_any_kind_of_file_is_found_whatever_else_is_damaged(root: Path) -> None:
+    for name, kind in EVERYTHING:
+        if not name.startswith("cohorts/"):
+            flip(root / name)
+            assert look(root).get(name) is kind, name
+    found = look(root)
+    assert {name: found.get(name) for name, _ in EVERYTHING} == {
+        name: None if name.startswith("cohorts/") else kind for name, kind in EVERYTHING
+    }
+    for name in ("cohorts/sample.json", "cohorts/copies/sample.json"):
+        whole = (root / name).read_bytes()
+        flip(root / name)
+        assert look(root)[name] is DisagreementKind.LOST_COHORT
+        (root / name).write_bytes(whole)
 
 
-def test_every_file_of_the_benchmark_is_in_its_ledger() -> None:
-    listed = read_ledger(Storage(finished()), "benchmark").files
+def test_one_repair_and_one_run_bring_a_damaged_root_back(root: Path) -> None:
+    """Damage of ten kinds at once, a lost list of crashes and a record of the first stage among them."""
+    records = [f"raw_report/{KEY}.outcome.json", f"crash_record/{OTHER}.outcome.json"]
+    artefacts = [name for name, _ in EVERYTHING[:7]]
+    made = [PACKAGE, f"pictures/{OTHER}.png", "benchmark/index.html", "cohorts/sample.json"]
+    before = {name: (root / name).read_bytes() for name in (*artefacts, *made)}
+    pictures = {path: path.read_bytes() for path in (root / "pictures").iterdir()}
+    for name in (*artefacts, *made[:-1]):
+        flip(root / name)
+    for name in records:
+        truncate(root / name)
+    (root / "cohorts/sample.json").unlink()
+    assert trace_dag(root, "verify", "--contents", "--repair").returncode == 1, "stages are to be run again"
+    done = trace_dag(root, "run")
+    assert done.returncode == 0, done.stderr
+    assert {name: (root / name).read_bytes() for name in before} == before
+    assert {path: path.read_bytes() for path in pictures} == pictures
+    (aside,) = (root / "quarantine").glob("*/list.json")
+    assert set(records) <= json.loads(aside.read_bytes()).keys()
+    again = trace_dag(root, "verify", "--contents")
+    assert again.returncode == 0, again.stdout
+
+
+def test_crashes_whose_cohorts_are_lost_with_their_copies_are_registered_from_their_records(root: Path) -> None:
+    before = Registry(Storage(root)).cohorts()["sample"]
+    shutil.rmtree(root / "cohorts")
+    said = trace_dag(root, "verify")
+    assert said.returncode == 1
+    assert "no cohort is registered" in said.stdout
+    trace_dag(root, "verify", "--repair")
+    (recovered,) = Registry(Storage(root)).cohorts().values()
+    assert recovered.reports.keys() == before.reports.keys()
+    workspace = Workspace.open(str(root), FLOW)
+    assert first_stale(workspace, workspace.registry.keys()) == {}, "nothing has to be made again"
+
+
+@pytest.mark.parametrize("damage", [flip, Path.unlink])
+def test_a_lost_cohort_is_said_in_one_line_and_comes_back_from_its_copy(root: Path, damage: Damage) -> None:
+    cohort = root / "cohorts/sample.json"
+    whole = cohort.read_bytes()
+    damage(cohort)
+    said = trace_dag(root, "status")
+    assert (said.returncode, len(said.stderr.splitlines())) == (1, 1)
+    assert "cohorts/sample.json" in said.stderr
+    assert trace_dag(root, "verify", "--repair").returncode == 0
+    assert cohort.read_bytes() == whole
+
+
+def test_every_file_of_the_benchmark_is_in_its_manifest() -> None:
+    listed = read_manifest(Storage(finished()), "benchmark").files
     there = {str(path.relative_to(finished())) for path in (finished() / "benchmark").rglob("*") if path.is_file()}
-    assert there == set(listed)
+    assert there == {*listed, "benchmark/manifest.json"}

@@ -80,7 +80,7 @@ def test_damage_is_named_and_after_a_repair_one_run_makes_it_good(workspace, dam
     report = look(workspace, contents=True)
     assert (kind, GOOD, Stage.ROAD_MAP) in kinds(report)
     assert all(each.key == GOOD for each in report.disagreements), "the other crash is as it was"
-    repair_storage(workspace.storage, report)
+    repair_storage(workspace.storage, report.disagreements)
     assert first_stale(workspace, [GOOD, OTHER]) == {GOOD: Stage.ROAD_MAP}
     run(workspace)
     assert look(workspace, contents=True).disagreements == ()
@@ -92,11 +92,11 @@ def test_sizes_alone_do_not_show_what_only_the_contents_do(workspace):
     assert look(workspace).disagreements == ()
 
 
-def test_what_no_record_lists_is_deleted(workspace):
+def test_what_no_record_lists_is_put_aside(workspace):
     workspace.storage.write(f"verdict/{OTHER}.txt", b"of a run that was killed before it wrote its record")
     report = look(workspace)
     assert kinds(report) == [(DisagreementKind.UNLISTED_FILE, OTHER, Stage.VERDICT)]
-    repair_storage(workspace.storage, report)
+    repair_storage(workspace.storage, report.disagreements)
     assert look(workspace).disagreements == ()
     assert workspace.storage.exists(f"verdict/{GOOD}.txt")
 
@@ -115,7 +115,7 @@ def test_leftovers_of_dead_processes_are_removed_and_those_of_living_ones_left(w
     living.write_bytes(b"half")
     report = look(workspace)
     assert kinds(report) == [(DisagreementKind.LEFTOVER, None, None)] * 2
-    repair_storage(workspace.storage, report)
+    repair_storage(workspace.storage, report.disagreements)
     assert look(workspace).disagreements == ()
     assert living.exists()
 
@@ -132,7 +132,7 @@ def test_a_copied_report_that_is_gone_and_crashes_that_are_registered_no_more(wo
     workspace.registry.register("fars", {"2015-10001": ReportSource("stored", "reports/2015-10001.xml", "0")})
     workspace.registry.remove("fakes", [OTHER])
     report = look(workspace)
-    assert kinds(report) == [(DisagreementKind.MISSING_REPORT, "2015-10001", Stage.RAW_REPORT)]
+    assert kinds(report) == [(DisagreementKind.DAMAGED_REPORT, "2015-10001", Stage.RAW_REPORT)]
     assert report.unregistered == 1
 
 
@@ -146,7 +146,7 @@ def test_a_failed_stage_leaves_no_file_behind(make_workspace):
     assert look(workspace).disagreements == ()
 
 
-def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_deleted(workspace):
+def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_taken_away(workspace):
     copy = workspace.storage.local_root / "road_map" / f"Copy of {GOOD}.txt"
     unnamed = workspace.storage.local_root / "verdict" / "tmpabc"
     copy.write_text("by hand")
@@ -157,5 +157,5 @@ def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_dele
         (DisagreementKind.LEFTOVER, copy.name),
         (DisagreementKind.UNLISTED_FILE, unnamed.name),
     }
-    repair_storage(workspace.storage, report)
+    repair_storage(workspace.storage, report.disagreements)
     assert look(workspace).disagreements == ()

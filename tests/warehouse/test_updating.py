@@ -13,17 +13,16 @@ from tests.result_tables import result_tables
 from tests.warehouse.test_rebuilding import made, note
 from trace_dag.cohorts.registry import Registry, ReportSource
 from trace_dag.errors import Reason
-from trace_dag.flow.ledgers import not_as_listed, read_ledger
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.build import build_warehouse
-from trace_dag.warehouse.documents import JSON_DOCUMENTS
-from trace_dag.warehouse.query import open_warehouse, rows
+from trace_dag.warehouse.query import check_warehouse, open_warehouse, rows
 from trace_dag.warehouse.tables import TABLES, Rows
 
 KEYS = [f"2023-51{number:04d}" for number in range(1, 61)]
 WAREHOUSE = "warehouse.duckdb"
-OF_CRASHES = {*JSON_DOCUMENTS, "standing", "outcome", "known_outcome", "failed_attempt", "artefact"}
+DOCUMENTS = ("crash_record", "map_report", "estimate", "simulation", "sampled", "verdict")
+OF_CRASHES = {*DOCUMENTS, "standing", "outcome", "known_outcome", "failed_attempt", "artefact"}
 OF_CRASHES |= {"listing"}  # what is read of the crashes that are read, and of no other
 
 
@@ -71,7 +70,7 @@ def test_reads_what_has_changed_and_ends_as_if_built_anew(tmp_path, monkeypatch)
     assert updated == anew(tmp_path)
     with open_warehouse(tmp_path / WAREHOUSE) as connection:
         assert connection.execute("SELECT count(*) FROM duckdb_columns() WHERE comment IS NULL").fetchone() == comments
-    assert not list(not_as_listed(storage, read_ledger(storage, "warehouse").files.values(), contents=True))
+    assert check_warehouse(tmp_path / WAREHOUSE)
 
 
 def test_is_built_anew_after_a_change_by_hand_or_of_many(tmp_path, monkeypatch):

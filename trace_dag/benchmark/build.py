@@ -24,7 +24,6 @@ from trace_dag.benchmark.crash_files import (
     FOLDER,
     MADE_WITH,
     REPLAYS,
-    forget_noted,
     made_of,
     make_files,
     noted,
@@ -48,7 +47,7 @@ from trace_dag.flow.artefacts import (
 )
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
-from trace_dag.flow.ledgers import Ledger, not_as_listed, sound_ledger, write_ledger
+from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.records import Records, read_records
 from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace
@@ -60,7 +59,6 @@ from trace_dag.storage import Storage, StoredFile
 from trace_dag.studies.stored_crashes import crash_files
 from trace_dag.warehouse import query
 
-SUBJECT = "benchmark"  # of the ledger
 _BY_CODE = "code"  # of all, beside what each crash's files were made of
 INDEX = f"{FOLDER}/index.html"
 LEADERBOARD = f"{FOLDER}/leaderboard.html"
@@ -117,8 +115,9 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     table = _table(*of_table)
     crashes = _crashes(workspace, outcomes, table)
     verified = {row["key"] for row in table if row["final_state"] == FinalState.VERIFIED}
-    before = sound_ledger(storage, SUBJECT)
-    damaged = {crash_of(file.name) for file, _ in not_as_made(storage, before, contents=contents)}
+    before = sound_manifest(storage, FOLDER)
+    listed = before.files.values()
+    damaged = {crash_of(file.name) for file, _ in not_as_listed(storage, listed, contents=contents)}
     stale = [crash for crash in crashes if crash.key in damaged or before.made_of.get(crash.key) != crash.digest]
     errors: dict[str, str] = {}
     made: dict[str, StoredFile] = {}
@@ -143,8 +142,8 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
     for name in {name for name in gone if crash_of(name) not in errors}:
         storage.delete(name)
     _remove_others(storage, {"packages": verified, "thumbnails": verified, REPLAYS: {crash.key for crash in crashes}})
-    write_ledger(storage, SUBJECT, [*files.values(), *index], digests | {_BY_CODE: _code()})
-    forget_noted(storage)
+    all_files = files | {file.name: file for file in index}
+    write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: _code()}))
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
@@ -163,21 +162,16 @@ def _table(table: list[dict[str, Any]], verdicts: Sequence[Mapping[str, Any]]) -
 
 def publish_leaderboard(storage: Storage, warehouse: Path) -> None:
     """Write the leaderboard and the index that links it anew, without the pages of the crashes."""
-    table, ledger = _table(*query.rows_of(warehouse, _TABLE)), sound_ledger(storage, SUBJECT)
+    table, before = _table(*query.rows_of(warehouse, _TABLE)), sound_manifest(storage, FOLDER)
     rights = _rights(table, read_records(storage, [row["key"] for row in table]))
-    pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, ledger.files)}
-    write_ledger(storage, SUBJECT, (ledger.files | pages).values(), ledger.made_of)
-
-
-def not_as_made(storage: Storage, ledger: Ledger, *, contents: bool = False) -> list[tuple[StoredFile, str]]:
-    """The benchmark's files that are not as its ledger says, and what is found."""
-    return list(not_as_listed(storage, ledger.files.values(), contents=contents))
+    pages = {page.name: page for page in _write_index(storage, warehouse, table, rights, before.files)}
+    write_manifest(storage, FOLDER, Manifest(before.files | pages, before.made_of))
 
 
 def benchmark_is_whole(storage: Storage) -> bool:
     """Whether every file of the benchmark is there with the size it was made with."""
-    ledger = sound_ledger(storage, SUBJECT)
-    return bool(ledger.files) and not not_as_made(storage, ledger)
+    files = sound_manifest(storage, FOLDER).files
+    return bool(files) and not any(not_as_listed(storage, files.values()))
 
 
 def _crashes(
@@ -289,7 +283,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
 
 def is_made_by_this_code(storage: Storage) -> bool:
     """Whether packages and pages were made by the present code."""
-    return sound_ledger(storage, SUBJECT).made_of.get(_BY_CODE) == _code()
+    return sound_manifest(storage, FOLDER).made_of.get(_BY_CODE) == _code()
 
 
 def _code() -> str:

@@ -2,7 +2,7 @@
 
 A run lets its workers make them when the last stage of a crash is done (:func:`making_at_once`): all that the stages
 made is at hand then, where whoever builds the benchmark would have to read it back, and the workers have something to
-do to the end. Until the benchmark is built, a ledger says what was made so; what it does not list is made by then. Does
+do to the end. The manifest of the benchmark says what was made so; the rest is made when the benchmark is built. Does
 not belong here: pages, and what all crashes have together (:mod:`trace_dag.benchmark.build`).
 """
 
@@ -17,7 +17,7 @@ from trace_dag.benchmark.packaging import package_of
 from trace_dag.code_versions import code_version
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.ledgers import ledger_name, not_as_listed, sound_ledger, write_ledger
+from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
 from trace_dag.flow.records import Records
 from trace_dag.flow.standing import FinalState, standing_of_valid, valid_records
 from trace_dag.flow.tasks import MadeFiles
@@ -26,6 +26,7 @@ from trace_dag.storage import Storage, StoredFile
 
 FOLDER = "benchmark"
 REPLAYS = "replays"
+FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
 MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
     "jinja2",
     "matplotlib.backends.backend_agg",
@@ -35,7 +36,6 @@ MADE_WITH = (  # modules that take a while to load, also those that are imported
     "trace_dag.scenario.thumbnail",
     "trace_dag.studies.replays",
 )
-_AT_ONCE = "made_at_once"  # of the ledger
 
 
 def package_name(key: str) -> str:
@@ -80,7 +80,7 @@ def made_of(records: Records) -> str:
 def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:
     """What makes the files of a crash of a run that has come to its end, for :func:`trace_dag.flow.batch.run_stages`.
 
-    It makes none where some are there already, which the ledger of the benchmark lists: they are for whoever builds it
+    It makes none where some are there already, which its manifest lists: they are for whoever builds it
     to replace; nor where a later stage's record is from before this run. What is there is asked once for the whole run:
     an object store takes two requests, one of them a listing, to say of one file that it is not there.
     """
@@ -101,23 +101,27 @@ def note_made(storage: Storage, made: Mapping[str, MadeFiles]) -> None:
     """Note what the workers of a run made at once, by crash."""
     if not made:
         return
-    ledger = sound_ledger(storage, _AT_ONCE)
-    kept = [file for file in ledger.files.values() if crash_of(file.name) not in made]
-    files = [file for each in made.values() for file in each.files]
-    write_ledger(storage, _AT_ONCE, [*kept, *files], ledger.made_of | {key: each.made_of for key, each in made.items()})
+    before = sound_manifest(storage, FOLDER)
+    files = {name: file for name, file in before.files.items() if crash_of(name) not in made}
+    files |= {file.name: file for each in made.values() for file in each.files}
+    made_of = {key: digest for key, digest in before.made_of.items() if key not in made}  # their pages are outdated
+    made_of |= {_at_once(key): each.made_of for key, each in made.items()}
+    write_manifest(storage, FOLDER, Manifest(files, made_of))
 
 
 def noted(storage: Storage) -> dict[str, MadeFiles]:
     """What workers have made at once since the benchmark was last built, by crash, where all of it is still there."""
-    ledger = sound_ledger(storage, _AT_ONCE)
-    gone = {crash_of(file.name) for file, _ in not_as_listed(storage, ledger.files.values())}
-    files: dict[str, list[StoredFile]] = {key: [] for key in ledger.made_of if key not in gone}
-    for file in ledger.files.values():
-        if crash_of(file.name) in files:
-            files[crash_of(file.name)].append(file)
-    return {key: MadeFiles(tuple(each), ledger.made_of[key]) for key, each in files.items()}
+    manifest = sound_manifest(storage, FOLDER)
+    files: dict[str, list[StoredFile]] = {}
+    for file in manifest.files.values():
+        if _at_once(crash_of(file.name)) in manifest.made_of:
+            files.setdefault(crash_of(file.name), []).append(file)
+    gone = {crash_of(file.name) for each in files.values() for file, _ in not_as_listed(storage, each)}
+    return {
+        key: MadeFiles(tuple(each), manifest.made_of[_at_once(key)]) for key, each in files.items() if key not in gone
+    }
 
 
-def forget_noted(storage: Storage) -> None:
-    """Let the note go, when the ledger of the benchmark lists the files."""
-    storage.delete(ledger_name(_AT_ONCE))
+def _at_once(key: str) -> str:
+    """What the manifest says by this name is of the files beside a crash's page, which is still to be made."""
+    return f"beside the page of {key}"

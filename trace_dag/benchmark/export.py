@@ -12,8 +12,7 @@ from pathlib import Path
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import log_complaint, read_records
+from trace_dag.flow.records import Complaint, log_complaint, raised, read_records
 from trace_dag.flow.standing import FinalState, standing
 from trace_dag.flow.workspace import Workspace
 from trace_dag.plugins import PluginKind, load

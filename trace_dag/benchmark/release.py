@@ -15,14 +15,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trace_dag.benchmark.build import SUBJECT, build_benchmark
-from trace_dag.benchmark.crash_files import package_name
+from trace_dag.benchmark.build import build_benchmark
+from trace_dag.benchmark.crash_files import FOLDER, package_name
 from trace_dag.benchmark.export import write_if_changed
 from trace_dag.benchmark.packaging import map_attribution
 from trace_dag.errors import Failure, UserError
 from trace_dag.evaluation.splits import splits_of
-from trace_dag.flow.ledgers import Complaint, raised, read_ledger
-from trace_dag.flow.records import read_records
+from trace_dag.flow.manifests import read_manifest
+from trace_dag.flow.records import Complaint, raised, read_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.scenario.release import (
     CHECKSUMS,
@@ -110,7 +110,7 @@ def build_release(
     rows = [row for row in rows if (cohort is None or row["cohort"] == cohort) and row["key"] not in missing]
     folder = output / f"{NAME}-{version}"
     complete = _complete(folder)
-    files = read_ledger(workspace.storage, SUBJECT).files
+    files = read_manifest(workspace.storage, FOLDER).files
     packages = {row["key"]: files[package_name(row["key"])] for row in rows}
     records = read_records(workspace.storage, [row["key"] for row in rows], [Stage.OSM_EXTRACT, Stage.VERDICT])
     splits = splits_of({row["key"]: (row["latitude_deg"], row["longitude_deg"]) for row in rows})

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from trace_dag.benchmark.build import SUBJECT
 from trace_dag.benchmark.crash_files import FOLDER as BENCHMARK
-from trace_dag.flow.ledgers import sound_ledger, write_ledger
+from trace_dag.benchmark.crash_files import FOLDERS_OF_CRASHES
+from trace_dag.flow.manifests import Manifest, sound_manifest, write_manifest
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
@@ -15,7 +15,7 @@ _FOLDERS = (
     *(stage.value for stage in Stage),
     "reports",
     "pictures",
-    *(f"{BENCHMARK}/{folder}" for folder in ("crashes", "packages", "replays", "thumbnails")),
+    *FOLDERS_OF_CRASHES,
 )
 
 
@@ -30,9 +30,9 @@ def delete_artefacts(storage: Storage, keys: Collection[str]) -> int:
     ]
     for name in names:
         storage.delete(name)
-    ledger = sound_ledger(storage, SUBJECT)
-    if ledger.made_of.keys() & wanted:
-        files = [file for name, file in ledger.files.items() if crash_of(name) not in wanted]
-        made_of = {key: digest for key, digest in ledger.made_of.items() if key not in wanted}
-        write_ledger(storage, SUBJECT, files, made_of)
+    before = sound_manifest(storage, BENCHMARK)
+    if before.made_of.keys() & wanted:
+        files = {name: file for name, file in before.files.items() if crash_of(name) not in wanted}
+        made_of = {key: digest for key, digest in before.made_of.items() if key not in wanted}
+        write_manifest(storage, BENCHMARK, Manifest(files, made_of))
     return len(names)

@@ -52,7 +52,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
         report, found = _look(storage, workspace, instance, contents)
         before = found
         if repair and found:
-            repair_storage(storage, report)
+            repair_storage(storage, found)
             repair_benchmark(storage, found)
             report, found = _look(storage, workspace, instance)
             with progress_told("records in Dagster") as tell:
@@ -61,6 +61,8 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
                 DisagreementKind.WAREHOUSE,
                 DisagreementKind.DAMAGED_PAGE,
                 DisagreementKind.DAMAGED_RESULT,
+                DisagreementKind.LOST_COHORT,
+                DisagreementKind.LOST_REGISTRY,
                 DisagreementKind.UNLISTED_FILE,
             )
             if any(each.kind in made_together for each in (*before, *found)):
@@ -102,9 +104,9 @@ def _look(
         report = verify_storage(storage, workspace.local_folder, contents=contents, progress=tell)
     found = [
         *report.disagreements,
-        *verify_benchmark(storage, contents=contents),
+        *([] if report.older else verify_benchmark(storage, contents=contents)),
         *verify_dagster(instance, report.records),
-        *verify_warehouse(workspace.warehouse, report.records),
+        *([] if report.older else verify_warehouse(workspace.warehouse, report.records)),
     ]
     return report, found
 
@@ -170,12 +172,16 @@ def _summary(report: StorageReport, found: Sequence[Disagreement], repaired: boo
         lines.append(f"interrupted: {counted(figures['interrupted'], 'stage')}; trace-dag run finishes what was begun")
     if figures["unregistered"]:
         lines.append(f"kept, though registered no more: {counted(figures['unregistered'], 'crash', 'crashes')}")
+    if report.older:
+        lines.append(
+            "made by an earlier version of the program; trace-dag run brings it up to date and keeps its reports"
+        )
     if found:
         counts = Counter(each.kind.title for each in found)
         named = ", ".join(f"{count} {title}" for title, count in counts.most_common())
         lines.append(
             f"{counted(len(found), 'disagreement')}: {named}" + ("" if repaired else "; --repair mends what can be")
         )
-    else:
+    elif not report.older:
         lines.append("storage, Dagster and the warehouse agree")
     return ": ".join((lines[0], "; ".join(lines[1:])))

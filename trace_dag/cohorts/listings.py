@@ -15,15 +15,15 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.crash.listing import CrashListing, list_report
 from trace_dag.errors import DamagedFile, Rejection
-from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
 
 log = logging.getLogger(__name__)
 
-_FILE = "listings.json"
+FILE = "listings.json"
 _TOLD_EVERY = 1000
 
 
@@ -73,12 +73,12 @@ def kinds_of(storage: Storage, reports: Mapping[str, ReportSource]) -> Counter[s
 def _keep(storage: Storage, before: Mapping[str, _Seen], seen: Mapping[str, _Seen]) -> None:
     after = {**before, **seen}
     if after != before:
-        storage.write(_FILE, sealed(_CACHE.dump_json(after)))
+        storage.write(FILE, with_checksum(_CACHE.dump_json(after)))
 
 
 def _cached(storage: Storage) -> dict[str, _Seen]:
     try:
-        return _CACHE.validate_json(unsealed(storage.read(_FILE), name=_FILE))
+        return _CACHE.validate_python(checked(storage.read(FILE), name=FILE))
     except (FileNotFoundError, DamagedFile, ValidationError):  # none yet, or of another version
         return {}
 

@@ -17,15 +17,16 @@ from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.choice import Choice
 from trace_dag.crash.keys import parse_key
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.provenance import combined_digest, now
-from trace_dag.sealing import sealed, unsealed
 from trace_dag.storage import Storage
 
 _FOLDER = "cohorts"
-_REMEDY = "put it back from a copy, or delete it and ingest the cohort again"
+_COPIES = "cohorts/copies"  # of each file, in case one is lost: nothing else says where reports and maps are
+_REMEDY = "trace-dag verify --repair puts it back from its copy"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 
@@ -60,10 +61,13 @@ class CrashSource:
     report: ReportSource
     maps: tuple[RegisteredMap, ...] = ()
     map_service: str | None = None
+    lost_maps: str | None = None
 
     @property
     def maps_digest(self) -> str:
         """One SHA-256 for all map files and the service beside them."""
+        if self.lost_maps is not None and not self.maps:
+            return self.lost_maps
         return _maps_digest(self.maps, self.map_service)
 
 
@@ -80,7 +84,8 @@ class Cohort:
 
     ``map_service`` is asked where no map file covers a crash. ``origins`` says, once for each time the cohort grew,
     where its crashes came from and how they were chosen. Reports that arrive in the ``watched`` folders join it, and
-    so do crashes of the ``followed`` choices that the CrashAPI releases later.
+    so do crashes of the ``followed`` choices that the CrashAPI releases later. ``lost_maps``: all that is known of its
+    maps is their digest, since the registry was lost; it counts until maps are registered again.
     """
 
     name: str
@@ -91,6 +96,7 @@ class Cohort:
     origins: tuple[str, ...] = ()
     watched: tuple[str, ...] = ()
     followed: tuple[Choice, ...] = ()
+    lost_maps: str | None = None
 
     @property
     def keys(self) -> list[str]:
@@ -129,8 +135,10 @@ class Registry:
         self._known: dict[str, tuple[bytes, Cohort]] = {}
 
     def cohorts(self) -> dict[str, Cohort]:
-        """All cohorts by name; :class:`DamagedFile` for one that is not as it was written."""
-        names = [name for name in self._storage.list(_FOLDER) if name.endswith(".json")]
+        """All cohorts by name; :class:`DamagedFile` for one that is lost or not as it was written."""
+        names = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")}
+        for name in sorted(self._copied() - names):
+            raise DamagedFile(name, "it is not there", _REMEDY)
         found = {}
         for name, data in sorted(self._storage.read_many(names).items()):
             if name not in self._known or self._known[name][0] != data:
@@ -138,6 +146,39 @@ class Registry:
             cohort = self._known[name][1]
             found[cohort.name] = cohort
         return found
+
+    def damage(self) -> list[DamagedFile]:
+        """The files of cohorts, and their copies, that are lost or not as they were written."""
+        there = {name for name in self._storage.list(_FOLDER) if name.endswith(".json")} | self._copied()
+        found = []
+        for name in sorted(there):
+            for each in (name, _copy_of(name)):
+                try:
+                    _cohort(each, self._storage.read(each))
+                except FileNotFoundError:
+                    found.append(DamagedFile(each, "it is not there", _REMEDY))
+                except DamagedFile as damaged:
+                    found.append(damaged)
+        return found
+
+    def put_back(self, name: str) -> bool:
+        """Replace a file of a cohort by its copy, or the copy by the file; whether the one to take was whole."""
+        other = name.replace(_COPIES, _FOLDER) if name.startswith(_COPIES) else _copy_of(name)
+        try:
+            data = self._storage.read(other)
+            _cohort(other, data)
+        except (FileNotFoundError, DamagedFile):
+            return False
+        self._storage.write(name, data)
+        return True
+
+    def _copied(self) -> set[str]:
+        return {name.replace(_COPIES, _FOLDER) for name in self._storage.list(_COPIES) if name.endswith(".json")}
+
+    def _write(self, cohort: Cohort) -> None:
+        data = with_checksum(_COHORTS.dump_json(cohort))
+        for name in (f"{_FOLDER}/{cohort.name}.json", f"{_COPIES}/{cohort.name}.json"):
+            self._storage.write(name, data)
 
     def listed(self) -> str:
         """A digest (SHA-256, hexadecimal) of how the files of the cohorts are listed: another once one has changed."""
@@ -164,7 +205,9 @@ class Registry:
             parse_key(key)
             for cohort in cohorts:
                 if key in cohort.reports:
-                    found[key] = CrashSource(cohort.name, cohort.reports[key], cohort.maps, cohort.map_service)
+                    found[key] = CrashSource(
+                        cohort.name, cohort.reports[key], cohort.maps, cohort.map_service, cohort.lost_maps
+                    )
                     break
             else:
                 raise UserError(f"crash {key} is not registered in {self._storage.root}; see trace-dag ingest")
@@ -180,10 +223,12 @@ class Registry:
         origin: str = "",
         watched: Iterable[str] = (),
         followed: Iterable[Choice] = (),
+        lost_maps: str | None = None,
     ) -> Registration:
         """Add reports and maps to a cohort, which is made if need be.
 
-        ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes.
+        ``map_service`` replaces the one before if it is given; ``origin`` is noted if it brought crashes;
+        ``lost_maps`` is the digest of maps that are not known any more.
         """
         if not _NAME.fullmatch(cohort):
             raise UserError(f"cohort name {cohort!r}: expected letters, digits, '-' and '_' only, 64 at most")
@@ -210,9 +255,10 @@ class Registry:
             origins=(*before.origins, origin) if origin and added else before.origins,
             watched=tuple(sorted({*before.watched, *watched})),
             followed=tuple(dict.fromkeys((*before.followed, *followed))),
+            lost_maps=lost_maps or before.lost_maps,
         )
         if after != before or not before.reports:
-            self._storage.write(f"{_FOLDER}/{cohort}.json", sealed(_COHORTS.dump_json(after, indent=1)))
+            self._write(after)
         return Registration(tuple(added), tuple(changed), tuple(known), elsewhere, len(after.maps) - len(before.maps))
 
     def drop_maps(self, files: Collection[str], cohort: str | None = None) -> dict[str, tuple[str, ...]]:
@@ -229,7 +275,7 @@ class Registry:
             left = tuple(file for file in each.maps if file not in gone[each.name].values())
             if left != each.maps:
                 after = replace(each, maps=left)
-                self._storage.write(f"{_FOLDER}/{each.name}.json", sealed(_COHORTS.dump_json(after, indent=1)))
+                self._write(after)
         return {name: tuple(file.location for file in found.values()) for name, found in gone.items() if found}
 
     def leaving(self, cohort: str, only: Collection[str] = ()) -> tuple[str, ...]:
@@ -250,23 +296,31 @@ class Registry:
 
         What was made of them stays in storage. Raises as :meth:`leaving`.
         """
-        gone, name = self.leaving(cohort, only), f"{_FOLDER}/{cohort}.json"
+        gone = self.leaving(cohort, only)
         if not only:
-            self._storage.delete(name)
+            for folder in (_COPIES, _FOLDER):  # a copy without its file would be a loss
+                self._storage.delete(f"{folder}/{cohort}.json")
             return gone
         before = self.cohort(cohort)
         left = {key: report for key, report in before.reports.items() if key not in only}
-        self._storage.write(name, sealed(_COHORTS.dump_json(replace(before, reports=left), indent=1)))
+        self._write(replace(before, reports=left))
         return gone
+
+
+def _copy_of(name: str) -> str:
+    return name.replace(_FOLDER, _COPIES, 1)
 
 
 def _cohort(name: str, data: bytes) -> Cohort:
     try:
-        return _COHORTS.validate_json(unsealed(data, name=name))
+        cohort = _COHORTS.validate_python(checked(data, name=name))
+        if cohort.name != Path(name).stem:
+            raise DamagedFile(name, f"the file of cohort {cohort.name}", _REMEDY)
+        return cohort
     except ValidationError as error:
         raise DamagedFile(name, f"not a cohort file ({error.errors()[0]['msg']})", _REMEDY) from error
     except DamagedFile as damaged:
-        raise damaged.mended_by(f"{_REMEDY}; if you changed it yourself, delete its field sha256") from damaged
+        raise damaged.mended_by(_REMEDY) from damaged
 
 
 def _dropped(cohort: Cohort, file: str) -> RegisteredMap | None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.code_versions import code_version
 from trace_dag.errors import DamagedFile, Failure
 from trace_dag.flow.records import Records, intact, log_complaint, read_records
@@ -25,7 +26,6 @@ from trace_dag.flow.staleness import Recipe, StoredResult, first_outdated, store
 from trace_dag.flow.standing import Standing, standings
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.provenance import crash_of
-from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 
@@ -194,8 +194,7 @@ def _made_by(recipes: Mapping[Stage, Recipe]) -> str:
 
 def _noted(notes: Storage, recipes: Mapping[Stage, Recipe]) -> dict[str, _Seen]:
     try:
-        data = notes.read(_NOTE)
-        note = _notes().validate_json(unsealed(data, name=_NOTE)) if is_sealed(data) else None
+        note = _notes().validate_python(checked(notes.read(_NOTE), name=_NOTE))
     except (FileNotFoundError, DamagedFile, ValidationError):
         return {}
     if note is None or note.made_by != _made_by(recipes):
@@ -209,7 +208,7 @@ def _note(notes: Storage, recipes: Mapping[Stage, Recipe], crashes: Mapping[str,
     number = {id(each): index for index, each in enumerate(distinct)}
     short = {key: _SeenShort(seen.listed, seen.standing, number[id(results[key])]) for key, seen in crashes.items()}
     try:
-        notes.write(_NOTE, sealed(_notes().dump_json(_Note(_made_by(recipes), distinct, short))))
+        notes.write(_NOTE, with_checksum(_notes().dump_json(_Note(_made_by(recipes), distinct, short))))
     except Failure as failure:  # a look is no less true where nothing can be written
         log_complaint(failure)
 

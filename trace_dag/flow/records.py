@@ -12,21 +12,27 @@ import gzip
 import hashlib
 import json
 import logging
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.flow.ledgers import Complaint
 from trace_dag.garbage import no_garbage_collection
 from trace_dag.provenance import MADE_AGAIN, Outcome, OutcomeRecord, record_from_json, record_name, record_to_json
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage
 
 Records = dict[Stage, OutcomeRecord]  # of one crash
+Complaint = Callable[[Failure], None]
+"""Hears of one crash or file that had to be left out, while the others go on."""
 log = logging.getLogger(__name__)
 
 FOLDER = "outcomes"
 """Where the records of a run lie as one file, on an object store."""
 _READ_ONE_BY_ONE = 500  # records on an object store; for more, listings and the indices of runs are cheaper
+
+
+def raised(failure: Failure) -> None:
+    """The complaint handler for callers that need everything: it raises the error."""
+    raise failure
 
 
 def log_complaint(failure: Failure) -> None:

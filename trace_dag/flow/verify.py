@@ -5,51 +5,77 @@ results of studies. Those of pages and packages are in :mod:`trace_dag.benchmark
 :mod:`trace_dag.warehouse.verify`, Dagster's in :mod:`trace_dag.assets.verify`.
 
 Sizes are compared over listings, so that a large cohort on an object store costs no request per crash; the contents
-are read only where that is asked for. Records and ledgers are read always, and prove themselves by their seals.
+are read only where that is asked for. Records and manifests are read always, and prove themselves by their checksums.
+Repair deletes nothing: what is damaged, or in no record, moves to ``ROOT/quarantine/<time>/``, and the next run makes
+it again.
 """
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
+from shutil import rmtree
 
+from trace_dag.checksums import checked
 from trace_dag.cohorts.kept_maps import unused_map_copies
-from trace_dag.cohorts.registry import Registry
+from trace_dag.cohorts.listings import FILE as LISTINGS
+from trace_dag.cohorts.registry import Cohort, Registry
+from trace_dag.cohorts.services import CACHE_FOLDER
 from trace_dag.errors import DamagedFile
-from trace_dag.flow.ledgers import (
-    SUBJECT_FOLDERS,
-    ledger_name,
+from trace_dag.flow.manifests import (
+    FOLDERS,
+    adopt_files,
+    is_of_older_version,
+    manifest_name,
     not_as_listed,
-    read_ledger,
-    sound_ledger,
-    subjects,
+    read_manifest,
+    sound_manifest,
+    write_manifest,
 )
 from trace_dag.flow.records import Records, read_records, write_record
+from trace_dag.flow.recovery import register_again
 from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import BUILDING
+from trace_dag.http import damaged_answers
 from trace_dag.processes import abandoned
 from trace_dag.progress import Progress
-from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of, record_name
+from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage, StoredFile, check_name
+from trace_dag.wording import counted
 
+QUARANTINE = "quarantine"
 _RECORD_ENDING = ".outcome.json"
+_ANSWERS = "llm_answers"
+_VARIATION = re.compile(r"-v\d+$")
 
 
 class DisagreementKind(Enum):
     """A way in which two of storage, Dagster and the warehouse disagree: its name, and what mends it."""
 
+    LOST_COHORT = "lost or damaged cohort", "--repair puts it back from its copy; without one, ingest it again"
+    LOST_REGISTRY = "lost cohorts", "--repair registers the crashes again from their records; ingest their maps again"
     DAMAGED_PAGE = "damaged page or package", "--repair makes it again"
-    DAMAGED_RESULT = "damaged result", "--repair deletes it with all that was made together; make it again"
-    UNREADABLE_RECORD = "unreadable record", f"--repair deletes it, {MADE_AGAIN}"
-    MISSING_ARTEFACT = "missing artefact", f"--repair marks the stage to be run again, {MADE_AGAIN}"
-    DAMAGED_ARTEFACT = "damaged artefact", f"--repair marks the stage to be run again, {MADE_AGAIN}"
-    UNLISTED_FILE = "file of no record", "--repair deletes it"
+    DAMAGED_RESULT = "damaged result", "--repair puts it aside with all that was made together; make it again"
+    LOST_MANIFEST = "lost or damaged manifest", "--repair makes it from the files that are there"
+    DAMAGED_CACHE = (
+        "damaged answer of a model, or note",
+        "--repair puts it aside; it is asked for again when it is needed",
+    )
+    DAMAGED_ANSWER = "damaged answer of a service", "--repair deletes it; it is asked for again when it is needed"
+    UNREADABLE_RECORD = "unreadable record", f"--repair puts it aside, {MADE_AGAIN}"
+    MISSING_ARTEFACT = "missing artefact", MADE_AGAIN
+    DAMAGED_ARTEFACT = "damaged artefact", f"--repair puts it aside, {MADE_AGAIN}"
+    DAMAGED_PICTURE = "damaged or missing picture", f"--repair marks its stage to be run again, {MADE_AGAIN}"
+    UNLISTED_FILE = "file of no record", "--repair puts it aside"
     LEFTOVER = "leftover of a killed process", "--repair deletes it"
-    MISSING_REPORT = "missing report", "ingest it again"
+    DAMAGED_REPORT = "lost or damaged report", "--repair copies it from raw_report; without that, ingest it again"
     NO_PARTITION = "no partition", "--repair adds it"
     STRAY_PARTITION = "partition of no registered crash", "--repair takes it away"
     NOT_LOGGED = "result Dagster does not hold", "--repair tells Dagster"
@@ -78,7 +104,8 @@ class StorageReport:
     """What storage holds: the registered crashes' records, and what of it does not agree.
 
     ``interrupted`` counts stages that were being run again when their process ended; ``unregistered`` the crashes
-    that something was made of and that are registered no more. Neither is a disagreement.
+    that something was made of and that are registered no more. ``older``: an earlier version of the program made what
+    is there. None of these is a disagreement.
     """
 
     records: dict[str, Records]
@@ -86,16 +113,19 @@ class StorageReport:
     files: int
     interrupted: int
     unregistered: int
+    older: bool
 
 
 def verify_storage(
     storage: Storage, local_folder: Path, *, contents: bool = False, progress: Progress | None = None
 ) -> StorageReport:
-    """Compare what records and ledgers list with the files that are there.
+    """Compare what records and manifests list with the files that are there.
 
     With ``contents`` every file is read and compared with its SHA-256; ``progress`` hears how many of how many.
     """
-    cohorts = Registry(storage).cohorts().values()
+    registry = Registry(storage)
+    lost = registry.damage()
+    cohorts = list(registry.cohorts().values()) if not any(_is_first(each) for each in lost) else []
     registered = {key for cohort in cohorts for key in cohort.reports}
     everywhere = {stage: storage.list(stage.value) for stage in Stage}
     foreign = [name for listing in everywhere.values() for name in listing if not _can_be_ours(name)]
@@ -105,24 +135,26 @@ def verify_storage(
     }
     found = {crash_of(name) for listing in listings.values() for name in listing}
     everything = read_records(storage, sorted(registered | found), complain=lambda _: None)
-    disagreements: list[Disagreement] = []
+    disagreements = [
+        Disagreement(DisagreementKind.LOST_COHORT, f"{each.name}: {each.found}", file=each.name) for each in lost
+    ]
     for stage, listing in listings.items():
         disagreements += _stage_disagreements(stage, listing, everything)
     drawn = _pictures(everything)
-    begun = {key for key, each in everything.items() if any(r.outcome is Outcome.STARTED for r in each.values())}
-    disagreements += _picture_disagreements(drawn, storage.list("pictures"), begun)
+    disagreements += _picture_disagreements(drawn, storage.list("pictures"), everything, listings)
     if contents:
         disagreements += _damaged(storage, everything, drawn, disagreements, progress)
-    disagreements += _result_disagreements(storage, contents)
-    reports = storage.list("reports")
-    for cohort in cohorts:
-        for key, report in cohort.reports.items():
-            if report.kind == "stored" and report.location not in reports:
-                detail = f"{report.location} is not there"
-                disagreements.append(
-                    Disagreement(DisagreementKind.MISSING_REPORT, detail, key, Stage.RAW_REPORT, report.location)
-                )
-    left = [*storage.leftovers(), *_unfinished_builds(local_folder), *unused_map_copies(storage)]
+    older = is_of_older_version(storage)
+    if not older:
+        disagreements += _result_disagreements(storage, contents)
+    disagreements += _report_disagreements(storage, cohorts, contents)
+    disagreements += _cache_disagreements(storage)
+    if not lost and not cohorts and any(everything.values()):
+        detail = f"no cohort is registered, though there are results of {counted(len(everything), 'crash', 'crashes')}"
+        disagreements.append(Disagreement(DisagreementKind.LOST_REGISTRY, detail, file="cohorts"))
+    left = [*storage.leftovers(), *_unfinished_builds(local_folder)]
+    if not lost:
+        left += unused_map_copies(storage)
     if storage.local_root is not None:
         left += [storage.local_root / name for name in foreign]
     disagreements += [Disagreement(DisagreementKind.LEFTOVER, str(path), file=str(path)) for path in left]
@@ -132,36 +164,80 @@ def verify_storage(
         sum(map(len, listings.values())),
         sum(record.outcome is Outcome.STARTED for records in everything.values() for record in records.values()),
         len(found - registered),
+        older,
     )
 
 
-def repair_storage(storage: Storage, report: StorageReport) -> int:
-    """Mend what can be; how many stages are now to be run again. A stage whose artefact is damaged counts as begun."""
-    again: set[str] = set()
-    for each in report.disagreements:
-        if (
-            each.kind in (DisagreementKind.MISSING_ARTEFACT, DisagreementKind.DAMAGED_ARTEFACT)
-            and each.key
-            and each.stage
-        ):
-            name = record_name(each.stage, each.key)
-            if name not in again:
-                record = read_records(storage, [each.key], [each.stage])[each.key].get(each.stage)
-                if record is not None:
-                    write_record(storage, record.begun_again())
-                    for file in (*record.artefacts, *record.pictures):
-                        storage.delete(file.name)
-                    again.add(name)
-        elif each.kind is DisagreementKind.UNREADABLE_RECORD and each.file:
-            storage.delete(each.file)
-            again.add(each.file)
-        elif each.kind is DisagreementKind.UNLISTED_FILE and each.file:
-            storage.delete(each.file)
-        elif each.kind is DisagreementKind.DAMAGED_RESULT and each.file:
-            _delete_made_together(storage, each.file)
-        elif each.kind is DisagreementKind.LEFTOVER and each.file:
+_PUT_ASIDE = frozenset(
+    {
+        DisagreementKind.UNREADABLE_RECORD,
+        DisagreementKind.DAMAGED_ARTEFACT,
+        DisagreementKind.DAMAGED_PICTURE,
+        DisagreementKind.DAMAGED_CACHE,
+        DisagreementKind.UNLISTED_FILE,
+    }
+)
+
+
+def repair_storage(storage: Storage, found: Iterable[Disagreement]) -> None:
+    """Mend what can be, and put aside what is damaged or of no record, so that the next run makes it again."""
+    aside = Quarantine(storage)
+    for each in found:
+        if each.file is None:
+            continue
+        if each.kind is DisagreementKind.LOST_COHORT:
+            if storage.exists(each.file):
+                aside.copy(each.file, each.detail)
+            Registry(storage).put_back(each.file)
+        elif each.kind is DisagreementKind.LOST_REGISTRY:
+            register_again(storage)
+        elif each.kind is DisagreementKind.DAMAGED_REPORT:
+            _copy_of_report(storage, each, aside)
+        elif each.kind is DisagreementKind.DAMAGED_RESULT:
+            _put_aside_made_together(storage, each.file, each.detail, aside)
+        elif each.kind is DisagreementKind.LOST_MANIFEST:
+            aside.move(each.file, each.detail)
+            for name in adopt_files(storage, each.file.partition("/")[0]):
+                aside.move(name, f"{name} cannot be read")
+        elif each.kind in (DisagreementKind.LEFTOVER, DisagreementKind.DAMAGED_ANSWER):
             _remove(Path(each.file))
-    return len(again)
+        elif each.kind in _PUT_ASIDE:
+            aside.move(each.file, each.detail)
+            if each.kind is DisagreementKind.DAMAGED_PICTURE and each.key and each.stage:
+                record = read_records(storage, [each.key], [each.stage])[each.key][each.stage]
+                write_record(storage, replace(record, fingerprint=""))
+    aside.write_list()
+
+
+class Quarantine:
+    """Puts files aside in ``ROOT/quarantine/<time>/``, under the names they had, with a list of why."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+        self._folder = f"{QUARANTINE}/{datetime.now(UTC):%Y-%m-%dT%H%M%S.%f}"
+        self._why: dict[str, str] = {}
+
+    def move(self, name: str, why: str) -> None:
+        """Put a file aside."""
+        self._storage.move(name, f"{self._folder}/{name}")
+        self._why[name] = why
+
+    def copy(self, name: str, why: str) -> None:
+        """Keep what a file holds that is going to be replaced."""
+        try:
+            self._storage.write(f"{self._folder}/{name}", self._storage.read(name))
+        except DamagedFile:
+            return  # no right to read it, a folder in its place, or a bad sector
+        self._why[name] = why
+
+    def write_list(self) -> None:
+        """Say beside the files why each was put aside; nothing where none was."""
+        if self._why:
+            self._storage.write(f"{self._folder}/list.json", json.dumps(self._why, indent=1).encode())
+
+
+def _is_first(damaged: DamagedFile) -> bool:
+    return damaged.name.count("/") == 1  # not a copy
 
 
 def _stage_disagreements(
@@ -188,7 +264,7 @@ def _stage_disagreements(
             if stage not in records[key]:
                 detail = f"{name} is not an outcome record"
                 yield Disagreement(DisagreementKind.UNREADABLE_RECORD, detail, key, stage, name)
-        elif name not in listed:
+        elif name not in listed and stage in records[key]:  # without its record, a run makes it again
             yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", key, stage, name)
 
 
@@ -205,19 +281,29 @@ def _pictures(records: Mapping[str, Records]) -> _Drawn:
 
 
 def _picture_disagreements(
-    drawn: _Drawn, listing: Mapping[str, Entry], begun: Collection[str]
+    drawn: _Drawn,
+    listing: Mapping[str, Entry],
+    records: Mapping[str, Records],
+    listings: Mapping[Stage, Mapping[str, Entry]],
 ) -> Iterator[Disagreement]:
-    """Pictures that differ from their record or have none; the next run draws those of crashes ``begun`` again."""
+    """Pictures that differ from their record, or that no record of their crash names though all of them are whole."""
     for name, (key, stage, file) in drawn.items():
         entry = listing.get(name)
         if entry is None:
-            yield Disagreement(DisagreementKind.MISSING_ARTEFACT, f"{name} is not there", key, stage, name)
+            yield Disagreement(DisagreementKind.DAMAGED_PICTURE, f"{name} is not there", key, stage, name)
         elif entry.size != file.size:
             detail = f"{name} has {entry.size} bytes, recorded are {file.size}"
-            yield Disagreement(DisagreementKind.DAMAGED_ARTEFACT, detail, key, stage, name)
+            yield Disagreement(DisagreementKind.DAMAGED_PICTURE, detail, key, stage, name)
+    named = {file.name for of_crash in records.values() for record in of_crash.values() for file in record.pictures}
     for name in listing:
-        if name not in drawn and crash_of(name) not in begun:
-            yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", crash_of(name), None, name)
+        key = crash_of(name)
+        of_crash = records.get(key, {})
+        whole = list(of_crash) == list(Stage)[: len(of_crash)] and not any(
+            f"{stage.value}/{key}{_RECORD_ENDING}" in listings[stage] for stage in set(Stage) - set(of_crash)
+        )
+        begun = any(record.outcome is Outcome.STARTED for record in of_crash.values())
+        if name not in named and whole and not begun:
+            yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", key, None, name)
 
 
 def _damaged(
@@ -247,36 +333,89 @@ def _damaged(
     listed = [file for _, _, file in wanted.values()]
     for file, detail in not_as_listed(storage, listed, contents=True, told=told):
         key, stage, _ = wanted[file.name]
-        yield Disagreement(DisagreementKind.DAMAGED_ARTEFACT, detail, key, stage, file.name)
+        kind = DisagreementKind.DAMAGED_PICTURE if file.name in drawn else DisagreementKind.DAMAGED_ARTEFACT
+        yield Disagreement(kind, detail, key, stage, file.name)
 
 
 def _result_disagreements(storage: Storage, contents: bool) -> Iterator[Disagreement]:
-    """Damaged ledgers, files that differ from their ledger, and files that no ledger lists."""
-    listed: set[str] = set()
-    for subject in (each for folder in SUBJECT_FOLDERS for each in subjects(storage, folder)):
+    """Lost manifests, files that differ from their manifest, and files that no manifest lists."""
+    for folder in FOLDERS:
+        name, there = manifest_name(folder), storage.list(folder)
         try:
-            ledger = read_ledger(storage, subject)
+            files = read_manifest(storage, folder).files
+            if there and name not in there:
+                raise DamagedFile(name, "it is not there")
         except DamagedFile as damaged:
-            yield Disagreement(DisagreementKind.DAMAGED_RESULT, str(damaged), file=damaged.name)
+            yield Disagreement(DisagreementKind.LOST_MANIFEST, str(damaged), file=name)
             continue
-        listed |= ledger.files.keys()
-        for file, detail in not_as_listed(storage, ledger.files.values(), contents=contents):
+        for file, detail in not_as_listed(storage, files.values(), contents=contents):
             yield Disagreement(DisagreementKind.DAMAGED_RESULT, detail, file=file.name)
-    for folder in SUBJECT_FOLDERS:
-        for name in storage.list(folder):
-            if name not in listed:
-                yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no ledger", file=name)
+        for each in there:
+            if each != name and each not in files:
+                yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{each} is not in {name}", file=each)
 
 
-def _delete_made_together(storage: Storage, name: str) -> None:
-    """Delete a damaged result, with what has to be made again together with it."""
-    storage.delete(name)
-    for folder in SUBJECT_FOLDERS:
-        for subject in subjects(storage, folder):
-            files = sound_ledger(storage, subject).files
-            if name in files:
-                for each in (*files, ledger_name(subject)):
-                    storage.delete(each)
+def _report_disagreements(storage: Storage, cohorts: Iterable[Cohort], contents: bool) -> Iterator[Disagreement]:
+    """Reports kept below the root that are lost or, with ``contents``, not as they were registered."""
+    reports = storage.list("reports")
+    for cohort in cohorts:
+        for key, report in cohort.reports.items():
+            name, found = report.location, ""
+            if report.kind != "stored":
+                continue
+            if name not in reports:
+                found = "is not there"
+            elif contents and hashlib.sha256(storage.read(name)).hexdigest() != report.sha256:
+                found = "is not the report that was registered"
+            if found:
+                detail = f"{name} {found}"
+                yield Disagreement(DisagreementKind.DAMAGED_REPORT, detail, key, Stage.RAW_REPORT, name)
+
+
+def _cache_disagreements(storage: Storage) -> Iterator[Disagreement]:
+    """Kept answers of models, and what was seen in reports, that are not as they were written."""
+    root = storage.local_root
+    answers = sorted((root / _ANSWERS).rglob("*.json")) if root is not None else []
+    names = [path.relative_to(root).as_posix() for path in answers if root is not None]
+    for path in damaged_answers(storage.local_folder / CACHE_FOLDER):
+        detail = f"{path} is not the answer that was kept"
+        yield Disagreement(DisagreementKind.DAMAGED_ANSWER, detail, file=str(path))
+    for name, data in storage.read_many([*names, LISTINGS], unreadable=lambda _: None).items():
+        try:
+            checked(data, name=name)
+        except DamagedFile as damaged:
+            yield Disagreement(DisagreementKind.DAMAGED_CACHE, str(damaged), file=name)
+
+
+def _copy_of_report(storage: Storage, each: Disagreement, aside: Quarantine) -> None:
+    """Put a report back from what the first stage kept of it, if that is the one that was registered."""
+    assert each.key is not None
+    assert each.file is not None
+    wanted = Registry(storage).sources([each.key])[each.key].report.sha256
+    record = read_records(storage, [each.key], [Stage.RAW_REPORT])[each.key].get(Stage.RAW_REPORT)
+    for file in record.artefacts if record is not None else ():
+        if file.sha256 == wanted:
+            try:
+                data = storage.read_whole(file)
+            except DamagedFile:
+                return
+            aside.move(each.file, each.detail)
+            storage.write(each.file, data)
+
+
+def _put_aside_made_together(storage: Storage, name: str, why: str, aside: Quarantine) -> None:
+    """Put aside a damaged result with what was made together, which its manifest lists no more."""
+    folder, _, file = name.partition("/")
+    manifest = sound_manifest(storage, folder)
+    if folder == "variations":
+        crash = _VARIATION.sub("", crash_of(name))
+        together = {name, *manifest.beginning(f"{crash}.", f"{crash}-v")}
+    else:
+        together = {each for each in manifest.files if Path(each).stem == Path(file).stem}
+    for each in together:
+        aside.move(each, why)
+    left = {listed: entry for listed, entry in manifest.files.items() if listed not in together}
+    write_manifest(storage, folder, replace(manifest, files=left))
 
 
 def _unfinished_builds(local_folder: Path) -> list[Path]:
@@ -285,7 +424,7 @@ def _unfinished_builds(local_folder: Path) -> list[Path]:
 
 def _remove(path: Path) -> None:
     if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
+        rmtree(path, ignore_errors=True)
     else:
         path.unlink(missing_ok=True)
 

@@ -13,8 +13,7 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.splits import Split, splits_of
 from trace_dag.flow.artefacts import ESTIMATE, RECORD, ROAD_MAP, VERDICT, XODR, CrashArtefacts
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import log_complaint
+from trace_dag.flow.records import Complaint, log_complaint, raised
 from trace_dag.flow.selection import registered
 from trace_dag.flow.standing import FinalState, standing_of_valid
 from trace_dag.flow.workspace import Workspace

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from trace_dag.crash.reconstruction import Reconstruction, reconstruction_of
 from trace_dag.errors import UserError
-from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.progress import Progress, silent
 from trace_dag.settings import VerdictSettings

@@ -19,7 +19,8 @@ from trace_dag.evaluation.evaluate import Conditions, faulty
 from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
-from trace_dag.flow.ledgers import Complaint, ledger_name, raised, read_listed, subjects, write_ledger
+from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
+from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import now
 from trace_dag.storage import Storage
@@ -28,6 +29,7 @@ from trace_dag.studies.deadlines import StepLost, Task
 from trace_dag.studies.evaluation_work import EvaluationWork, Step, answers, evaluating_code
 
 FOLDER = "evaluations"
+_TABLE = ".parquet"
 
 _ABOUT = ("rate_hz", "range_m", "noise_m", "occlusion", "traffic", "seed", "agent_code", "code_version")
 
@@ -127,7 +129,7 @@ def store_rows(storage: Storage, agent: str, reference: str, rows: Sequence[Row]
         **{name: rows[0][name] for name in _ABOUT},
     }
     made = storage.write(f"{subject}.json", json.dumps(about, indent=1).encode())
-    write_ledger(storage, subject, [table, made])
+    list_files(storage, FOLDER, [table, made])
 
 
 def _identity(row_of_table: Row) -> tuple[str, int]:
@@ -137,11 +139,17 @@ def _identity(row_of_table: Row) -> tuple[str, int]:
 def stored_rows(storage: Storage, subject: str) -> list[Row]:
     """The rows of one agent; none if there are no evaluations of it. Raises :class:`DamagedFile`."""
     agent = subject.removeprefix(f"{FOLDER}/")
-    table = f"{subject}.parquet"
-    if not storage.exists(table) and not storage.exists(ledger_name(subject)):
+    if agent not in agents_of(storage):
         return []
     remedy = f"evaluate the agent {agent} again, trace-dag evaluate --agent"
-    return rows_from_parquet(read_listed(storage, subject, table, remedy=remedy))
+    return rows_from_parquet(read_listed(storage, f"{subject}.parquet", remedy=remedy))
+
+
+def agents_of(storage: Storage) -> list[str]:
+    """The agents that there are evaluations of, damaged ones too, in order."""
+    listed = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
+    tables = [name for name in listed if name.endswith(_TABLE)]
+    return sorted(name.removeprefix(f"{FOLDER}/").removesuffix(_TABLE) for name in tables)
 
 
 def remove_agent(storage: Storage, agent: str) -> int:
@@ -150,7 +158,7 @@ def remove_agent(storage: Storage, agent: str) -> int:
     Raises :class:`UserError` where there are none of it.
     """
     subject = f"{FOLDER}/{label(agent)}"
-    known = sorted(name.removeprefix(f"{FOLDER}/") for name in subjects(storage, FOLDER))
+    known = agents_of(storage)
     if label(agent) not in known:
         raise UserError(
             f"--remove {agent}: no evaluations of it are stored; there are those of {', '.join(known) or 'none'}"
@@ -159,18 +167,19 @@ def remove_agent(storage: Storage, agent: str) -> int:
         rows = len(stored_rows(storage, subject))
     except DamagedFile:
         rows = 0  # they go all the same
-    for name in (f"{subject}.parquet", f"{subject}.json", ledger_name(subject)):
+    names = (f"{subject}.parquet", f"{subject}.json")
+    for name in names:
         storage.delete(name)
+    list_files(storage, FOLDER, [], gone=names)
     return rows
 
 
 def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
     """Every stored evaluation, of all agents; ``complain`` hears of the agents whose table is damaged."""
     found: list[Row] = []
-    tables = [name for name in storage.list(FOLDER) if name.endswith(".parquet")]
-    for subject in sorted({*subjects(storage, FOLDER), *(table.removesuffix(".parquet") for table in tables)}):
+    for agent in agents_of(storage):
         try:
-            found += stored_rows(storage, subject)
+            found += stored_rows(storage, f"{FOLDER}/{agent}")
         except DamagedFile as damaged:
             complain(damaged)
     return found

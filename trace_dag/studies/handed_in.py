@@ -1,8 +1,8 @@
 """Results of agents as a file that others can hand in, and the checks before it enters the leaderboard.
 
-A file is sealed JSON with every run of one part of the benchmark under the conditions of its protocol. Belongs here:
-what such a file says, and whether it can be of the crashes of a root. Does not belong here: who drove. A seal is no
-signature, and measures can be made up: proof takes the agent itself, evaluated again.
+A file is JSON with a checksum: every run of one part of the benchmark under the conditions of its protocol. Belongs
+here: what such a file says, and whether it can be of the crashes of a root. Does not belong here: who drove. A checksum
+is no signature, and measures can be made up: proof takes the agent itself, evaluated again.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Final
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.evaluation.evaluate import Conditions
 from trace_dag.evaluation.metrics import DriveOutcome, Metrics, measure, outcome_of
@@ -20,13 +21,12 @@ from trace_dag.evaluation.registry import BASELINES, label
 from trace_dag.evaluation.splits import Split
 from trace_dag.evaluation.table import EVALUATIONS, Row
 from trace_dag.evaluation.traffic import Traffic
-from trace_dag.flow.ledgers import Complaint, raised, subjects
+from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.schemas import ColumnType
-from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of, verified_cases
 from trace_dag.studies.evaluation_work import evaluating_code
-from trace_dag.studies.evaluations import FOLDER
+from trace_dag.studies.evaluations import agents_of
 from trace_dag.version import __version__
 
 _FORMAT: Final = "trace-dag results 1"
@@ -49,7 +49,7 @@ def results_file(rows: Sequence[Row], split: Split, cohort: str | None) -> bytes
         "cohort": cohort,
         "runs": [{column.name: row.get(column.name) for column in EVALUATIONS.columns} for row in rows],
     }
-    return sealed((json.dumps(document, indent=1, ensure_ascii=False)).encode())
+    return with_checksum(json.dumps(document).encode())
 
 
 def check(workspace: Workspace, data: bytes, name: str, *, complain: Complaint = raised) -> dict[str, list[Row]]:
@@ -57,7 +57,7 @@ def check(workspace: Workspace, data: bytes, name: str, *, complain: Complaint =
     split, cohort, by_agent = _read(data, name)
     cases = verified_cases(workspace, cohort, (), split=split, complain=complain)
     code = evaluating_code(workspace.settings.sim)
-    taken = {subject.removeprefix(f"{FOLDER}/") for subject in subjects(workspace.storage, FOLDER)}
+    taken = agents_of(workspace.storage)
     for agent, rows in by_agent.items():
         if agent in taken or agent in BASELINES or agent != label(agent):
             raise UserError(f"{name}: there is an agent {agent} here already, or it cannot be a name; hand in another")
@@ -74,9 +74,7 @@ def check(workspace: Workspace, data: bytes, name: str, *, complain: Complaint =
 
 def _read(data: bytes, name: str) -> tuple[Split, str | None, dict[str, list[Row]]]:
     try:
-        if not is_sealed(data):
-            raise UserError(f"{name}: it has no seal; expected a file that trace-dag evaluate --results wrote")
-        document: dict[str, Any] = json.loads(unsealed(data, name=name))
+        document: dict[str, Any] = checked(data, name=name)
         if document["format"] != _FORMAT:
             raise UserError(f"{name}: format {document['format']!r}; expected {_FORMAT!r}")
         split, cohort, runs = Split(document["split"]), document["cohort"], document["runs"]
@@ -84,7 +82,9 @@ def _read(data: bytes, name: str) -> tuple[Split, str | None, dict[str, list[Row
         for run in runs:
             by_agent[_checked_row(run, name)["agent"]].append(run)
     except DamagedFile as damaged:
-        raise UserError(f"{name}: it was changed after it was written (its seal is broken); {_AGAIN}") from damaged
+        raise UserError(
+            f"{name}: {damaged.found}; expected a file of evaluate --results as it was written"
+        ) from damaged
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         what = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise UserError(f"{name}: not a file of results ({what}); expected one of evaluate --results") from error

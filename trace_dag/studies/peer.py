@@ -9,7 +9,7 @@ from trace_dag.crash.modelled import another_kind, untold_meeting
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.flow.artefacts import RECORD
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.studies.stored_crashes import judged_crashes, stored_crash
 from trace_dag.studies.tables import PUBLISHED, store

@@ -18,7 +18,7 @@ from trace_dag.flow.artefacts import EXTRACT, RECORD, VERDICT
 from trace_dag.flow.batch import work_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
-from trace_dag.flow.ledgers import Complaint, raised
+from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.stages.osm_extract import catalog_of
 from trace_dag.flow.standing import FinalState
 from trace_dag.flow.workspace import Workspace

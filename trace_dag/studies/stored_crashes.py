@@ -15,8 +15,7 @@ import numpy as np
 from trace_dag.errors import Failure, UserError
 from trace_dag.flow.artefacts import ESTIMATE, LOGS, RECORD, ROAD_MAP, VERDICT
 from trace_dag.flow.contract import CrashFiles
-from trace_dag.flow.ledgers import Complaint, raised
-from trace_dag.flow.records import log_complaint, read_records
+from trace_dag.flow.records import Complaint, log_complaint, raised, read_records
 from trace_dag.flow.standing import valid_records
 from trace_dag.flow.workspace import Workspace
 from trace_dag.progress import Progress, silent

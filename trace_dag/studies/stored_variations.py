@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 
 from trace_dag.errors import DamagedFile
 from trace_dag.evaluation.table import Row, rows_from_parquet
-from trace_dag.flow.ledgers import Complaint, raised, read_listed, subjects
+from trace_dag.flow.manifests import read_listed, sound_manifest
+from trace_dag.flow.records import Complaint, raised
+from trace_dag.provenance import crash_of
 from trace_dag.sim.log_io import logs_from_files
 from trace_dag.sim.types import SimulationLog
 from trace_dag.states.json_io import estimate_from_json
@@ -70,7 +72,7 @@ class StoredVariation:
 
 
 def read_variation(storage: Storage, name: str) -> StoredVariation:
-    """A stored variation by its id. Raises :class:`DamagedFile` where it is not as its family's ledger says."""
+    """A stored variation by its id. Raises :class:`DamagedFile` where it is not as its manifest says."""
     key = name.rpartition("-")[0]
 
     def read(extension: str) -> bytes:
@@ -89,9 +91,8 @@ def all_rows(storage: Storage, *, complain: Complaint = raised) -> list[Row]:
 
 def families(storage: Storage, complain: Complaint, keys: Collection[str] | None = None) -> dict[str, list[Row]]:
     """The lists of the families there are, of some crashes or all, by key."""
-    listed = {subject.rpartition("/")[2] for subject in subjects(storage, FOLDER)}
-    there = {name for name in storage.list(FOLDER) if name.endswith(".family.parquet")}
-    listed |= {name.rpartition("/")[2].partition(".")[0] for name in there}
+    there = {*sound_manifest(storage, FOLDER).files, *storage.list(FOLDER)}
+    listed = {crash_of(name) for name in there if name.endswith(".family.parquet")}
     found = {}
     for key in sorted(listed if keys is None else listed & set(keys)):
         try:
@@ -102,14 +103,7 @@ def families(storage: Storage, complain: Complaint, keys: Collection[str] | None
 
 
 def _read(storage: Storage, key: str, name: str) -> bytes:
-    return read_listed(
-        storage, subject_of(key), name, remedy=f"trace-dag vary --only {key} makes the crash's variations again"
-    )
-
-
-def subject_of(key: str) -> str:
-    """The ledger's subject of a crash's family."""
-    return f"{FOLDER}/{key}"
+    return read_listed(storage, name, remedy=f"trace-dag vary --only {key} makes the crash's variations again")
 
 
 def family_name(key: str) -> str:

@@ -8,7 +8,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.errors import DamagedFile, Failure
-from trace_dag.flow.ledgers import Complaint, read_listed, write_ledger
+from trace_dag.flow.manifests import list_files, read_listed
+from trace_dag.flow.records import Complaint
 from trace_dag.flow.workspace import Workspace
 from trace_dag.storage import Storage, StoredFile
 
@@ -37,7 +38,7 @@ def comparison_is_whole(storage: Storage, name: str, complain: Complaint) -> boo
     kind, _, cohort = name.removeprefix(f"{FOLDER}/").removesuffix(".json").partition("-")
     try:
         remedy = f"trace-dag {_MADE_BY[kind]} --cohort {cohort} makes it again"
-        read_listed(storage, name.removesuffix(".json"), name, remedy=remedy)
+        read_listed(storage, name, remedy=remedy)
     except DamagedFile as damaged:
         complain(damaged)
         return False
@@ -53,4 +54,4 @@ def store_comparison(
         file = storage.write(f"{subject}.json", json.dumps(rows, indent=0).encode())
     except ValueError as error:
         raise Failure(f"comparisons of cohort {cohort!r} cannot be stored: {error}") from error
-    write_ledger(storage, subject, [file, *beside])
+    list_files(storage, FOLDER, [file, *beside])

@@ -18,7 +18,7 @@ from trace_dag.errors import Failure
 from trace_dag.evaluation.table import rows_to_parquet
 from trace_dag.flow.artefacts import ESTIMATE, EXTRACT, MAP_REPORT, RECORD, REPORT_XML, ROAD_MAP, VERDICT, XODR
 from trace_dag.flow.executors import WorkerLost, run_redoing_lost
-from trace_dag.flow.ledgers import sound_ledger, write_ledger
+from trace_dag.flow.manifests import list_files, sound_manifest
 from trace_dag.flow.workspace import Workspace
 from trace_dag.geometry import Pose
 from trace_dag.provenance import code_of
@@ -36,7 +36,6 @@ from trace_dag.studies.stored_variations import (
     abouts,
     family_name,
     read_variation,
-    subject_of,
 )
 from trace_dag.variations.family import Variation, VariationKind, family
 from trace_dag.variations.table import VARIATIONS, row
@@ -105,7 +104,7 @@ def _make_family(task: _Task) -> FamilyReport:
         criteria=request.criteria,
     )
     recorded = files.load(ESTIMATE).hypotheses[files.load(VERDICT).hypothesis]
-    before = sound_ledger(storage, subject_of(stored.key)).files
+    before = sound_manifest(storage, FOLDER).beginning(f"{stored.key}.", f"{stored.key}-v")
     code = code_of((family.__module__,), settings.sim).digest
     rows = []
     written: list[StoredFile] = []
@@ -121,9 +120,10 @@ def _make_family(task: _Task) -> FamilyReport:
             )
         )
     written.append(storage.write(family_name(stored.key), rows_to_parquet(rows, VARIATIONS)))
-    write_ledger(storage, subject_of(stored.key), written)
-    for gone in before.keys() - {file.name for file in written}:
-        storage.delete(gone)
+    gone = before.keys() - {file.name for file in written}
+    list_files(storage, FOLDER, written, gone)
+    for name in gone:
+        storage.delete(name)
     near_misses = sum(variation.kind is VariationKind.NEAR_MISS for variation in kept)
     return FamilyReport(stored.key, len(kept), near_misses, drawn)
 

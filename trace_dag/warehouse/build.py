@@ -24,23 +24,23 @@ from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 from trace_dag.code_versions import code_version
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure, UserError
-from trace_dag.flow.ledgers import Complaint, write_ledger
-from trace_dag.flow.records import log_complaint
+from trace_dag.flow.manifests import bring_up_to_date
+from trace_dag.flow.records import Complaint, log_complaint
 from trace_dag.flow.workspace import BUILDING, WAREHOUSE_FILE
 from trace_dag.processes import temporary_prefix
 from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
-from trace_dag.storage import Storage, StoredFile
+from trace_dag.storage import Storage
 from trace_dag.studies.tables import CONTROLS, ESTIMATORS, FOLDER, PERTURBED, PUBLISHED, comparison_is_whole
 from trace_dag.warehouse import query
 from trace_dag.warehouse.documents import DOCUMENTS, DocumentTables, execute_sql, local_files
 from trace_dag.warehouse.evaluations import evaluation_tables
 from trace_dag.warehouse.outcomes import OutcomeTables
-from trace_dag.warehouse.query import WAREHOUSE_SUBJECT, stray_log
+from trace_dag.warehouse.query import stray_log
 from trace_dag.warehouse.reports import code_meanings, crash_kinds, state_names, unread_reports
 from trace_dag.warehouse.snapshot import read_snapshots
 from trace_dag.warehouse.tables import TABLES
-from trace_dag.warehouse.updating import changed_since_built, listed_for_build, note_built, update_tables
+from trace_dag.warehouse.updating import changed_since_built, listed_for_build, note_crashes, update_tables
 
 if TYPE_CHECKING:
     import duckdb
@@ -99,10 +99,11 @@ def build_warehouse(storage: Storage, local_folder: Path, *, complain: Complaint
     ``local_folder`` is where that is done (the root itself, if local).
 
     A crash may be worked on meanwhile: if one of its files goes while it is read, the build begins again. What is
-    damaged is left out, which ``complain`` hears of. The warehouse enters a ledger, so that its readers can tell
+    damaged is left out, which ``complain`` hears of. Its SHA-256 is noted beside it, so that its readers can tell
     whether it is still what was built.
     """
     started = time.monotonic()
+    bring_up_to_date(storage)
 
     def build() -> BuildReport:
         with tempfile.TemporaryDirectory(prefix=temporary_prefix(BUILDING), dir=local_folder) as folder:
@@ -174,12 +175,12 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
         storage.write(WAREHOUSE_FILE, path.read_bytes())
     with path.open("rb") as built:
         digest = hashlib.file_digest(built, "sha256").hexdigest()
-    file = StoredFile(WAREHOUSE_FILE, path.stat().st_size, digest)
+    size = path.stat().st_size
     stray_log(target).unlink(missing_ok=True)  # of whoever wrote into the old one: DuckDB would add it to the new
     path.replace(target)
-    write_ledger(Storage(target.parent), WAREHOUSE_SUBJECT, [file])
-    report = BuildReport(rows, file.size, time.monotonic() - started, tuple(damaged.values()))
-    note_built(target, digest, now, report.incomplete_crashes)
+    query.note_built(target, digest)
+    report = BuildReport(rows, size, time.monotonic() - started, tuple(damaged.values()))
+    note_crashes(target, digest, now, report.incomplete_crashes)
     return report
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trace_dag.evaluation.table import EVALUATIONS
-from trace_dag.flow.ledgers import Complaint
+from trace_dag.flow.records import Complaint
 from trace_dag.storage import Storage
 from trace_dag.studies import evaluations, stored_variations
 from trace_dag.variations.table import VARIATIONS

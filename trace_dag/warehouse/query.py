@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile, UserError
-from trace_dag.flow.ledgers import agreed, read_ledger
+from trace_dag.flow.manifests import agreed
 from trace_dag.storage import Storage
 
 if TYPE_CHECKING:
     import duckdb
 
-WAREHOUSE_SUBJECT = "warehouse"  # of the ledger beside it
+_BESIDE = "warehouse.json"
 MAX_ROWS = 5_000_000
 """Of one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for each."""
 
@@ -64,15 +66,25 @@ def stray_log(path: Path) -> Path:
 def _check(path: Path) -> str:
     if not path.is_file():
         raise UserError(f"{path}: there is no warehouse yet; trace-dag run builds it")
-    file = read_ledger(Storage(path.parent), WAREHOUSE_SUBJECT).files.get(path.name)
-    if file is None:
-        raise DamagedFile(str(path), "nothing says with what content it was built")
+    built = _built(path)
     if stray_log(path).exists():
         raise DamagedFile(str(path), f"somebody else has written into it, {stray_log(path).name} lies beside it")
     status = path.stat()
-    if _digest(path, status.st_ino, status.st_size, status.st_mtime_ns) != file.sha256:
+    if _digest(path, status.st_ino, status.st_size, status.st_mtime_ns) != built:
         raise DamagedFile(str(path), "its content is not what was built")
-    return file.sha256
+    return built
+
+
+def note_built(path: Path, sha256: str) -> None:
+    """Note beside a warehouse with what content it was built."""
+    Storage(path.parent).write(_BESIDE, with_checksum(json.dumps({"sha256": sha256}).encode()))
+
+
+def _built(path: Path) -> str:
+    try:
+        return str(checked(Storage(path.parent).read(_BESIDE), name=_BESIDE)["sha256"])
+    except (FileNotFoundError, KeyError) as error:
+        raise DamagedFile(str(path), "nothing says with what content it was built") from error
 
 
 @lru_cache(maxsize=4)

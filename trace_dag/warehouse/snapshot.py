@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 from trace_dag.errors import DamagedFile
 from trace_dag.flow.contract import DamagedArtefactError
-from trace_dag.flow.ledgers import Complaint
-from trace_dag.flow.records import Records, read_records
+from trace_dag.flow.records import Complaint, Records, read_records
 from trace_dag.flow.standing import valid_records
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage

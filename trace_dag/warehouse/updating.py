@@ -14,10 +14,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.errors import DamagedFile, UserError
 from trace_dag.flow.looks import listed
-from trace_dag.sealing import is_sealed, sealed, unsealed
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.documents import DOCUMENTS
@@ -58,21 +58,20 @@ def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:
     return changed if len(changed) <= _MOST * len(now) else None
 
 
-def note_built(warehouse: Path, sha256: str, crashes: Listed, unsettled: Collection[str]) -> None:
+def note_crashes(warehouse: Path, sha256: str, crashes: Listed, unsettled: Collection[str]) -> None:
     """Note what a warehouse was built from; ``unsettled`` crashes are read again by the next build."""
     settled = {key: digest for key, digest in crashes.items() if key not in unsettled}
     note = json.dumps({"warehouse": sha256, "crashes": settled}, sort_keys=True).encode()
-    Storage(warehouse.parent).write(_NOTE, sealed(note))
+    Storage(warehouse.parent).write(_NOTE, with_checksum(note))
 
 
 def _noted(warehouse: Path, sha256: str | None) -> Listed | None:
     """How the crashes of a warehouse with that content were listed; None if nothing says so."""
     try:
-        data = Storage(warehouse.parent).read(_NOTE)
-        note = json.loads(unsealed(data, name=_NOTE)) if is_sealed(data) else {}
-    except (FileNotFoundError, DamagedFile, ValueError):
+        note = checked(Storage(warehouse.parent).read(_NOTE), name=_NOTE)
+    except (FileNotFoundError, DamagedFile):
         return None
-    return note["crashes"] if note and note["warehouse"] == sha256 else None
+    return note["crashes"] if note["warehouse"] == sha256 else None
 
 
 def _digest_of_built(warehouse: Path) -> str | None:

@@ -20,8 +20,8 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import BudgetSpent, DamagedFile, TransientFailure
-from trace_dag.sealing import sealed, unsealed
 
 FOLDER = "llm_ledgers"
 MOST_UNANSWERED = 3
@@ -148,7 +148,7 @@ class SpendingLedger:
 
     def _put(self) -> None:
         if self.files is not None:
-            self.files.write(f"{self._folder}/{self._page.owner}.json", sealed(_pages.dump_json(self._page)))
+            self.files.write(f"{self._folder}/{self._page.owner}.json", with_checksum(_pages.dump_json(self._page)))
 
     def _all_pages(self) -> list[Page]:
         """The pages of all processes; this one's own from memory."""
@@ -156,7 +156,7 @@ class SpendingLedger:
         if self.files is not None:
             for data in self.files.read_many(sorted(self.files.list(self._folder))).values():
                 try:
-                    page = _pages.validate_json(unsealed(data, name=self._folder))
+                    page = _pages.validate_python(checked(data, name=self._folder))
                 except (DamagedFile, ValidationError):
                     continue  # not a page of this ledger
                 if page.owner != self._page.owner:

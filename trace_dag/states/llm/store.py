@@ -12,8 +12,8 @@ from typing import Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
+from trace_dag.checksums import checked, with_checksum
 from trace_dag.errors import DamagedFile
-from trace_dag.sealing import sealed, unsealed
 
 FOLDER = "llm_answers"
 
@@ -56,7 +56,7 @@ class AnswerStore:
         if self._files is None:
             return self._memory.get(key)
         try:
-            return _answers.validate_json(unsealed(self._files.read(_name(key)), name=_name(key)))
+            return _answers.validate_python(checked(self._files.read(_name(key)), name=_name(key)))
         except (FileNotFoundError, DamagedFile, ValidationError):
             return None
 
@@ -65,7 +65,7 @@ class AnswerStore:
         if self._files is None:
             self._memory[key] = answer
         else:
-            self._files.write(_name(key), sealed(_answers.dump_json(answer, indent=1)))
+            self._files.write(_name(key), with_checksum(_answers.dump_json(answer)))
 
 
 def question_key(**question: object) -> str:

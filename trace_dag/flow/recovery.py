@@ -1,0 +1,43 @@
+"""Registering crashes again whose cohorts are lost, from what is stored of them."""
+
+from __future__ import annotations
+
+from trace_dag.cohorts.registry import Registry, ReportSource
+from trace_dag.flow.artefacts import REPORT_XML
+from trace_dag.flow.records import read_records
+from trace_dag.provenance import crash_of
+from trace_dag.stage import Stage
+from trace_dag.storage import Storage
+
+COHORT = "recovered"
+
+
+def register_again(storage: Storage) -> None:
+    """Register every crash with a record of its report, in cohorts called ``recovered``.
+
+    Its report is the one that the first stage kept, or asked of the service again. Of maps only a digest is known, so
+    that what was made from them stays as it is; crashes that still need one fail until maps are registered again.
+    """
+    keys = {crash_of(name) for name in storage.list(Stage.RAW_REPORT.value)}
+    by_maps: dict[str, dict[str, ReportSource]] = {}
+    for key, records in read_records(storage, sorted(keys)).items():
+        record, extract = records.get(Stage.RAW_REPORT), records.get(Stage.OSM_EXTRACT)
+        if record is None:
+            continue
+        source = ReportSource("crashapi")
+        if record.figures.get("source") != "crashapi":
+            kept = record.artefact(REPORT_XML.extensions[0])
+            if kept is None:
+                continue
+            source = ReportSource("stored", f"reports/{key}.xml", kept.sha256)
+            if not storage.exists(source.location):
+                storage.write(source.location, storage.read_whole(kept))
+        maps = extract.provenance.inputs.get("maps", "") if extract is not None else ""
+        by_maps.setdefault(maps, {})[key] = source
+    unknown = by_maps.pop("", {})
+    for number, (maps, reports) in enumerate(sorted(by_maps.items()), 1):
+        name = COHORT if number == 1 else f"{COHORT}-{number}"
+        Registry(storage).register(name, reports | unknown, origin="records of a lost registry", lost_maps=maps)
+        unknown = {}
+    if unknown:
+        Registry(storage).register(COHORT, unknown, origin="records of a lost registry")
