@@ -3,8 +3,8 @@
 Belongs here: the fingerprint of a stage (code, settings, inputs) and the outcome record stored beside the artefacts.
 Does not belong here: deciding what to run (:mod:`trace_dag.flow`).
 
-A result is current while its fingerprint is: the same code of everything the stage runs, the same versions of the
-libraries that decide with it, the same section of settings, the same bytes as input. The record of an outcome is
+A result is current while its fingerprint is: the same version of the stage's code, the same versions of the libraries
+that decide, the same section of settings, the same bytes as input. The record of an outcome is
 written after the artefacts it lists, so a record means that they are complete; a look at their sizes tells whether they
 still are.
 """
@@ -17,17 +17,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any
+from functools import cache
+from importlib import metadata
+from typing import Any, Final
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from trace_dag.checksums import checked, with_checksum
-from trace_dag.code_versions import CodeVersion, code_version
 from trace_dag.errors import DamagedFile, Reason
 from trace_dag.plugins import Plugin, PluginKind, plugin
 from trace_dag.stage import Stage
 from trace_dag.storage import StoredFile
 
+LIBRARIES: Final = ("lxml", "mujoco", "numpy", "osmium", "pyarrow", "pyproj", "scipy", "shapely")
+"""Those whose versions decide what comes out: a result made with others is made again."""
 _HISTORY_KEPT = 20
 MADE_AGAIN = "trace-dag run makes it again"
 
@@ -43,7 +46,10 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Everything a stage's result depends on. ``inputs`` maps artefact names to SHA-256, ``libraries`` to versions."""
+    """Everything a stage's result depends on. ``code`` is the number of its code
+    (:attr:`trace_dag.flow.contract.StageDefinition.version`), ``inputs`` maps artefact names to SHA-256, ``libraries``
+    maps libraries to versions.
+    """
 
     code: str
     settings: dict[str, Any]
@@ -239,9 +245,15 @@ def settings_of(section: BaseModel | None) -> dict[str, Any]:
     return section.model_dump(mode="json", exclude=outside)
 
 
-def libraries_of(code: CodeVersion, section: BaseModel | None) -> dict[str, str]:
-    """Versions of the libraries that decide: those the code imports, and those of other packages' chosen plugins."""
-    return {**code.libraries, **{each.package: each.version for each in chosen_plugins(section) if not each.is_ours}}
+def libraries_of(section: BaseModel | None) -> dict[str, str]:
+    """Versions of the libraries that decide: :data:`LIBRARIES`, and the packages of other people's chosen plugins."""
+    plugins = {each.package: each.version for each in chosen_plugins(section) if not each.is_ours}
+    return {**_library_versions(), **plugins}
+
+
+@cache
+def _library_versions() -> dict[str, str]:
+    return {name: metadata.version(name) for name in LIBRARIES}
 
 
 def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
@@ -252,11 +264,6 @@ def chosen_plugins(section: BaseModel | None) -> tuple[Plugin, ...]:
         if isinstance(declared, PluginKind):
             chosen.append(plugin(declared, getattr(section, name)))
     return tuple(chosen)
-
-
-def code_of(modules: tuple[str, ...], section: BaseModel | None) -> CodeVersion:
-    """The version of the code of some modules and of the plugins that a section of settings chooses."""
-    return code_version(modules, tuple(each.module for each in chosen_plugins(section)))
 
 
 def combined_digest(parts: Mapping[str, str]) -> str:

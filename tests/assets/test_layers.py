@@ -19,7 +19,7 @@ LAYERS = (
     {"units", "stage", "markdown", "version", "wording"},
     {"errors", "file_locks", "geometry", "garbage", "processes", "progress", "schemas"},
     {"disks", "plugins"},
-    {"logs", "rate_limit", "settings", "storage", "checksums", "code_versions"},
+    {"logs", "rate_limit", "settings", "storage", "checksums", "references"},
     {"http", "provenance", "settings_sources"},
     {"alerts"},
     # the domain, in the order of the flow
@@ -125,7 +125,7 @@ def test_the_whole_flow_runs_without_dagster_being_loaded():
     code = (
         "import sys, trace_dag.flow.batch, trace_dag.flow.stages, trace_dag.benchmark.build\n"
         "from trace_dag.settings import Settings\n"
-        "trace_dag.flow.stages.FLOW.code_versions(Settings())\n"
+        "trace_dag.flow.stages.FLOW.recipes(Settings())\n"
         "sys.exit(any(name.split('.')[0] == 'dagster' for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

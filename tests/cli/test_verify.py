@@ -57,7 +57,8 @@ def test_damage_is_listed_mended_as_far_as_it_can_be_and_the_rest_is_for_a_run(r
     done = trace_dag(root, "verify", "--repair", "--json")
     assert done.returncode == 1, "a stage waits to be run"
     left = json.loads(done.stdout)["disagreements"]
-    assert {(row["key"], row["remedy"]) for row in left} == {(VERIFIED, "trace-dag run")}
+    assert left
+    assert all(row["key"] == VERIFIED and row["remedy"].startswith("trace-dag run") for row in left)
 
     assert trace_dag(root, "run").returncode == 0
     done = trace_dag(root, "verify", "--contents")

@@ -137,9 +137,13 @@ def test_results_tell_an_agent_whose_code_has_changed(tmp_path: Path, monkeypatc
     first = agent_code(f"{MODULE}:Harmless?weights={quote(str(weights))}")
     weights.write_bytes(b"2")
     assert agent_code(f"{MODULE}:Harmless?weights={quote(str(weights))}") != first
-    (tmp_path / "broken_agent.py").write_text("class :")
+    changing = tmp_path / "changing_agent.py"
+    changing.write_text("class Agent: ...")
     monkeypatch.syspath_prepend(tmp_path)
-    assert agent_code("broken_agent:Agent") == "unread"
+    before = agent_code("changing_agent:Agent")
+    changing.write_text("class Agent: speed = 1")
+    assert agent_code("changing_agent:Agent") != before
+    assert agent_code("no_such_agent:Agent") == "unread"
 
 
 # --- isolated -----------------------------------------------------------------------------------------------------

@@ -273,7 +273,7 @@ def test_crashes_whose_cohorts_are_lost_with_their_copies_are_registered_from_th
     assert "no cohort is registered" in said.stdout
     trace_dag(root, "verify", "--repair")
     (recovered,) = Registry(Storage(root)).cohorts().values()
-    assert recovered.reports.keys() == before.reports.keys()
+    assert before.reports.keys() <= recovered.reports.keys(), "one that was registered no more has results, too"
     workspace = Workspace.open(str(root), FLOW)
     assert first_stale(workspace, workspace.registry.keys()) == {}, "nothing has to be made again"
 

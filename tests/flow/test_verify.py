@@ -12,7 +12,6 @@ import pytest
 
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.flow.batch import first_stale, run_stages
-from trace_dag.flow.looks import look_at
 from trace_dag.flow.records import read_records, write_record
 from trace_dag.flow.verify import DisagreementKind, StorageReport, repair_storage, verify_storage
 from trace_dag.flow.workspace import Workspace
@@ -151,7 +150,7 @@ def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_take
     unnamed = workspace.storage.local_root / "verdict" / "tmpabc"
     copy.write_text("by hand")
     unnamed.write_text("left over")
-    assert list(look_at(workspace, [GOOD])) == [GOOD]
+    assert list(read_records(workspace.storage, [GOOD])) == [GOOD]
     report = look(workspace)
     assert {(each.kind, Path(each.file).name) for each in report.disagreements} == {
         (DisagreementKind.LEFTOVER, copy.name),

@@ -24,6 +24,7 @@ from trace_dag.benchmark.crash_files import (
     FOLDER,
     MADE_WITH,
     REPLAYS,
+    VERSION,
     made_of,
     make_files,
     noted,
@@ -32,7 +33,6 @@ from trace_dag.benchmark.crash_files import (
     thumbnail_name,
 )
 from trace_dag.benchmark.packaging import map_attribution
-from trace_dag.code_versions import code_version
 from trace_dag.errors import Failure
 from trace_dag.flow.artefacts import (
     ESTIMATE,
@@ -143,7 +143,7 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
         storage.delete(name)
     _remove_others(storage, {"packages": verified, "thumbnails": verified, REPLAYS: {crash.key for crash in crashes}})
     all_files = files | {file.name: file for file in index}
-    write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: _code()}))
+    write_manifest(storage, FOLDER, Manifest(all_files, digests | {_BY_CODE: VERSION}))
     packages = sum(name.endswith(".zip") for name in files)
     return BenchmarkReport(packages, len(crashes), len(stale), errors)
 
@@ -184,12 +184,12 @@ def _crashes(
     for row in stage_outcomes:
         outcomes.setdefault(row["key"], []).append(row)
     rights = _rights(table, records)
-    code, at_once = _code(), noted(workspace.storage)
+    at_once = noted(workspace.storage)
     crashes = []
     for crash in table:
         key, said = crash["key"], tuple(outcomes.get(crash["key"], ()))
         of_files = made_of(records[key])
-        parts = [code, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
+        parts = [VERSION, crash, of_files, [each["outcome"] for each in said], rights[key].attributions]
         digest = hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
         made = at_once[key].files if key in at_once and at_once[key].made_of == of_files else None
         crashes.append(_Crash(files[key], crash, said, rights[key], digest, made))
@@ -283,11 +283,7 @@ def _make_one(files: CrashFiles, crash: _Crash) -> list[StoredFile]:
 
 def is_made_by_this_code(storage: Storage) -> bool:
     """Whether packages and pages were made by the present code."""
-    return sound_manifest(storage, FOLDER).made_of.get(_BY_CODE) == _code()
-
-
-def _code() -> str:
-    return code_version((__name__,)).digest
+    return sound_manifest(storage, FOLDER).made_of.get(_BY_CODE) == VERSION
 
 
 def _remove_others(storage: Storage, kept: Mapping[str, Collection[str]]) -> None:

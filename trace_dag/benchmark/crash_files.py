@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Mapping, Set
 from functools import partial
 
 from trace_dag.benchmark.packaging import package_of
-from trace_dag.code_versions import code_version
 from trace_dag.flow.artefacts import ROAD_MAP, surroundings_of
 from trace_dag.flow.contract import CrashFiles
 from trace_dag.flow.manifests import Manifest, not_as_listed, sound_manifest, write_manifest
@@ -25,6 +24,8 @@ from trace_dag.provenance import crash_of
 from trace_dag.storage import Storage, StoredFile
 
 FOLDER = "benchmark"
+VERSION = "1"
+"""Of the code that makes pages, packages and replays; see :data:`trace_dag.flow.stages.VERSIONS`."""
 REPLAYS = "replays"
 FOLDERS_OF_CRASHES = tuple(f"{FOLDER}/{each}" for each in ("crashes", "packages", "thumbnails", REPLAYS))
 MADE_WITH = (  # modules that take a while to load, also those that are imported where they are used
@@ -74,7 +75,7 @@ def make_files(files: CrashFiles, *, verified: bool) -> tuple[StoredFile, ...]:
 def made_of(records: Records) -> str:
     """A digest of what the files of a crash are made of: its artefacts, its picture, and the code."""
     listed = [file.sha256 for record in records.values() for file in (*record.artefacts, *record.pictures)]
-    return hashlib.sha256(json.dumps([code_version((__name__,)).digest, listed]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([VERSION, listed]).encode()).hexdigest()
 
 
 def making_at_once(storage: Storage, keys: Collection[str]) -> Callable[[CrashFiles], MadeFiles | None]:

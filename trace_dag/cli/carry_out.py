@@ -29,8 +29,8 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
     """Run a selection through Dagster, in this process, then what is made of all crashes; the exit code."""
     from trace_dag.cli.printing import one_line, print_standings
     from trace_dag.flow.batch import check_requirements
-    from trace_dag.flow.looks import look_at
-    from trace_dag.flow.standing import FinalState
+    from trace_dag.flow.records import read_records
+    from trace_dag.flow.standing import FinalState, standings
     from trace_dag.flow.workspace import Workspace
 
     workspace, settings = Workspace.open(root, overrides=settings).with_one_ledger(settings)
@@ -40,7 +40,7 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
             check_requirements(workspace, {stage for first in selection.start.values() for stage in first.and_later()})
             workspace = replace(workspace, executor=resources.enter_context(_started(workspace)))
         errors = _run_and_summarise(workspace, settings, selection)
-    stand = {key: look.standing for key, look in look_at(workspace, selection.asked).items()}
+    stand = standings(read_records(workspace.storage, selection.asked))
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
     for crash in failed[:_FAILURES_SHOWN]:
@@ -67,7 +67,7 @@ def _started(workspace: Workspace) -> Iterator[Executor]:
     from trace_dag.flow.worker import get_ready
 
     with closing(make_executor(workspace.settings.execution)) as executor:
-        executor.prepare(partial(get_ready, workspace.flow, workspace.settings, MADE_WITH))
+        executor.prepare(partial(get_ready, workspace.flow, MADE_WITH))
         yield executor
 
 

@@ -6,6 +6,7 @@ import click
 
 from trace_dag.cli.options import examples
 from trace_dag.cli.printing import one_line, print_stale, print_standings, print_table, write_json
+from trace_dag.logs import complain
 
 _FAILED_SHOWN = 20
 
@@ -21,15 +22,19 @@ _FAILED_SHOWN = 20
 @click.pass_obj
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
-    from trace_dag.flow.looks import look_at
-    from trace_dag.flow.standing import FinalState, funnel
+    from trace_dag.flow.records import read_records
+    from trace_dag.flow.staleness import stale_results
+    from trace_dag.flow.standing import FinalState, funnel, standings
     from trace_dag.flow.workspace import Workspace
+    from trace_dag.stage import Stage
 
     workspace = Workspace.open(root, to_read=True)
     storage, registry = workspace.storage, workspace.registry
-    looks = look_at(workspace, registry.keys(cohort))
-    crashes = {key: look.standing for key, look in looks.items()}
-    stale = {key: look.stale for key, look in looks.items() if look.stale is not None}
+    records = read_records(storage, registry.keys(cohort))
+    crashes = standings(records)
+    stale = {each.key: each for each in stale_results(workspace, records)}
+    if not crashes and cohort is None and storage.list(Stage.RAW_REPORT.value):
+        complain("no cohort is registered, though there are results; trace-dag verify --repair registers them again")
     if as_json:
         cohorts = {key: name for name, each in registry.cohorts().items() for key in each.reports}
         write_json(

@@ -16,7 +16,7 @@ from trace_dag.logs import complain
 from trace_dag.wording import counted
 
 if TYPE_CHECKING:
-    from trace_dag.flow.looks import StaleResult
+    from trace_dag.flow.staleness import StaleResult
     from trace_dag.flow.verify import Disagreement, StorageReport
     from trace_dag.flow.workspace import Workspace
 
@@ -114,7 +114,7 @@ def _look(
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
     """Print the results that a run would make again; they are outdated but not damaged."""
     from trace_dag.errors import DamagedFile
-    from trace_dag.flow.looks import stale_results
+    from trace_dag.flow.staleness import stale_results
 
     try:
         stale = stale_results(workspace, report.records)

@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import parse_qsl
 
-from trace_dag.code_versions import code_version
-
 
 def agent_code(reference: str) -> str:
-    """Digest of an agent, given as ``module:Class?name=value``: its module with what that imports of its own package
-    and of this one, its arguments, and the bytes of files that they name. Nothing is imported.
+    """Digest of an agent, given as ``module:Class?name=value``: the sources of its package (of ours the module alone),
+    its arguments, and the bytes of files that they name. Nothing of a module without a package is imported.
 
     "unread" where the module is not a Python source.
     """
     place, _, arguments = reference.partition("?")
+    digest = hashlib.sha256()
     try:
-        code = code_version((place.partition(":")[0],)).digest
-    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        for path in _sources(place.partition(":")[0]):
+            digest.update(path.read_bytes() + b"\0")
+    except (OSError, ValueError, ImportError):
         return "unread"
-    digest = hashlib.sha256(code.encode())
     for name, value in parse_qsl(arguments, keep_blank_values=True):
         digest.update(f"\0{name}\0{value}\0".encode())
         with suppress(OSError, ValueError), Path(value).open("rb") as file:
             digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()[:16]
+
+
+def _sources(module: str) -> Iterator[Path]:
+    top = module.partition(".")[0]
+    spec = importlib.util.find_spec(module if top == "trace_dag" else top)
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        raise ImportError(f"{module}: no Python source")
+    path = Path(spec.origin)
+    yield from sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]

@@ -12,14 +12,13 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from trace_dag.code_versions import referred
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
 from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
-from trace_dag.flow.staleness import is_current, made_from
+from trace_dag.flow.staleness import made_from, why_to_run
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -30,9 +29,10 @@ from trace_dag.flow.tasks import (
     Work,
     log_outcome,
 )
-from trace_dag.flow.worker import work_on_chunk
+from trace_dag.flow.worker import installed, work_on_chunk
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import Outcome, now
+from trace_dag.references import referred
 from trace_dag.stage import Stage
 
 log = logging.getLogger(__name__)
@@ -58,8 +58,7 @@ def work_of(
 ) -> Work:
     """What the workers of a run need to know."""
     flow, settings = workspace.flow, workspace.settings
-    code = flow.code_versions(settings)
-    return Work(workspace.storage, settings, flow, run_id, code, frozenset(force), afterwards)
+    return Work(workspace.storage, settings, flow, run_id, installed(), frozenset(force), afterwards)
 
 
 def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stage] = tuple(Stage)) -> dict[str, Stage]:
@@ -120,7 +119,7 @@ class _Crashes:
         """Whether a stage has to run for a crash that reaches it."""
         now = made_from(self.work.recipes[definition.stage], crash.source, crash.records)
         record = crash.records.get(definition.stage)
-        return definition.stage in self.work.force or not is_current(record, now, self._whole)
+        return definition.stage in self.work.force or bool(why_to_run(record, now, self._whole))
 
     def first_to_run(self, crash: _Crash, stages: Collection[Stage]) -> Stage | None:
         """The first of some stages that has to run; None where all are current, or an earlier one ends the crash."""
@@ -271,7 +270,7 @@ class _Batch:
             record = records.get(stuck.stage)
             forced = stuck.stage in self.work.force and (record is None or record.run_id != self.work.run_id)
             provenance = made_from(self.work.recipes[stuck.stage], task.source, records)
-            if forced or not is_current(record, provenance, {}):
+            if forced or why_to_run(record, provenance, {}):
                 break
             events.append(StageEvent(task.key, stuck.stage, Action.COMPUTED, record))
             if record is not None and record.outcome is Outcome.REJECTED:

@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
-from trace_dag.code_versions import CodeVersion, referred, signature_of
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.cohorts.services import Services
 from trace_dag.errors import DamagedFile, Rejection
 from trace_dag.flow.artefacts import ARTEFACTS, LOGS, VERDICT, Artefact
 from trace_dag.flow.products import Figure, StageProduct
 from trace_dag.flow.staleness import Recipe
-from trace_dag.provenance import OutcomeRecord, artefact_name, code_of, libraries_of, settings_of
+from trace_dag.provenance import OutcomeRecord, artefact_name, libraries_of, settings_of
+from trace_dag.references import referred, signature_of
 from trace_dag.settings import Settings
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage, StoredFile
@@ -196,6 +196,7 @@ class CrashFiles:
 class StageDefinition:
     """One stage. ``function`` makes it; everything it depends on is in its signature and its code.
 
+    ``version`` is the number of that code, to be raised when other results come out of it: then they are made again.
     ``grouping`` divides crashes, as :class:`CrashFiles`, into the lists of keys that a function for several crashes is
     best called with. ``requires`` is asked before a run in which the stage has work to do, with the settings and the
     services, and raises :class:`trace_dag.errors.UserError` for what no crash could be done without. Both as
@@ -204,6 +205,7 @@ class StageDefinition:
 
     stage: Stage
     function: str
+    version: int = 1
     grouping: str | None = None
     requires: str | None = None
 
@@ -253,26 +255,16 @@ class Flow:
         names = [each.name for each in signature_of(definition.function).parameters]
         return {name: self.artefacts[name] for name in names if name in self.artefacts}
 
-    def code(self, definition: StageDefinition, settings: Settings) -> CodeVersion:
-        """The version of the code that makes a stage: its function's module, what reads its inputs, chosen plugins."""
-        readers = {each.reader for each in self.inputs(definition).values() if each.reader}
-        modules = tuple(name.partition(":")[0] for name in (definition.function, *sorted(readers)))
-        return code_of(modules, definition.section(settings))
+    def recipes(self, settings: Settings) -> dict[Stage, Recipe]:
+        """What each stage is made from, in order."""
+        return {each.stage: self._recipe(each, settings) for each in self.stages}
 
-    def code_versions(self, settings: Settings) -> dict[Stage, CodeVersion]:
-        """The code version of every stage, as this process has it."""
-        return {definition.stage: self.code(definition, settings) for definition in self.stages}
-
-    def recipes(self, settings: Settings, code: Mapping[Stage, CodeVersion]) -> dict[Stage, Recipe]:
-        """What each stage is made from, in order, with these versions of its code."""
-        return {each.stage: self._recipe(each, settings, code[each.stage]) for each in self.stages}
-
-    def _recipe(self, definition: StageDefinition, settings: Settings, code: CodeVersion) -> Recipe:
+    def _recipe(self, definition: StageDefinition, settings: Settings) -> Recipe:
         section = definition.section(settings)
         return Recipe(
-            code.digest,
+            str(definition.version),
             settings_of(section),
-            libraries_of(code, section),
+            libraries_of(section),
             definition.sources,
             tuple(
                 (each.stage, extension) for each in self.inputs(definition).values() for extension in each.extensions

@@ -1,23 +1,25 @@
-"""Whether a stored result is what would be made now.
+"""Whether a stage has to run for a crash: the one decision that runs, ``status`` and ``verify`` share.
 
-Belongs here: what results are made from (:class:`Recipe`), what a stored one says of that (:class:`StoredResult`), and
-which result of a crash is out of date. A stored result is compared in two steps: first its inputs and files, crash by
-crash, then code, settings and libraries, which many results have in common. What the first step finds can be kept, so
-that a change of the code costs the second step alone. Does not belong here: what to do about it
-(:mod:`trace_dag.flow.batch`).
+Belongs here: what results are made from (:class:`Recipe`), and why a stored one does not hold. Does not belong here:
+what to do about it (:mod:`trace_dag.flow.batch`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from trace_dag.flow.records import Records, intact
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.stage import Stage
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import CrashSource
+    from trace_dag.flow.workspace import Workspace
+
+MISSING, FAILED, FILES = "never made", "failed", "files"
+"""Reasons to run a stage beside what :meth:`trace_dag.provenance.Provenance.changed_to` names."""
 
 
 @dataclass(frozen=True)
@@ -49,83 +51,45 @@ def made_from(recipe: Recipe, source: CrashSource, records: Mapping[Stage, Outco
     return Provenance(recipe.code, recipe.settings, inputs, recipe.libraries)
 
 
-def is_current(record: OutcomeRecord | None, made_from: Provenance, whole: Mapping[str, bool]) -> bool:
-    """Whether a stored outcome still holds: no failure, made from what it would be made from now, its artefacts whole.
+def why_to_run(record: OutcomeRecord | None, now: Provenance, whole: Mapping[str, bool]) -> tuple[str, ...]:
+    """Why a stage has to run for a crash that reaches it; nothing where its stored result holds.
 
-    ``whole`` says of records by name whether their artefacts are, as :func:`trace_dag.flow.records.intact` finds.
+    ``now`` is what it would be made from. ``whole`` says of records by name whether their artefacts are there, as
+    :func:`trace_dag.flow.records.intact` finds; those it does not name count as whole.
     """
-    if record is None or not _is_final(record):
-        return False
-    return whole.get(record.name, True) and record.fingerprint == made_from.fingerprint
-
-
-def _is_final(record: OutcomeRecord) -> bool:
-    return record.outcome in (Outcome.ACCEPTED, Outcome.REJECTED) and record.failed_attempt is None
+    if record is None or record.outcome is Outcome.STARTED:
+        return (MISSING,)
+    if record.outcome is Outcome.FAILED or record.failed_attempt is not None:
+        return (FAILED,)
+    if record.provenance != now:
+        return record.provenance.changed_to(now)
+    return () if record.fingerprint and whole.get(record.name, True) else (FILES,)
 
 
 @dataclass(frozen=True)
-class StoredResult:
-    """What a stored result says of its age; the same for all crashes with the same past.
+class StaleResult:
+    """A stored result that a run would make again, and what has changed since, such as "code" or "setting radius_m"."""
 
-    ``made_from`` is what it was made from: of the inputs only those that are others now, each with no digest.
-    ``final``: no later attempt to make it anew has failed. ``whole``: its artefacts are there as they were stored.
-    """
-
+    key: str
     stage: Stage
-    made_from: Provenance
-    accepted: bool
-    final: bool
-    whole: bool
+    changed: tuple[str, ...]
 
 
-def stored_results(
-    records: Mapping[Stage, OutcomeRecord],
-    recipes: Mapping[Stage, Recipe],
-    source: CrashSource,
-    whole: Mapping[str, bool],
-) -> tuple[StoredResult, ...]:
-    """The results of a crash in the order of ``recipes``, up to the first that did not accept it or is missing.
+def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
+    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
 
-    Code, settings and libraries of the recipes do not count here, but in :func:`first_outdated`. ``whole`` as in
-    :func:`is_current`.
+    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
+    without success, are not listed.
     """
-    found: list[StoredResult] = []
-    for stage, recipe in recipes.items():
-        record = records.get(stage)
-        if record is None:
-            break
-        made, now = record.provenance, made_from(recipe, source, records).inputs
-        found.append(
-            StoredResult(
-                stage,
-                Provenance(made.code, made.settings, _others(made.inputs, now), made.libraries),
-                accepted=record.outcome is Outcome.ACCEPTED,
-                final=_is_final(record),
-                whole=whole.get(record.name, True) and record.fingerprint == made.fingerprint,
-            )
-        )
-        if not found[-1].accepted:
-            break
-    return tuple(found)
-
-
-def _others(before: Mapping[str, str], now: Mapping[str, str]) -> dict[str, str]:
-    return {} if before == now else {name: "" for name in before.keys() | now if before.get(name) != now.get(name)}
-
-
-def first_outdated(
-    results: Iterable[StoredResult], recipes: Mapping[Stage, Recipe]
-) -> tuple[Stage, tuple[str, ...]] | None:
-    """The first result of a crash that a run would make again, and what has changed since, such as "code" or
-    "setting radius_m"; the later ones depend on it. None where a run would make none again, or was to and failed.
-    """
-    for result in results:
-        recipe = recipes[result.stage]
-        now = Provenance(recipe.code, recipe.settings, {}, recipe.libraries)
-        if not result.final:
-            return None
-        if not result.whole or result.made_from.fingerprint != now.fingerprint:
-            return result.stage, result.made_from.changed_to(now) or ("files",)
-        if not result.accepted:
-            return None
-    return None
+    recipes, sources = workspace.flow.recipes(workspace.settings), workspace.registry.sources(records)
+    whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
+    found = []
+    for key, of_crash in records.items():
+        for stage, recipe in recipes.items():
+            record = of_crash.get(stage)
+            why = why_to_run(record, made_from(recipe, sources[key], of_crash), whole)
+            if why and why not in ((MISSING,), (FAILED,)):
+                found.append(StaleResult(key, stage, why))
+            if why or record is None or record.outcome is not Outcome.ACCEPTED:
+                break
+    return found

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
-from trace_dag.code_versions import CodeVersion
 from trace_dag.cohorts.registry import CrashSource
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.flow.contract import CrashFiles, Flow
@@ -72,6 +71,7 @@ class StageEvent:
 class Work:
     """What is the same for every chunk of a run; travels to the workers.
 
+    ``installed`` holds the versions of this package, its stages and libraries that all workers have to have.
     ``afterwards`` is called with each crash whose last stage of the run is done, where any stage was computed.
     """
 
@@ -79,14 +79,14 @@ class Work:
     settings: Settings
     flow: Flow
     run_id: str
-    code: Mapping[Stage, CodeVersion]
+    installed: Mapping[str, str]
     force: frozenset[Stage] = frozenset()
     afterwards: Callable[[CrashFiles], MadeFiles | None] | None = None
 
     @cached_property
     def recipes(self) -> Mapping[Stage, Recipe]:
         """What each stage of the flow is made from."""
-        return self.flow.recipes(self.settings, self.code)
+        return self.flow.recipes(self.settings)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ from trace_dag.flow.workspace import BUILDING
 from trace_dag.http import damaged_answers
 from trace_dag.processes import abandoned
 from trace_dag.progress import Progress
-from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of
+from trace_dag.provenance import MADE_AGAIN, Outcome, crash_of, record_name
 from trace_dag.stage import Stage
 from trace_dag.storage import Entry, Storage, StoredFile, check_name
 from trace_dag.wording import counted
@@ -264,8 +264,14 @@ def _stage_disagreements(
             if stage not in records[key]:
                 detail = f"{name} is not an outcome record"
                 yield Disagreement(DisagreementKind.UNREADABLE_RECORD, detail, key, stage, name)
-        elif name not in listed and stage in records[key]:  # without its record, a run makes it again
+        elif name not in listed and not _has_lost_its_record(stage, key, listing, records[key]):
             yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", key, stage, name)
+
+
+def _has_lost_its_record(stage: Stage, key: str, listing: Mapping[str, Entry], of_crash: Records) -> bool:
+    """Whether a stage ran for a crash and its record is lost: a run makes both again, its files are no strays."""
+    later = any(each.position > stage.position for each in of_crash)
+    return stage not in of_crash and (later or record_name(stage, key) in listing)
 
 
 _Drawn = dict[str, tuple[str, Stage, StoredFile]]  # pictures by name: of which crash, drawn after which stage
@@ -275,7 +281,10 @@ def _pictures(records: Mapping[str, Records]) -> _Drawn:
     """The pictures of all crashes as they stand."""
     found = {}
     for key, of_crash in records.items():
-        for record in list(valid_records(of_crash).values())[-1:]:
+        standing = valid_records(of_crash)
+        if len(standing) < len(of_crash) and list(Stage)[len(standing)] not in of_crash:  # a record in between is lost
+            standing = {stage: of_crash[stage] for stage in Stage if stage in of_crash}
+        for record in list(standing.values())[-1:]:
             found.update({file.name: (key, record.stage, file) for file in record.pictures})
     return found
 
@@ -298,9 +307,7 @@ def _picture_disagreements(
     for name in listing:
         key = crash_of(name)
         of_crash = records.get(key, {})
-        whole = list(of_crash) == list(Stage)[: len(of_crash)] and not any(
-            f"{stage.value}/{key}{_RECORD_ENDING}" in listings[stage] for stage in set(Stage) - set(of_crash)
-        )
+        whole = not any(_has_lost_its_record(stage, key, listings[stage], of_crash) for stage in Stage)
         begun = any(record.outcome is Outcome.STARTED for record in of_crash.values())
         if name not in named and whole and not begun:
             yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{name} is in no record", key, None, name)

@@ -19,13 +19,12 @@ from importlib import import_module
 
 from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt, wait_exponential
 
-from trace_dag.code_versions import referred
 from trace_dag.errors import Failure, Rejection, TransientFailure
 from trace_dag.flow.contract import CrashFiles, DamagedArtefactError, Flow, StageDefinition
 from trace_dag.flow.locks import held
 from trace_dag.flow.products import StageProduct
 from trace_dag.flow.records import after_failure, intact, read_records, write_record
-from trace_dag.flow.staleness import is_current, made_from
+from trace_dag.flow.staleness import made_from, why_to_run
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -44,10 +43,12 @@ from trace_dag.provenance import (
     OutcomeRecord,
     Provenance,
     artefact_name,
+    libraries_of,
     now,
 )
-from trace_dag.settings import Settings
+from trace_dag.references import referred
 from trace_dag.stage import Stage
+from trace_dag.version import __version__
 
 log = logging.getLogger(__name__)
 
@@ -65,14 +66,12 @@ def _say_trying_again(key: str, stage: Stage, state: RetryCallState) -> None:
 
 
 @no_garbage_collection()
-def get_ready(flow: Flow, settings: Settings, modules: Sequence[str] = ()) -> None:
-    """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them, and
-    reading the code's version.
+def get_ready(flow: Flow, modules: Sequence[str] = ()) -> None:
+    """What a worker does once before its first chunk, ahead of time: imports, those of ``modules`` among them.
 
     What is there then stays: the garbage collector, which runs after each crash, need not look through it every time.
     """
     for definition in flow.stages:
-        flow.code(definition, settings)
         for reference in (definition.function, *(each.reader for each in flow.inputs(definition).values())):
             if reference:
                 referred(reference)
@@ -82,13 +81,20 @@ def get_ready(flow: Flow, settings: Settings, modules: Sequence[str] = ()) -> No
     gc.freeze()
 
 
+def installed() -> dict[str, str]:
+    """Versions of this package, of its stages and of the libraries that decide, in this process."""
+    from trace_dag.flow.stages import VERSIONS
+
+    stages = {f"{stage} (stage)": str(version) for stage, version in VERSIONS.items()}
+    return {"trace-dag": __version__, **stages, **libraries_of(None)}
+
+
 def work_on_chunk(chunk: Chunk) -> list[StageEvent]:
     """Run the chunk's stages; one event for each crash and stage it got to, in order."""
     work = chunk.work
-    for stage in chunk.stages:
-        here = work.flow.code(work.flow.definition(stage), work.settings)
-        if here != work.code[stage]:
-            raise Failure(f"{stage}: this worker has code {here}, the run has {work.code[stage]}; update the workers")
+    for name, version in installed().items():
+        if version != work.installed[name]:
+            raise Failure(f"this worker has {name} {version}, the run has {work.installed[name]}; update the workers")
     if chunk.again:
         stored = read_records(work.storage, [crash.key for crash in chunk.crashes])
         chunk = replace(chunk, crashes=tuple(replace(crash, records=stored[crash.key]) for crash in chunk.crashes))
@@ -158,10 +164,9 @@ class _CrashWorker:
         return StageEvent(self.task.key, definition.stage, Action.COMPUTED, record)
 
     def holds(self, earlier: OutcomeRecord | None, provenance: Provenance) -> bool:
-        """Whether an outcome is current, looking at its artefacts only if it could be."""
-        if earlier is None or not is_current(earlier, provenance, {}):
-            return False
-        return is_current(earlier, provenance, intact(self.work.storage, [earlier]))
+        """Whether an outcome, which another run may have stored meanwhile, is what this one would make."""
+        whole = {} if earlier is None else intact(self.work.storage, [earlier])
+        return not why_to_run(earlier, provenance, whole)
 
     def provenance(self, definition: StageDefinition) -> Provenance:
         return made_from(self.work.recipes[definition.stage], self.task.source, self.records)

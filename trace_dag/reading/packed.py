@@ -200,7 +200,7 @@ class PackedCrash:
 
     def load(self, artefact: Artefact[T]) -> T:
         """See :class:`trace_dag.flow.artefacts.CrashArtefacts`. Raises :class:`DamagedFile`."""
-        from trace_dag.code_versions import referred
+        from trace_dag.references import referred
 
         name = _FILES[artefact]
         if not artefact.reader:

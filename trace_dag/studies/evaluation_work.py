@@ -22,14 +22,15 @@ from trace_dag.evaluation.isolation import Isolation
 from trace_dag.flow.executors import WorkerLost, available_cores, run_redoing_lost
 from trace_dag.flow.time_limit import within
 from trace_dag.flow.workspace import Workspace
-from trace_dag.plugins import PluginKind, offered
-from trace_dag.provenance import code_of
+from trace_dag.provenance import libraries_of
 from trace_dag.settings import SimSettings
 from trace_dag.sim.backends import backend, backend_factory
 from trace_dag.sim.types import Simulation
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
 from trace_dag.studies.deadlines import DeadlinePool, StepAnswer, StepLost, Task
 
+VERSION = "1"
+"""Of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _OURS_S = 120.0  # beyond making an agent and its evaluation: what a worker does itself, a new process included
 _OUR_MEMORY_MB = 4096
 _CHUNKS_PER_WORKER = 4  # of a cluster, at least
@@ -114,8 +115,7 @@ def answers(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task[Ste
 
 def evaluating_code(settings: SimSettings) -> str:
     """The version of the code that evaluates: measures of one code are not compared with those of another."""
-    baselines = {each.module for each in offered(PluginKind.AGENT).values() if each.is_ours}
-    return code_of((evaluate.__module__, *sorted(baselines)), settings).digest
+    return f"{VERSION}, mujoco {libraries_of(settings)['mujoco']}"
 
 
 # --- on a cluster -----------------------------------------------------------------------------------------------------

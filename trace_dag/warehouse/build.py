@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 
 from tenacity import Retrying, retry_if_exception_type, stop_after_attempt
 
-from trace_dag.code_versions import code_version
 from trace_dag.cohorts.registry import Registry
 from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.manifests import bring_up_to_date
@@ -55,6 +54,8 @@ _COMPARISONS = {
     "comparison_files": PUBLISHED,
     "estimator_files": ESTIMATORS,
 }
+VERSION = "1"
+"""Of the code and the SQL that build a warehouse; see :data:`trace_dag.flow.stages.VERSIONS`."""
 _BUILD_ATTEMPTS = 3
 _MEMORY_LIMIT = "1GB"
 # Each column of each table takes whole blocks. With DuckDB's usual 256 kB nearly all of a warehouse of a few hundred
@@ -78,17 +79,10 @@ class BuildReport:
         return {crash_of(name) for name in files if name.partition("/")[0] in set(Stage)}
 
 
-def warehouse_code() -> str:
-    """The version of the code and the SQL that build a warehouse."""
-    return code_version((__name__,)).digest
-
-
 def is_built_by_this_code(path: Path) -> bool:
     """Whether there is a warehouse and it was built by the present code and SQL."""
     try:
-        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [
-            (warehouse_code(),)
-        ]
+        return path.is_file() and query.query(path, "SELECT code_version FROM warehouse_build")[1] == [(VERSION,)]
     except (DamagedFile, UserError):  # an older one does not say
         return False
 
@@ -162,7 +156,7 @@ def _build(storage: Storage, folder: Path, target: Path, started: float) -> Buil
             connection.execute(f"SET VARIABLE {variable} = $files", {"files": files})
         for name, rows_of_agents in evaluation_tables(storage, complain).items():
             connection.register(name, rows_of_agents)
-        connection.execute("SET VARIABLE code_version = $code", {"code": warehouse_code()})
+        connection.execute("SET VARIABLE code_version = $code", {"code": VERSION})
         connection.execute("RESET threads")  # the tables are made of a few large ones
         if changed is None:
             for table in TABLES:

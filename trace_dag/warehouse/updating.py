@@ -9,6 +9,7 @@ another warehouse, everything is read.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
@@ -17,7 +18,8 @@ from typing import TYPE_CHECKING
 from trace_dag.checksums import checked, with_checksum
 from trace_dag.cohorts.registry import Cohort
 from trace_dag.errors import DamagedFile, UserError
-from trace_dag.flow.looks import listed
+from trace_dag.garbage import no_garbage_collection
+from trace_dag.provenance import crash_of
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.documents import DOCUMENTS
@@ -43,7 +45,18 @@ def listed_for_build(storage: Storage, cohorts: Iterable[Cohort]) -> Listed:
         for cohort in cohorts
         for key, report in cohort.reports.items()
     }
-    return listed(storage, about, _READ)
+    return listed(storage, about)
+
+
+@no_garbage_collection()
+def listed(storage: Storage, about: Mapping[str, str]) -> Listed:
+    """For each crash a digest of how what a warehouse reads of it is listed, and of what else is said ``about`` it."""
+    lines = {key: [text] for key, text in about.items()}
+    for stage in Stage:
+        for name, entry in storage.list(stage.value, _READ[stage]).items():
+            if (of_crash := lines.get(crash_of(name))) is not None:
+                of_crash.append(f"{name} {entry.size} {entry.version}\n")
+    return {key: hashlib.sha256("".join(sorted(of_crash)).encode()).hexdigest() for key, of_crash in lines.items()}
 
 
 def changed_since_built(warehouse: Path, now: Listed) -> set[str] | None:

@@ -1,15 +1,26 @@
 """The seven stages: one module each, a thin function between stored artefacts and the domain packages.
 
 Belongs here: which entry point of a domain package makes which artefact from which others, and the few figures of it
-that a person looks at first. What a stage is made from is its function's signature, and its code is what its module
-imports: both are read from here, nothing is listed by hand (:mod:`trace_dag.flow.contract`). So modules import at their
-top what decides a result, and for type checkers alone what does not. Does not belong here: how any of it is done.
+that a person looks at first. What a stage is made from is its function's signature (:mod:`trace_dag.flow.contract`);
+its code has a number here. Does not belong here: how any of it is done.
 """
 
 from __future__ import annotations
 
 from trace_dag.flow.contract import Flow, StageDefinition
 from trace_dag.stage import Stage
+
+VERSIONS = {
+    Stage.RAW_REPORT: 1,
+    Stage.CRASH_RECORD: 1,
+    Stage.OSM_EXTRACT: 1,
+    Stage.ROAD_MAP: 1,
+    Stage.STATE_ESTIMATE: 1,
+    Stage.SIMULATION_LOG: 1,
+    Stage.VERDICT: 1,
+}
+"""The number of each stage's code. Raise it when other results come out of the same input: a test says when to think
+of it (``tests/flow/test_code_versions.py``)."""
 
 _GROUPINGS = {Stage.OSM_EXTRACT: "trace_dag.flow.map_groups:by_map_files"}
 _REQUIREMENTS = {
@@ -23,6 +34,7 @@ FLOW = Flow(
         StageDefinition(
             stage,
             f"{__name__}.{stage}:{stage}",
+            VERSIONS[stage],
             _GROUPINGS.get(stage),
             _REQUIREMENTS.get(stage),
         )
