@@ -20,8 +20,10 @@ _OLDER = "sha256"  # documents of the versions before had a SHA-256 of their byt
 def with_checksum(document: bytes) -> bytes:
     """A JSON object with its checksum.
 
-    >>> with_checksum(b'{"a": 1}')[:22]
-    b'{\\n "a": 1,\\n "checksum'
+    >>> print(with_checksum(b'{"a": 1}').decode()[:28])
+    {
+     "a": 1,
+     "checksum": "0
     """
     content = json.loads(document)
     return json.dumps({**content, _FIELD: _of(content)}, indent=1, ensure_ascii=False).encode()

@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from trace_dag.flow.batch import first_stale, run_stages
+from trace_dag.flow.batch import first_stale, run_stages, stale_results
 from trace_dag.flow.records import read_records
-from trace_dag.flow.staleness import stale_results
 from trace_dag.stage import Stage
 
 BEHAVIOURS = {

@@ -13,7 +13,7 @@ import pytest
 from trace_dag.cohorts.registry import ReportSource
 from trace_dag.flow.batch import first_stale, run_stages
 from trace_dag.flow.records import read_records, write_record
-from trace_dag.flow.verify import DisagreementKind, StorageReport, repair_storage, verify_storage
+from trace_dag.flow.verify import DisagreementKind, Quarantine, StorageReport, repair_storage, verify_storage
 from trace_dag.flow.workspace import Workspace
 from trace_dag.processes import temporary_prefix
 from trace_dag.stage import Stage
@@ -48,6 +48,11 @@ def test_what_a_run_leaves_behind_agrees(workspace):
     assert report.files == 7 + 7 + 4 + 3  # the rejecting stage made a record and no artefact
 
 
+def repair(workspace, report):
+    with Quarantine(workspace.storage) as aside:
+        repair_storage(workspace.storage, report.disagreements, aside)
+
+
 def break_by(workspace: Workspace, damage: str) -> None:
     storage = workspace.storage
     if damage == "lost":
@@ -79,7 +84,7 @@ def test_damage_is_named_and_after_a_repair_one_run_makes_it_good(workspace, dam
     report = look(workspace, contents=True)
     assert (kind, GOOD, Stage.ROAD_MAP) in kinds(report)
     assert all(each.key == GOOD for each in report.disagreements), "the other crash is as it was"
-    repair_storage(workspace.storage, report.disagreements)
+    repair(workspace, report)
     assert first_stale(workspace, [GOOD, OTHER]) == {GOOD: Stage.ROAD_MAP}
     run(workspace)
     assert look(workspace, contents=True).disagreements == ()
@@ -95,7 +100,7 @@ def test_what_no_record_lists_is_put_aside(workspace):
     workspace.storage.write(f"verdict/{OTHER}.txt", b"of a run that was killed before it wrote its record")
     report = look(workspace)
     assert kinds(report) == [(DisagreementKind.UNLISTED_FILE, OTHER, Stage.VERDICT)]
-    repair_storage(workspace.storage, report.disagreements)
+    repair(workspace, report)
     assert look(workspace).disagreements == ()
     assert workspace.storage.exists(f"verdict/{GOOD}.txt")
 
@@ -114,7 +119,7 @@ def test_leftovers_of_dead_processes_are_removed_and_those_of_living_ones_left(w
     living.write_bytes(b"half")
     report = look(workspace)
     assert kinds(report) == [(DisagreementKind.LEFTOVER, None, None)] * 2
-    repair_storage(workspace.storage, report.disagreements)
+    repair(workspace, report)
     assert look(workspace).disagreements == ()
     assert living.exists()
 
@@ -156,5 +161,5 @@ def test_a_file_that_the_program_could_not_have_named_breaks_nothing_and_is_take
         (DisagreementKind.LEFTOVER, copy.name),
         (DisagreementKind.UNLISTED_FILE, unnamed.name),
     }
-    repair_storage(workspace.storage, report.disagreements)
+    repair(workspace, report)
     assert look(workspace).disagreements == ()

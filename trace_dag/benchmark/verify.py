@@ -39,12 +39,10 @@ def verify_benchmark(storage: Storage, *, contents: bool = False) -> Iterator[Di
             yield Disagreement(DisagreementKind.UNLISTED_FILE, f"{each} is not in {name}", file=each)
 
 
-def repair_benchmark(storage: Storage, found: Iterable[Disagreement]) -> None:
+def repair_benchmark(found: Iterable[Disagreement], aside: Quarantine) -> None:
     """Put aside what is damaged, so that building the benchmark makes it again."""
-    aside = Quarantine(storage)
     for each in found:
         if each.kind is DisagreementKind.DAMAGED_PAGE and each.file:
             aside.move(each.file, each.detail)
             if each.key is not None:  # its page goes too: its lack is seen without asking for single files
                 aside.move(page_name(each.key), each.detail)
-    aside.write_list()

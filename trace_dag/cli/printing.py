@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from trace_dag.flow.staleness import StaleResult
+    from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.standing import Standing
     from trace_dag.stage import Stage
 

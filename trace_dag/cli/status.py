@@ -22,8 +22,8 @@ _FAILED_SHOWN = 20
 @click.pass_obj
 def status(root: str, as_json: bool, cohort: str | None) -> None:
     """Show the funnel and where each crash stands, from what is stored."""
+    from trace_dag.flow.batch import stale_results
     from trace_dag.flow.records import read_records
-    from trace_dag.flow.staleness import stale_results
     from trace_dag.flow.standing import FinalState, funnel, standings
     from trace_dag.flow.workspace import Workspace
     from trace_dag.stage import Stage

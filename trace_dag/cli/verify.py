@@ -16,7 +16,7 @@ from trace_dag.logs import complain
 from trace_dag.wording import counted
 
 if TYPE_CHECKING:
-    from trace_dag.flow.staleness import StaleResult
+    from trace_dag.flow.batch import StaleResult
     from trace_dag.flow.verify import Disagreement, StorageReport
     from trace_dag.flow.workspace import Workspace
 
@@ -43,7 +43,7 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
     from trace_dag.assets.verify import repair_dagster
     from trace_dag.benchmark.verify import repair_benchmark
     from trace_dag.definitions.launch import dagster_records, summarise
-    from trace_dag.flow.verify import DisagreementKind, repair_storage
+    from trace_dag.flow.verify import DisagreementKind, Quarantine, repair_storage
     from trace_dag.flow.workspace import Workspace
 
     workspace = Workspace.open(root)
@@ -52,8 +52,9 @@ def verify(root: str, repair: bool, contents: bool, as_json: bool) -> None:
         report, found = _look(storage, workspace, instance, contents)
         before = found
         if repair and found:
-            repair_storage(storage, found)
-            repair_benchmark(storage, found)
+            with Quarantine(storage) as aside:
+                repair_storage(storage, found, aside)
+                repair_benchmark(found, aside)
             report, found = _look(storage, workspace, instance)
             with progress_told("records in Dagster") as tell:
                 repair_dagster(instance, storage, report.records, found, tell)
@@ -114,7 +115,7 @@ def _look(
 def _stale(workspace: Workspace, report: StorageReport) -> list[StaleResult]:
     """Print the results that a run would make again; they are outdated but not damaged."""
     from trace_dag.errors import DamagedFile
-    from trace_dag.flow.staleness import stale_results
+    from trace_dag.flow.batch import stale_results
 
     try:
         stale = stale_results(workspace, report.records)

@@ -11,8 +11,8 @@ from urllib.parse import parse_qsl
 
 
 def agent_code(reference: str) -> str:
-    """Digest of an agent, given as ``module:Class?name=value``: the sources of its package (of ours the module alone),
-    its arguments, and the bytes of files that they name. Nothing of a module without a package is imported.
+    """Digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours
+    the module alone), its arguments, and the bytes of files that they name. Nothing of a module without a package is imported.
 
     "unread" where the module is not a Python source.
     """
@@ -31,9 +31,9 @@ def agent_code(reference: str) -> str:
 
 
 def _sources(module: str) -> Iterator[Path]:
-    top = module.partition(".")[0]
-    spec = importlib.util.find_spec(module if top == "trace_dag" else top)
+    spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
         raise ImportError(f"{module}: no Python source")
     path = Path(spec.origin)
-    yield from sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
+    alone = module.startswith("trace_dag.") or ("." not in module and path.name != "__init__.py")
+    yield from [path] if alone else sorted(path.parent.rglob("*.py"))

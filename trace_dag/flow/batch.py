@@ -18,7 +18,7 @@ from trace_dag.errors import Failure
 from trace_dag.flow.contract import CrashFiles, StageDefinition
 from trace_dag.flow.executors import Executor, WorkerLost, run_redoing_lost
 from trace_dag.flow.records import Records, after_failure, intact, read_records, write_index, write_record
-from trace_dag.flow.staleness import made_from, why_to_run
+from trace_dag.flow.staleness import FAILED, MISSING, made_from, why_to_run
 from trace_dag.flow.tasks import (
     Action,
     Attempt,
@@ -67,6 +67,35 @@ def first_stale(workspace: Workspace, keys: Sequence[str], stages: Sequence[Stag
     crashes = _Crashes(work_of(workspace, ""), records, workspace.registry.sources(keys))
     first = {key: crashes.first_to_run(crash, stages) for key, crash in crashes.by_key.items()}
     return {key: stage for key, stage in first.items() if stage is not None}
+
+
+@dataclass(frozen=True)
+class StaleResult:
+    """A stored result that a run would make again, and what has changed since, such as "code" or "setting radius_m"."""
+
+    key: str
+    stage: Stage
+    changed: tuple[str, ...]
+
+
+def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
+    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
+
+    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
+    without success, are not listed.
+    """
+    recipes, sources = work_of(workspace, "").recipes, workspace.registry.sources(records)
+    whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
+    found = []
+    for key, of_crash in records.items():
+        for stage, recipe in recipes.items():
+            record = of_crash.get(stage)
+            why = why_to_run(record, made_from(recipe, sources[key], of_crash), whole)
+            if why and why not in ((MISSING,), (FAILED,)):
+                found.append(StaleResult(key, stage, why))
+            if why or record is None or record.outcome is not Outcome.ACCEPTED:
+                break
+    return found
 
 
 def check_requirements(workspace: Workspace, stages: Collection[Stage], run_id: str = "") -> None:

@@ -10,13 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from trace_dag.flow.records import Records, intact
 from trace_dag.provenance import Outcome, OutcomeRecord, Provenance
 from trace_dag.stage import Stage
 
 if TYPE_CHECKING:
     from trace_dag.cohorts.registry import CrashSource
-    from trace_dag.flow.workspace import Workspace
 
 MISSING, FAILED, FILES = "never made", "failed", "files"
 """Reasons to run a stage beside what :meth:`trace_dag.provenance.Provenance.changed_to` names."""
@@ -64,32 +62,3 @@ def why_to_run(record: OutcomeRecord | None, now: Provenance, whole: Mapping[str
     if record.provenance != now:
         return record.provenance.changed_to(now)
     return () if record.fingerprint and whole.get(record.name, True) else (FILES,)
-
-
-@dataclass(frozen=True)
-class StaleResult:
-    """A stored result that a run would make again, and what has changed since, such as "code" or "setting radius_m"."""
-
-    key: str
-    stage: Stage
-    changed: tuple[str, ...]
-
-
-def stale_results(workspace: Workspace, records: Mapping[str, Records]) -> list[StaleResult]:
-    """The first result of each crash that is out of date, though nothing has failed; the later ones depend on it.
-
-    ``records`` are those stored of some crashes. Results that were never made, or that a run tried to make again
-    without success, are not listed.
-    """
-    recipes, sources = workspace.flow.recipes(workspace.settings), workspace.registry.sources(records)
-    whole = intact(workspace.storage, [record for each in records.values() for record in each.values()])
-    found = []
-    for key, of_crash in records.items():
-        for stage, recipe in recipes.items():
-            record = of_crash.get(stage)
-            why = why_to_run(record, made_from(recipe, sources[key], of_crash), whole)
-            if why and why not in ((MISSING,), (FAILED,)):
-                found.append(StaleResult(key, stage, why))
-            if why or record is None or record.outcome is not Outcome.ACCEPTED:
-                break
-    return found

@@ -179,9 +179,8 @@ _PUT_ASIDE = frozenset(
 )
 
 
-def repair_storage(storage: Storage, found: Iterable[Disagreement]) -> None:
+def repair_storage(storage: Storage, found: Iterable[Disagreement], aside: Quarantine) -> None:
     """Mend what can be, and put aside what is damaged or of no record, so that the next run makes it again."""
-    aside = Quarantine(storage)
     for each in found:
         if each.file is None:
             continue
@@ -206,11 +205,10 @@ def repair_storage(storage: Storage, found: Iterable[Disagreement]) -> None:
             if each.kind is DisagreementKind.DAMAGED_PICTURE and each.key and each.stage:
                 record = read_records(storage, [each.key], [each.stage])[each.key][each.stage]
                 write_record(storage, replace(record, fingerprint=""))
-    aside.write_list()
 
 
 class Quarantine:
-    """Puts files aside in ``ROOT/quarantine/<time>/``, under the names they had, with a list of why."""
+    """Puts files aside in ``ROOT/quarantine/<time>/``, under the names they had; at its end it lists them and why."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
@@ -230,8 +228,10 @@ class Quarantine:
             return  # no right to read it, a folder in its place, or a bad sector
         self._why[name] = why
 
-    def write_list(self) -> None:
-        """Say beside the files why each was put aside; nothing where none was."""
+    def __enter__(self) -> Quarantine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         if self._why:
             self._storage.write(f"{self._folder}/list.json", json.dumps(self._why, indent=1).encode())
 

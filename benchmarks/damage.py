@@ -1,0 +1,206 @@
+"""Damage to every kind of file of a root: what is found, and what one repair and one run bring back.
+
+    python -m benchmarks.damage                    each way of damage on each kind of file, then ten files at once
+    python -m benchmarks.damage --ways delete      one way
+    python -m benchmarks.damage --rounds 20        so many times ten files at once
+
+A root of some crashes of the sample is made once: run, with an agent evaluated and controls. Each try damages a copy
+of it; then ``verify --contents --repair`` and ``run`` have to bring back every file that was there with the same bytes,
+times in records and the warehouse (whose rows ``verify`` compares) aside. Printed are the way, the file, whether verify
+named it, and what is there afterwards. Exit code 1 where a file was not found or did not come back; results of studies
+need only be found, since their own commands make them. What Dagster keeps of runs is not touched.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from trace_dag.stage import Stage
+
+SAMPLE = Path(__file__).resolve().parents[1] / "data" / "sample"
+CASES = ("319003", "319022", "319042", "319055", "319061")
+_KEY = re.compile(r"\d{4}-\d{5,6}")
+_OUTSIDE = ("dagster", "locks", "quarantine", "settings.toml")
+_OF_TIME = ("run_id", "started_at", "duration_s", "attempts", "history", "checksum", "failed_attempt", "fetched")
+_OF_STUDIES = ("comparisons", "evaluations", "variations", "estimators")
+
+
+def truncate(path: Path, _: random.Random) -> None:
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def flip(path: Path, draw: random.Random) -> None:
+    data = bytearray(path.read_bytes())
+    data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+    path.write_bytes(data)
+
+
+def empty(path: Path, _: random.Random) -> None:
+    path.write_bytes(b"")
+
+
+def delete(path: Path, _: random.Random) -> None:
+    path.unlink()
+
+
+def garbage(path: Path, draw: random.Random) -> None:
+    path.write_bytes(draw.randbytes(path.stat().st_size))
+
+
+def swap(path: Path, draw: random.Random) -> None:
+    """With another file of its kind, or any other where there is none."""
+    others = [each for each in path.parent.iterdir() if each.is_file() and each != path]
+    alike = [each for each in others if each.suffixes == path.suffixes]
+    if not others:
+        garbage(path, draw)
+        return
+    other = draw.choice(sorted(alike or others))
+    one, two = path.read_bytes(), other.read_bytes()
+    path.write_bytes(two)
+    other.write_bytes(one)
+
+
+WAYS: dict[str, Callable[[Path, random.Random], None]] = {
+    each.__name__: each for each in (truncate, flip, empty, delete, swap, garbage)
+}
+
+
+def call(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    command = [sys.executable, "-m", "trace_dag.cli", "--root", str(root), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def made(folder: Path) -> Path:
+    """The root that is damaged."""
+    reports, root = folder / "reports", folder / "root"
+    reports.mkdir()
+    for case in CASES:
+        for report in SAMPLE.rglob(f"crash_{case}.xml"):
+            shutil.copy(report, reports)
+    for arguments in (
+        ("ingest", "--reports", str(reports), "--maps", str(SAMPLE / "osm"), "--cohort", "sample"),
+        ("run",),
+        ("evaluate", "--agent", "brake"),
+        ("controls",),
+    ):
+        done = call(root, *arguments)
+        if done.returncode:
+            raise SystemExit(f"{' '.join(arguments)}: {done.stderr}")
+    return root
+
+
+def files_of(root: Path) -> list[str]:
+    """The files that the program answers for, by name."""
+    names = (path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+    return sorted(name for name in names if not name.startswith(_OUTSIDE))
+
+
+def kind_of(name: str) -> str:
+    """The kind of a file: its name without the key of a crash."""
+    return _KEY.sub("<key>", name)
+
+
+def content(path: Path) -> object:
+    """What has to come back: the bytes, of JSON documents all but times."""
+    if path.name in ("warehouse.duckdb", "warehouse.json") or path.parent.name == "cache":
+        return path.is_file()
+    data = path.read_bytes()
+    return _without_times(json.loads(data)) if path.name.endswith((".outcome.json", "manifest.json")) else data
+
+
+def _without_times(value: object) -> object:
+    if isinstance(value, dict):
+        return {name: _without_times(each) for name, each in value.items() if name not in _OF_TIME}
+    return value
+
+
+def attempt(root: Path, folder: Path, damaged: Sequence[tuple[str, str]], draw: random.Random) -> bool:
+    """Damage files, each in a way, repair and run; whether all was found and came back."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        copy = Path(shutil.copytree(root, Path(scratch) / "root"))
+        for name, way in damaged:
+            if (copy / name).is_file():
+                WAYS[way](copy / name, draw)
+        hurt = {name for name, _ in damaged if _bytes(root / name) != _bytes(copy / name)}
+        answer = call(copy, "verify", "--contents", "--repair", "--json")
+        try:
+            rows = json.loads(answer.stdout)
+        except ValueError:
+            print(f"verify: {answer.stderr.strip()[-300:]}")
+            return False
+        said = {str(row["file"] or "") for row in (*rows["repaired"], *rows["disagreements"])}
+        ran = call(copy, "run")
+        lost = [name for name in files_of(root) if not (copy / name).is_file()]
+        other = [name for name in files_of(root) if name not in lost and _differs(root, copy, name)]
+        again = call(copy, "verify", "--contents").returncode
+    all_well = True
+    for name, way in damaged:
+        if name not in hurt:
+            continue
+        found = any(each.endswith(name) for each in said)
+        excused = name.startswith(_OF_STUDIES)
+        all_well &= found and (excused or (name not in lost and name not in other))
+        print(
+            f"{way:8} {name:55} {'found' if found else 'NOT FOUND':9} {'lost' if name in lost else 'there':5} "
+            f"{'' if name in lost else 'other bytes' if name in other else 'same bytes'}",
+            flush=True,
+        )
+    beside = [name for name in (*lost, *other) if name not in hurt and not name.startswith(_OF_STUDIES)]
+    if beside or ran.returncode or again:
+        all_well = False
+        print(f"  run {ran.returncode}, verify {again}, not as before: {', '.join(beside[:5])} {ran.stderr[-300:]}")
+    return all_well
+
+
+def _differs(root: Path, copy: Path, name: str) -> bool:
+    try:
+        return content(root / name) != content(copy / name)
+    except ValueError:
+        return True
+
+
+def _bytes(path: Path) -> bytes | None:
+    return path.read_bytes() if path.is_file() else None
+
+
+def main() -> int:
+    """Exit code 1 if something was not found or did not come back."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ways", nargs="*", choices=WAYS, default=list(WAYS))
+    parser.add_argument("--kinds", default="", help="only kinds of file with this in their name")
+    parser.add_argument("--rounds", type=int, default=5, help="times ten files are damaged at once (default 5)")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    draw = random.Random(options.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        root = made(Path(folder))
+        kinds: dict[str, list[str]] = {}
+        for name in files_of(root):
+            kinds.setdefault(kind_of(name), []).append(name)
+        print(f"{len(kinds)} kinds of file; {len(Stage)} stages, {len(CASES)} crashes", flush=True)
+        tries = [
+            [(draw.choice(names), way)]
+            for kind, names in kinds.items()
+            if options.kinds in kind
+            for way in options.ways
+        ]
+        for _ in range(options.rounds):
+            tries.append([(name, draw.choice(options.ways)) for name in draw.sample(files_of(root), 10)])
+        wrong = sum(not attempt(root, Path(folder), each, draw) for each in tries)
+    print(f"{len(tries)} tries, {wrong} in which not all was found or came back")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
