@@ -11,8 +11,8 @@ from urllib.parse import parse_qsl
 
 
 def agent_code(reference: str) -> str:
-    """Digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours
-    the module alone), its arguments, and the bytes of files that they name. Nothing of a module without a package is imported.
+    """Digest of an agent, given as ``module:Class?name=value``: the sources of the package it is in (of ours the module
+    alone), its arguments, and the bytes of files that they name.
 
     "unread" where the module is not a Python source.
     """
