@@ -23,13 +23,15 @@ class Request:
 
 @dataclass(frozen=True)
 class Answer:
-    """What is answered. ``declared_length`` above the body's tears the connection; ``delay_s`` waits before."""
+    """What is answered. ``declared_length`` above the body's tears the connection; ``delay_s`` waits before, ``byte_s``
+    before each byte."""
 
     body: bytes = b""
     status: int = 200
     headers: dict[str, str] = field(default_factory=dict)
     declared_length: int | None = None
     delay_s: float = 0.0
+    byte_s: float = 0.0
 
 
 Respond = Callable[[Request, int], Answer]
@@ -74,7 +76,11 @@ def serving(respond: Respond) -> Iterator[Loopback]:
                     self.send_header(name, value)
                 self.send_header("Content-Length", str(answer.declared_length or len(answer.body)))
                 self.end_headers()
-                if self.command != "HEAD":
+                for byte in answer.body if answer.byte_s else b"":
+                    stop.wait(answer.byte_s)
+                    self.wfile.write(bytes([byte]))
+                    self.wfile.flush()
+                if self.command != "HEAD" and not answer.byte_s:
                     self.wfile.write(answer.body)
             except ConnectionError:
                 pass  # the client gave up, as it should

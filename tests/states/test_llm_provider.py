@@ -16,6 +16,7 @@ from model_server import COST_USD, KEY, completion, failing, in_turn, llm_settin
 
 from trace_dag.errors import Failure, TransientFailure
 from trace_dag.states.json_io import estimate_to_json
+from trace_dag.states.llm.client import LlmClient
 from trace_dag.states.llm.estimator import estimate_llm, llm_client
 from trace_dag.storage import Storage
 
@@ -88,6 +89,40 @@ def test_a_time_out_is_a_transient_failure(monkeypatch, case):
         asking(monkeypatch, case, in_turn(slow), llm_timeout_s=0.2, llm_provider_attempts=2)
 
 
+def test_an_answer_that_comes_byte_by_byte_does_not_outlive_the_time_limit(monkeypatch, case):
+    dripping = dataclasses.replace(completion(right_answer(case)), byte_s=0.1)
+    began_s = time.monotonic()
+    with pytest.raises(TransientFailure, match=r"no whole answer within 0.5 s.*asked 2 times"):
+        asking(monkeypatch, case, in_turn(dripping), llm_timeout_s=0.5, llm_provider_attempts=2)
+    assert time.monotonic() - began_s < 60  # its bytes take minutes
+
+
+@pytest.mark.parametrize("wait_s", ["nan", "inf", "-inf", "-3"])
+def test_a_pause_that_is_none_is_not_waited_out(monkeypatch, case, wait_s):
+    respond = in_turn(failing(429, **{"Retry-After": wait_s}), completion(right_answer(case)))
+    asked = asking(monkeypatch, case, respond)
+    assert asked.slept in ([2.0], [0.0])
+
+
+def test_a_negative_usage_gives_no_money_back(monkeypatch, case):
+    whole = completion(right_answer(case))
+    body = json.loads(whole.body)
+    body["usage"] = {"prompt_tokens": -(10**9), "completion_tokens": -(10**9), "total_tokens": -2 * 10**9}
+    asked = asking(monkeypatch, case, in_turn(dataclasses.replace(whole, body=json.dumps(body).encode())))
+    assert asked.estimate.run.cost_usd == 0.0
+    assert asked.estimate.run.prompt_tokens == 0
+
+
+def test_an_answer_is_not_taken_for_that_of_another_endpoint(monkeypatch):
+    client = LlmClient("openai/gpt-4o")
+    question = {"messages": [{"role": "user", "content": "Where?"}], "prompt": "v1", "schema": {"type": "object"}}
+    for expected in ("here", "there"):
+        with serving(in_turn(completion(expected))) as server:
+            monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
+            assert [client.ask(**question).text for _ in range(2)] == [expected] * 2
+            assert len(server.requests) == 1
+
+
 @pytest.mark.parametrize("status", [400, 401, 402, 403, 404])
 def test_what_will_never_be_answered_is_a_failure_and_shows_no_key(monkeypatch, case, caplog, status):
     caplog.set_level(logging.DEBUG)
@@ -146,6 +181,7 @@ def test_what_was_asked_once_costs_nothing_again(monkeypatch, case, tmp_path):
     good = right_answer(case)
     files = Storage(tmp_path)
     respond = in_turn(completion("nonsense"), completion(good))
+    monkeypatch.setattr("trace_dag.states.llm.client.endpoint_of", lambda model: "one address for all servers")
     first = asking(monkeypatch, case, respond, files=files)
     again = asking(monkeypatch, case, in_turn(failing(500)), files=files)
     assert len(first.server.requests) == 2

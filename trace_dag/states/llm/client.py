@@ -12,10 +12,14 @@ import logging
 import math
 import os
 import re
+import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 from tenacity import RetryCallState, Retrying, retry_if_exception_type, wait_exponential
 
@@ -44,6 +48,7 @@ _TRIAL_ANSWER = {
 _ITS_TRACEBACK = "Traceback (most recent call last)"  # litellm quotes one in some of its messages
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 
 @dataclass
@@ -84,7 +89,10 @@ class LlmClient:
             Failure: asking again would not help (no such model, no key, malformed request), or the budget is spent.
         """
         limits = {} if self.max_output_tokens is None else {"max_output_tokens": self.max_output_tokens}
-        key = question_key(model=self.model, prompt=prompt, messages=messages, schema=schema, **limits)
+        asked_at = endpoint_of(self.model)
+        key = question_key(
+            model=self.model, endpoint=asked_at, prompt=prompt, messages=messages, schema=schema, **limits
+        )
         stored = self.store.get(key)
         if stored is None:
             stored = self._ask(messages, schema)
@@ -133,16 +141,22 @@ class LlmClient:
         started = time.monotonic()
         limits = {} if self.max_output_tokens is None else {"max_tokens": self.max_output_tokens}
         try:
-            response = litellm.completion(
-                model=self.model,
-                messages=messages,
-                timeout=timeout_s,
-                num_retries=0,
-                max_retries=0,
-                drop_params=True,
-                response_format={"type": "json_schema", "json_schema": {"name": "answer", "schema": dict(schema)}},
-                **limits,
+            response = _within(
+                timeout_s,
+                partial(
+                    litellm.completion,
+                    model=self.model,
+                    messages=messages,
+                    timeout=timeout_s,
+                    num_retries=0,
+                    max_retries=0,
+                    drop_params=True,
+                    response_format={"type": "json_schema", "json_schema": {"name": "answer", "schema": dict(schema)}},
+                    **limits,
+                ),
             )
+        except _TooSlowError:
+            raise _NoAnswer(f"{self.model}: Timeout: no whole answer within {timeout_s:.1f} s", None) from None
         except litellm.exceptions.ContentPolicyViolationError as error:
             return StoredAnswer(without_secrets(str(error))[:500], REFUSED, self.model, 0, 0, 0.0, 0.0)
         except Exception as error:  # errors of litellm, of its HTTP clients, and others that it lets through
@@ -171,15 +185,16 @@ class LlmClient:
             text=text,
             finish_reason=finish,
             model=str(getattr(response, "model", None) or self.model),
-            prompt_tokens=int(getattr(usage, "prompt_tokens", 0) or 0),
-            completion_tokens=int(getattr(usage, "completion_tokens", 0) or 0),
+            prompt_tokens=max(int(getattr(usage, "prompt_tokens", 0) or 0), 0),
+            completion_tokens=max(int(getattr(usage, "completion_tokens", 0) or 0), 0),
             cost_usd=round(self._cost_usd(litellm, response), 8),
             latency_s=round(latency_s, 3),
         )
 
     def _cost_usd(self, litellm: Any, response: Any) -> float:
         try:
-            return float(litellm.completion_cost(completion_response=response))
+            cost_usd = float(litellm.completion_cost(completion_response=response))
+            return cost_usd if math.isfinite(cost_usd) and cost_usd > 0 else 0.0  # whatever usage a provider claims
         except Exception:  # litellm raises a bare Exception for a model without a price
             if self.ledger.budget_usd is not None and not self._warned_of_price:
                 log.warning(
@@ -231,9 +246,45 @@ def _retry_after_s(error: Exception) -> float | None:
     headers = getattr(response, "headers", None) or getattr(error, "litellm_response_headers", None) or {}
     value = headers.get("retry-after")
     try:
-        return max(float(value), 0.0) if value is not None else None
+        wait_s = float(value) if value is not None else math.nan
     except ValueError:
         return None  # a date: wait as if nothing were asked for
+    return max(wait_s, 0.0) if math.isfinite(wait_s) else None
+
+
+class _TooSlowError(Exception):
+    pass
+
+
+def _within(limit_s: float, call: Callable[[], T]) -> T:
+    """What a call returns. Raises :class:`_TooSlowError` after ``limit_s``, however much of an answer has come by then.
+
+    The time-outs of HTTP clients begin anew with every byte. The call goes on in its thread, unheard.
+    """
+    answer: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            answer.set_result(call())
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=run, name="question", daemon=True).start()
+    if not wait([answer], timeout=max(limit_s, 0.0)).done:
+        raise _TooSlowError
+    return answer.result()
+
+
+def endpoint_of(model: str) -> str:
+    """Where a model is asked, as far as the environment says; "" is its provider's own address.
+
+    >>> endpoint_of("a-provider/a-model")
+    ''
+    """
+    provider = model.partition("/")[0].upper() if "/" in model else "OPENAI"
+    names = (f"{provider}_API_BASE", f"{provider}_BASE_URL")
+    address = urlsplit(next((value for name in names if (value := os.environ.get(name))), ""))
+    return address._replace(netloc=address.netloc.rpartition("@")[2]).geturl().rstrip("/")
 
 
 def without_secrets(text: str) -> str:
