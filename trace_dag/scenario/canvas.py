@@ -225,11 +225,18 @@ class Canvas:
         west, south, east, north = self.window
         bounds = shapely.bounds(made)
         leaves = (bounds < (west, south, west, south)).any(axis=1) | (bounds > (east, north, east, north)).any(axis=1)
-        cut = []
+        window = shapely.box(*self.window)
+        cut: list[shapely.LineString] = []
         for number in np.flatnonzero(leaves).tolist():
-            whole = shapely.Polygon(lines[number]) if closed and len(lines[number]) > 2 else made[number]
-            parts = shapely.get_parts(shapely.clip_by_rect(whole, *self.window))
-            cut += [part.exterior if isinstance(part, shapely.Polygon) else part for part in parts if not part.is_empty]
+            line = lines[number]
+            corners = line[:-1] if closed and bool((line[0] == line[-1]).all()) else line
+            area = closed and len(corners) > 2
+            whole = shapely.make_valid(shapely.Polygon(corners)) if area else made[number]
+            for part in shapely.get_parts(shapely.intersection(whole, window)):
+                if isinstance(part, shapely.Polygon):
+                    cut += [part.exterior]
+                elif isinstance(part, shapely.LineString) and not area:
+                    cut += [part]
         return np.array([*made[~leaves], *cut])
 
 

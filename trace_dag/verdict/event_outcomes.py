@@ -11,6 +11,7 @@ from typing import Final
 
 from trace_dag.crash.codes.events import FIXED_OBJECTS, LIVE_ANIMAL, OVERTURN, PERSON_EVENTS, VEHICLE_CONTACTS
 from trace_dag.crash.record import CrashRecord, EventRecord, first_vehicle_contact
+from trace_dag.crash.summary import event_named
 from trace_dag.verdict.types import Criterion, EventOutcome, Happening
 
 MODELLED: Final = VEHICLE_CONTACTS | PERSON_EVENTS | FIXED_OBJECTS | {LIVE_ANIMAL, OVERTURN}
@@ -61,4 +62,5 @@ def _outcome(event: EventRecord, criterion: Criterion | None) -> EventOutcome:
     if event.code not in MODELLED:
         return EventOutcome(event.number, event.code, Happening.NOT_MODELLED)
     why = "" if criterion is None or criterion.passed is None else criterion.detail
+    why = why.removeprefix(f"{event_named(event.number, event.code)}: ")
     return EventOutcome(event.number, event.code, Happening.MISSED, why or "not simulated")
