@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import zipfile
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -203,7 +204,7 @@ def test_a_crash_in_two_releases_is_read_once(well_formed: dict[str, bytes], tmp
         ({"accident.csv": "ST_CASE,YEAR\n1,2,3\n", "vehicle.csv": "ST_CASE,VEH_NO\n1,1\n"}, "is not a readable CSV"),
         (
             {"accident.csv": "ST_CASE,YEAR\n510001,2022\n510002,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},
-            "case years 2022, 2023; expected the files of one year",
+            "case years 2022, 2023; expected one year",
         ),
         (
             {"accident.csv": "ST_CASE,YEAR\n510001,2023\n510001,2023\n", "vehicle.csv": "ST_CASE,VEH_NO\n510001,1\n"},
@@ -228,8 +229,8 @@ def test_what_is_no_release_says_why(files: dict[str, str], says: str, tmp_path:
     assert str(tmp_path) in str(caught.value)
 
 
-def test_accidents_alone_are_counted_and_what_they_lack_is_said(
-    settings: CrashSettings, tmp_path: Path, caplog: pytest.LogCaptureFixture
+def test_accidents_alone_are_counted_and_refused_where_they_are_to_be_reconstructed(
+    settings: CrashSettings, tmp_path: Path
 ) -> None:
     (tmp_path / "accident.csv").write_text(
         "ST_CASE,YEAR,VE_FORMS,HARM_EV,LATITUDE,LONGITUD\n510001,2015,1,8,37,-77\n510002,2015,2,12,37,-77\n"
@@ -239,7 +240,8 @@ def test_accidents_alone_are_counted_and_what_they_lack_is_said(
         ("pedestrian", 1),
         ("two_vehicles", 2),
     ]
-    assert "no vehicle.csv beside it; its crashes can be counted, not reconstructed" in caplog.text
+    with pytest.raises(UserError, match=r"without vehicle\.csv \(bodies, speeds.*There are accident$"):
+        source.notes()
     for listing, (key, data) in zip(source.listings(), source.reports(), strict=True):
         record = read_report(data, name=key, settings=settings)
         assert (record.kind, record.vehicles) == (listing.kind, ())
@@ -256,6 +258,55 @@ def test_events_alone_are_counted_without_parked_vehicles(tmp_path: Path) -> Non
     (listing,) = FarsCsvSource.open(tmp_path).listings()
     assert (listing.key, listing.vehicles, listing.kind) == ("2016-510001", 2, "two_vehicles")
     assert (listing.latitude_deg, listing.state_code) == (None, 51)
+
+
+TWO_TABLES = {
+    "accident.csv": "ST_CASE,YEAR,VE_FORMS,HARM_EV,LATITUDE,LONGITUD\n510001,2015,1,8,37.5,-77\n",
+    "vehicle.csv": "ST_CASE,VEH_NO,TRAV_SP\n510001,1,45\n",
+}
+
+
+def test_tables_that_are_missing_are_named_with_what_that_costs(tmp_path: Path) -> None:
+    for name, content in TWO_TABLES.items():
+        (tmp_path / name).write_text(content)
+    (note,) = FarsCsvSource.open(tmp_path).notes()
+    assert note.startswith("FARS 2015: accident, vehicle; no cevent: ")
+    assert "; no pbtype: directions and positions of pedestrians and cyclists are unknown" in note
+
+
+def as_pandas(text: str) -> str:
+    """With an index, and whole numbers of columns with gaps as numbers with a fraction."""
+    header, *rows = text.splitlines()
+    written = (",".join(f"{value}.0" if value.isdigit() else value for value in row.split(",")) for row in rows)
+    return "\n".join([f",{header}", *(f"{number},{row}" for number, row in enumerate(written))])
+
+
+def as_r(text: str) -> str:
+    """With row names in quotes, and NA for what is not there."""
+    header, *rows = text.splitlines()
+    return "\n".join([f'"",{header},ROAD_FNC', *(f'"{number}",{row},NA' for number, row in enumerate(rows, 1))])
+
+
+@pytest.mark.parametrize("saved", [as_pandas, as_r])
+def test_tables_saved_by_pandas_and_r_are_read_as_nhtsas(
+    settings: CrashSettings, tmp_path: Path, saved: Callable[[str], str]
+) -> None:
+    for folder in ("nhtsa", "saved"):
+        (tmp_path / folder).mkdir()
+    for name, content in TWO_TABLES.items():
+        (tmp_path / "nhtsa" / name).write_text(content)
+        (tmp_path / "saved" / name).write_text(saved(content))
+    plain, other = (FarsCsvSource.open(tmp_path / folder) for folder in ("nhtsa", "saved"))
+    assert plain.listings() == other.listings()
+    assert records(plain, settings) == records(other, settings)
+
+
+def test_stacked_years_are_named_before_the_case_they_both_have(tmp_path: Path) -> None:
+    accidents = "ST_CASE,YEAR\n510001,2015\n510001,2016\n"
+    for name, content in {**TWO_TABLES, "accident.csv": accidents}.items():
+        (tmp_path / name).write_text(content)
+    with pytest.raises(UserError, match="case years 2015, 2016; expected one year, each in a folder"):
+        FarsCsvSource.open(tmp_path).listings()
 
 
 def test_a_missing_path(tmp_path: Path) -> None:

@@ -128,8 +128,10 @@ def _add_partitions(root: str) -> None:
 def _lines(report: IngestReport, cohort: str) -> list[str]:
     done = report.registration
     lines = [
-        f"Cohort {cohort}: {counted(len(done.added), 'crash', 'crashes')} registered, {len(done.known)} known already, "
-        f"{len(done.changed)} with a changed report; {counted(report.maps, 'map file')}, {done.maps_added} of them new."
+        *report.notes,
+        f"Cohort {cohort}: {counted(len(done.added), 'crash', 'crashes')} registered, "
+        f"{len(done.known)} known already, {len(done.changed)} with a changed report; "
+        f"{counted(report.maps, 'map file')}, {done.maps_added} of them new.",
     ]
     registered = len(done.added) + len(done.known) + len(done.changed) + len(done.elsewhere)
     if registered < report.offered:

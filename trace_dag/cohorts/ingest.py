@@ -34,7 +34,8 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._-]")
 class IngestReport:
     """What was registered and what was left aside.
 
-    ``offered`` counts the crashes that the sources hold and the filter admits, ``maps`` the map files given.
+    ``offered`` counts the crashes that the sources hold and the filter admits, ``maps`` the map files given. ``notes``
+    say what tables lack.
     """
 
     registration: Registration
@@ -43,6 +44,7 @@ class IngestReport:
     unrecognised: tuple[Unrecognised, ...] = ()
     offered: int = 0
     maps: int = 0
+    notes: tuple[str, ...] = ()
 
 
 def ingest(
@@ -76,7 +78,8 @@ def ingest(
             "expected CrashAPI GetCaseDetails responses in XML"
         )
     sources: list[Source] = [FolderSource(scanned.reports)] if scanned.reports else []
-    sources += [TableSource(plugin, location) for plugin, location in tables]
+    of_tables = [TableSource(plugin, location) for plugin, location in tables]
+    sources += of_tables
     if crash_api is not None:
         sources.append(CrashApiSource(crash_api, progress, case_lists))
     offers, chosen = _chosen(storage, sources, choice)
@@ -93,7 +96,13 @@ def ingest(
     if found_maps:
         remove_unused_map_copies(storage)
     return IngestReport(
-        registration, scanned.duplicates, scanned.conflicts, scanned.unrecognised, offers, len(found_maps)
+        registration,
+        scanned.duplicates,
+        scanned.conflicts,
+        scanned.unrecognised,
+        offers,
+        len(found_maps),
+        tuple(note for source in of_tables for note in source.notes),
     )
 
 

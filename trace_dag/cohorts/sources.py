@@ -77,6 +77,10 @@ class ReportTables(Protocol):
     """What a package offers as a source of reports, opened at a location (entry points of the group
     ``trace_dag.report_sources``: a class with ``open(location)``)."""
 
+    def notes(self) -> Sequence[str]:
+        """What is there and what is missing, in sentences. Raises UserError where that leaves nothing to do."""
+        ...
+
     def listings(self) -> Iterable[CrashListing]:
         """One line per crash there."""
         ...
@@ -92,6 +96,7 @@ class TableSource:
     def __init__(self, plugin: str, location: str) -> None:
         self.name = f"{plugin} {Path(location).name}"
         self._tables: ReportTables = load(PluginKind.REPORT_SOURCE, plugin).open(location)
+        self.notes = tuple(self._tables.notes())
 
     def offers(self, choice: Choice) -> list[CrashListing]:
         """See :class:`Source`."""

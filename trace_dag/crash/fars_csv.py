@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from trace_dag.crash.codes.crash import FUNC_SYS_OF_ROAD_FNC
 from trace_dag.crash.codes.events import MOTOR_VEHICLE_IN_TRANSPORT
-from trace_dag.crash.fars_files import FarsRelease, find_releases
+from trace_dag.crash.fars_files import TABLES, FarsRelease, find_releases
 from trace_dag.crash.keys import crash_key, parse_key, state_of
 from trace_dag.crash.kind import kind_of_codes
 from trace_dag.crash.listing import CrashListing
@@ -54,9 +54,21 @@ _CRASH_LISTS: Final = {
     "nmcrash": ("NmCrashes", "NMCrash"),
     "safetyeq": ("SafetyEQs", "SafetyEQ"),
 }
+_WITHOUT: Final = {
+    "accident": "where and when the crashes were",
+    "vehicle": "bodies, speeds, movements and crash types",
+    "cevent": "the order of events is put together from those of each vehicle",
+    "vsoe": "areas of impact are those of cevent or the vehicle's first",
+    "person": "people outside vehicles, ages and belts are those of other tables, or unknown",
+    "pbtype": "directions and positions of pedestrians and cyclists are unknown",
+    "damage": "damaged areas are unknown",
+    "maneuver": "what drivers avoided is unknown",
+}
+"""Tables, and what is missing without them."""
 _NOT_XML: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _INTEGER: Final = re.compile(r"[0-9]{1,9}(?:\.0*)?")
 _DECIMAL: Final = re.compile(r"-?[0-9]{1,4}(?:\.[0-9]*)?")
+_MISSING_IN_R: Final = "NA"
 _BATCH: Final = 1000
 """Crashes whose rows are turned into Python objects at a time; bounds the memory of a national year."""
 
@@ -71,6 +83,13 @@ class FarsCsvSource:
     def open(cls, path: Path) -> FarsCsvSource:
         """The releases in a folder (searched to the bottom) or zip. Raises UserError if there is none."""
         return cls(find_releases(Path(path)))
+
+    def notes(self) -> list[str]:
+        """Which tables of each year are there, which are missing, and what that costs.
+
+        Raises UserError for a year of which no crash could be reconstructed.
+        """
+        return [release.note() for release in self._releases]
 
     def listings(self) -> list[CrashListing]:
         """One line per crash, in order of keys. A crash that several releases hold is listed from the first one."""
@@ -105,7 +124,8 @@ class _SortedTable:
         import pyarrow.compute as pc
 
         try:
-            cases = pc.cast(pc.utf8_trim_whitespace(table["ST_CASE"]), pa.int64()).to_numpy()
+            whole = pc.replace_substring_regex(pc.utf8_trim_whitespace(table["ST_CASE"]), r"\.0*$", "")  # pandas' 7.0
+            cases = pc.cast(whole, pa.int64()).to_numpy()
         except pa.ArrowInvalid as error:
             raise UserError(f"{label}: a value of ST_CASE is not a number ({error})") from error
         self.cases: NDArray[np.int64] = cases
@@ -125,7 +145,7 @@ class _SortedTable:
             row = {
                 name: text
                 for name, column in zip(names, values, strict=True)
-                if (value := column[index]) and (text := value.strip())
+                if (value := column[index]) and (text := value.strip()) and text != _MISSING_IN_R
             }
             yield case, row
 
@@ -150,17 +170,32 @@ class _ReleaseTables:
                     "file or of a folder, such as fars-2016"
                 )
             return self._release.year_in_path
-        years = set(table[column].to_pylist())
-        if len(years) != 1 or not _INTEGER.fullmatch(year := next(iter(years)).strip()):
+        years = {year.strip().partition(".")[0] for year in table[column].to_pylist()}
+        if len(years) != 1 or not _INTEGER.fullmatch(year := next(iter(years))):
             raise UserError(
-                f"{self._release.label}: case years {', '.join(sorted(years))}; expected the files of one year"
+                f"{self._release.label}: case years {', '.join(sorted(years))}; expected one year, each in "
+                "a folder of its own, since case numbers are given anew every year"
             )
         return int(year)
+
+    def note(self) -> str:
+        """See :meth:`FarsCsvSource.notes`."""
+        there = [name for name in TABLES if name in self._release.files]
+        lacking = [name for name in _WITHOUT if name not in there]
+        needed = [name for name in ("accident", "vehicle") if name in lacking]
+        if needed:
+            files = " and ".join(f"{name}.csv ({_WITHOUT[name]})" for name in needed)
+            raise UserError(
+                f"{self._release.label}: no crash could be reconstructed without {files} of the same release; put it "
+                f"beside it. There are {', '.join(there)}"
+            )
+        missing = "".join(f"; no {name}: {_WITHOUT[name]}" for name in lacking)
+        return f"FARS {self.year}: {', '.join(there)}{missing}"
 
     @cached_property
     def state_cases(self) -> list[int]:
         """``ST_CASE`` of every crash, in order: of ``accident.csv``, else of the tables of events."""
-        accidents = self._table("accident")
+        year, accidents = self.year, self._table("accident")  # the year first: stacked ones have each case twice
         if accidents is None:
             events = [table.cases for name in _SEQUENCES if (table := self._table(name)) is not None]
             cases = np.unique(np.concatenate(events))
@@ -171,7 +206,7 @@ class _ReleaseTables:
             raise UserError(f"{self._release.label}: ST_CASE {twice[0]} has several rows; expected one per crash")
         for outermost in (*cases[:1].tolist(), *cases[-1:].tolist()):
             try:
-                crash_key(self.year, outermost)
+                crash_key(year, outermost)
             except ValueError as error:
                 raise UserError(f"{self._release.label}: {error}") from error
         return [int(case) for case in cases]

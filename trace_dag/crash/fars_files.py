@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import logging
 import re
 import zipfile
 from collections.abc import Iterator
@@ -22,33 +21,14 @@ from trace_dag.errors import UserError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-log = logging.getLogger(__name__)
-
-TABLES: Final = frozenset(
-    {
-        "accident",
-        "vehicle",
-        "cevent",
-        "vevent",
-        "vsoe",
-        "damage",
-        "maneuver",
-        "person",
-        "pbtype",
-        "nmprior",
-        "nmcrash",
-        "safetyeq",
-        "parkwork",
-        "vpicdecode",
-        "weather",
-    }
+TABLES: Final = (
+    *("accident", "vehicle", "person", "cevent", "vevent", "vsoe", "damage", "maneuver"),
+    *("pbtype", "nmprior", "nmcrash", "safetyeq", "parkwork", "vpicdecode", "weather"),
 )
 """The files that are read, by stem; further ones (drugs, race, ...) say nothing a reconstruction uses."""
 
 LEADING: Final = ("accident", "cevent", "vevent", "vsoe")
 """Tables that tell of every crash of a release: each of them makes one."""
-NEEDED: Final = ("accident", "vehicle")
-"""Tables without which crashes can be counted, but not reconstructed."""
 MAX_TABLE_BYTES: Final = 2 * 1024**3
 """The largest national file, person.csv with labels, has about 0.1 GB."""
 
@@ -120,8 +100,7 @@ class FarsRelease:
 def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     """Every release at a path: a folder (searched to the bottom, zips included), a zip, or one CSV file's folder.
 
-    A release may lack tables: its crashes can then be counted and listed, not reconstructed, which is logged. Raises
-    UserError if there is no table that tells of every crash.
+    A release may lack tables. Raises UserError if there is none that tells of every crash.
 
     >>> find_releases(Path("no-such-folder"))
     Traceback (most recent call last):
@@ -139,14 +118,6 @@ def find_releases(path: Path) -> tuple[FarsRelease, ...]:
     )
     if not releases:
         raise UserError(f"{path}: no accident.csv found; expected the files of a FARS national release")
-    for release in releases:
-        missing = [f"{name}.csv" for name in NEEDED if name not in release.files]
-        if missing:
-            log.warning(
-                "%s: no %s beside it; its crashes can be counted, not reconstructed",
-                release.label,
-                " and no ".join(missing),
-            )
     return releases
 
 
