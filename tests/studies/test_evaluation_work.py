@@ -10,9 +10,9 @@ import pytest
 
 from trace_dag.evaluation.agent_main import AgentLimits
 from trace_dag.evaluation.evaluate import Conditions
+from trace_dag.flow.pool import StepLost
 from trace_dag.settings import SimSettings
 from trace_dag.studies.cases import AgentRole
-from trace_dag.studies.deadlines import StepLost
 from trace_dag.studies.evaluation_work import EvaluationWork, LoadedCase, Step, _done
 
 

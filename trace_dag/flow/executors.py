@@ -8,31 +8,23 @@ the others are done. Does not belong here: what the work is.
 from __future__ import annotations
 
 import importlib
-import multiprocessing
-import multiprocessing.connection
-import multiprocessing.process
 import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from typing import Any, Generic, Protocol, TypeVar
 
 from trace_dag.errors import UserError
-from trace_dag.logs import configure_logging
-from trace_dag.processes import is_stopped
+from trace_dag.flow.pool import MOST_STOPPED_S, Pool, StepLost, Task
 from trace_dag.settings import ExecutionSettings
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 _ATTEMPTS_ALONE = 2
-_LOOK_S = 1.0  # how often a pool looks after its workers
-_MOST_STOPPED_S = 10.0  # after which a worker that was stopped (SIGSTOP) counts as lost
+_LOOK_S = 1.0  # how often a cluster is asked whether it has workers
 _MOST_WITHOUT_WORKERS_S = 300.0  # a cluster that restarts its workers has some again by then
 
 
@@ -131,123 +123,75 @@ class InProcessExecutor:
         """Nothing to release."""
 
 
+@dataclass(frozen=True)
+class _Call:
+    """A function to call with a task."""
+
+    function: Callable[[Any], Any]
+    task: Any
+
+
+@dataclass(frozen=True)
+class _Raised:
+    """What a function raised, which is for the caller."""
+
+    error: Exception
+
+
+class _Calls:
+    """What the workers of a pool do: call functions."""
+
+    def prepare(self, name: str) -> None:
+        """Calls share nothing."""
+
+    def do(self, shared: None, call: _Call) -> Any:
+        """One call."""
+        try:
+            return call.function(call.task)
+        except Exception as error:
+            return _Raised(error)
+
+
+def _called(function: Callable[[], object]) -> None:
+    function()
+
+
 class ProcessExecutor:
-    """A pool of spawned processes (never forked: MuJoCo, Arrow and Dagster hold threads)."""
+    """A pool of spawned processes, each with one task at a time."""
 
     machines = 1
-    most_stopped_s = _MOST_STOPPED_S
+    most_stopped_s = MOST_STOPPED_S
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
-        self._stopped: dict[multiprocessing.process.BaseProcess, float] = {}  # since when, of the monotonic clock
-        self._pool: ProcessPoolExecutor | None = None
-        self._lifeline: Connection | None = None
+        self._pool: Pool[None, _Call, Any] = Pool(_Calls(), workers=workers)
+        self._pool.most_stopped_s = self.most_stopped_s
 
     def prepare(self, function: Callable[[], object]) -> None:
         """See :class:`Executor`."""
-        for _ in range(self.workers):
-            self._ready_pool().submit(function)
+        self._pool.start(_Call(_called, function))
 
     def run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
-        """See :class:`Executor`. At most two tasks per worker are under way, so few are lost with a worker."""
-        try:
-            yield from self._run(function, tasks)
-        except BaseException:  # interrupted: nobody waits for what is under way any more
-            self._drop_pool(at_once=True)
-            raise
-
-    def _run(self, function: Callable[[T], R], tasks: Sequence[T]) -> Iterator[Answer[T, R]]:
-        waiting = list(reversed(tasks))
-        under_way: dict[Future[R], T] = {}
-        while waiting or under_way:
-            while waiting and len(under_way) < 2 * self.workers:
-                task = waiting.pop()
-                try:
-                    under_way[self._ready_pool().submit(function, task)] = task
-                except BrokenProcessPool:  # died between two answers; what is under way will say so
-                    waiting.append(task)
-                    if not under_way:
-                        self._drop_pool()
-                    break
-            done, _ = wait(under_way, _LOOK_S, return_when=FIRST_COMPLETED) if under_way else (set(), None)
-            if not done:
-                self._end_stopped()
-            broken = False
-            for future in done:
-                task = under_way.pop(future)
-                try:
-                    yield Answer(task, future.result())
-                except BrokenProcessPool as error:
-                    broken = True
-                    yield Answer(task, WorkerLost(str(error)))
-            if broken:
-                for task in under_way.values():
-                    yield Answer(task, WorkerLost("its worker died together with another"))
-                under_way.clear()
-                self._drop_pool()
+        """See :class:`Executor`."""
+        numbered = [Task(str(number), (_Call(function, task),)) for number, task in enumerate(tasks)]
+        for answer in self._pool.run(numbered):
+            result: Any = answer.result
+            if isinstance(result, _Raised):
+                raise result.error
+            yield Answer(tasks[int(answer.task)], WorkerLost(result.detail) if isinstance(result, StepLost) else result)
 
     def alone(self, function: Callable[[T], R], task: T) -> R | WorkerLost:
-        """See :class:`Executor`: in a pool of one process made for it."""
-        single = ProcessExecutor(1)
-        try:
-            (answer,) = single.run(function, [task])
-        finally:
-            single.close()
+        """See :class:`Executor`."""
+        (answer,) = self.run(function, [task])
         return answer.result
+
+    def processes(self) -> list[SpawnProcess]:
+        """The worker processes there are."""
+        return self._pool.processes()
 
     def close(self) -> None:
         """End the worker processes."""
-        self._drop_pool()
-
-    def _ready_pool(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            theirs, self._lifeline = context.Pipe(duplex=False)
-            self._pool = ProcessPoolExecutor(
-                self.workers, mp_context=context, initializer=_prepare_worker, initargs=(theirs,)
-            )
-        return self._pool
-
-    def processes(self) -> list[multiprocessing.process.BaseProcess]:
-        """The worker processes there are."""
-        return list((self._pool._processes or {}).values()) if self._pool is not None else []
-
-    def _end_stopped(self) -> None:
-        """Kill workers that somebody stopped (SIGSTOP) some time ago: their tasks would never be finished."""
-        stopped = [each for each in self.processes() if each.pid is not None and is_stopped(each.pid)]
-        since = {worker: self._stopped.get(worker, time.monotonic()) for worker in stopped}
-        self._stopped = since
-        for worker, first_seen_s in since.items():
-            if time.monotonic() - first_seen_s >= self.most_stopped_s:
-                worker.kill()
-
-    def _drop_pool(self, *, at_once: bool = False) -> None:
-        """End the workers when their present tasks are done, or ``at_once``."""
-        if self._pool is None or self._lifeline is None:
-            return
-        if at_once:
-            for worker in self.processes():  # one that was stopped would not notice that nobody wants it any more
-                worker.kill()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._lifeline.close()
-        self._pool = self._lifeline = None
-
-
-def _prepare_worker(lifeline: Connection) -> None:
-    # One thread per process: the processes are the parallelism.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    configure_logging()
-    # Ctrl-C is the parent's to handle; it ends its workers in good order.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
-
-
-def _end_with(lifeline: Connection) -> None:
-    # Its other end closes when the parent wants no more of this worker, and when the parent is killed: a worker of a
-    # killed parent would wait for its next task for ever.
-    multiprocessing.connection.wait([lifeline])
-    os._exit(1)
+        self._pool.close()
 
 
 class DaskExecutor:

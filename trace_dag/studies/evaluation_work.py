@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -20,6 +21,7 @@ from trace_dag.evaluation.cases import Case
 from trace_dag.evaluation.evaluate import Conditions, Evaluation, evaluate
 from trace_dag.evaluation.isolation import Isolation
 from trace_dag.flow.executors import WorkerLost, available_cores, run_redoing_lost
+from trace_dag.flow.pool import Pool, StepAnswer, StepLost, Task
 from trace_dag.flow.time_limit import within
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import libraries_of
@@ -27,7 +29,6 @@ from trace_dag.settings import SimSettings
 from trace_dag.sim.backends import backend, backend_factory
 from trace_dag.sim.types import Simulation
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
-from trace_dag.studies.deadlines import DeadlinePool, StepAnswer, StepLost, Task
 
 VERSION = "1"
 """Of the code that evaluates, our agents' included; see :data:`trace_dag.flow.stages.VERSIONS`."""
@@ -107,10 +108,15 @@ def answers(workspace: Workspace, work: EvaluationWork, tasks: Sequence[Task[Ste
     if execution.executor == "dask" and not one_at_a_time:
         return _on_cluster(workspace, work, tasks)
     workers = 1 if one_at_a_time else execution.workers or available_cores()
-    pool: DeadlinePool[LoadedCase, Step, Evaluation] = DeadlinePool(
+    pool: Pool[LoadedCase, Step, Evaluation] = Pool(
         work, workers=workers, step_limit_s=work.step_limit_s, memory_mb=_OUR_MEMORY_MB
     )
-    return pool.run(tasks)
+    return _in_pool(pool, tasks)
+
+
+def _in_pool(pool: Pool[LoadedCase, Step, Evaluation], tasks: Sequence[Task[Step]]) -> Answers:
+    with closing(pool):
+        yield from pool.run(tasks)
 
 
 def evaluating_code(settings: SimSettings) -> str:

@@ -20,12 +20,12 @@ from trace_dag.evaluation.isolation import Isolation
 from trace_dag.evaluation.registry import label, resolve
 from trace_dag.evaluation.table import Row, row, rows_from_parquet, rows_to_parquet
 from trace_dag.flow.manifests import list_files, read_listed, sound_manifest
+from trace_dag.flow.pool import StepLost, Task
 from trace_dag.flow.records import Complaint, raised
 from trace_dag.flow.workspace import Workspace
 from trace_dag.provenance import now
 from trace_dag.storage import Storage
 from trace_dag.studies.cases import AgentRole, StoredCase, load_case, number_of
-from trace_dag.studies.deadlines import StepLost, Task
 from trace_dag.studies.evaluation_work import EvaluationWork, Step, answers, evaluating_code
 
 FOLDER = "evaluations"

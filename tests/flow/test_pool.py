@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 
 from trace_dag.errors import Failure
-from trace_dag.studies.deadlines import DeadlinePool, StepLost, Task
+from trace_dag.flow.pool import Pool, StepLost, Task
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Work:
 
 
 def test_every_step_is_answered_whatever_others_do():
-    pool: DeadlinePool[str, str, str] = DeadlinePool(Work(), workers=2, step_limit_s=3.0, memory_mb=512)
+    pool: Pool[str, str, str] = Pool(Work(), workers=2, step_limit_s=3.0, memory_mb=512)
     tasks = [Task("a", ("x", "loop", "y")), Task("b", ("exit", "x")), Task("c", ("eat", "x")), Task("d", ())]
     began = time.monotonic()
     answers = {(each.task, each.step): each.result for each in pool.run(tasks)}
@@ -48,7 +48,7 @@ def test_every_step_is_answered_whatever_others_do():
 
 
 def test_what_cannot_be_prepared_is_our_failure():
-    pool: DeadlinePool[str, str, str] = DeadlinePool(Work(), workers=1, step_limit_s=3.0, memory_mb=512)
+    pool: Pool[str, str, str] = Pool(Work(), workers=1, step_limit_s=3.0, memory_mb=512)
     (answer,) = pool.run([Task("broken", ("x",))])
     assert isinstance(answer.result, Failure)
     assert "cannot be prepared" in str(answer.result)
