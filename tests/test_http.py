@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import socket
 import time
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
@@ -11,7 +13,7 @@ import pytest
 from loopback import Answer, serving
 
 from trace_dag.errors import Failure, TransientFailure
-from trace_dag.http import HttpClient, HttpPolicy
+from trace_dag.http import HttpClient, HttpPolicy, UnreachableError
 
 QUICK = HttpPolicy(timeout_s=0.3, attempts=3, first_wait_s=0.01, longest_wait_s=0.05, requests_per_s=1000)
 
@@ -183,3 +185,27 @@ def test_cache_only_sends_nothing(tmp_path: Path) -> None:
         HttpClient(QUICK, cache_dir=tmp_path).get(server.url)
         assert HttpClient(cache_only, cache_dir=tmp_path).get(server.url) == b"ok"
         assert len(server.requests) == 1
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [socket.gaierror(socket.EAI_NONAME, "Name or service not known"), OSError(errno.ENETUNREACH, "unreachable")],
+)
+def test_without_a_network_one_look_is_enough_and_what_helps_is_said(
+    monkeypatch: pytest.MonkeyPatch, broken: OSError
+) -> None:
+    looks: list[object] = []
+
+    def no_way(*address: object, **_: object) -> None:
+        looks.append(address)
+        raise broken
+
+    monkeypatch.setattr(socket, "create_connection", no_way)
+    monkeypatch.setattr(socket, "getaddrinfo", no_way)
+    naps = Naps()
+    http = HttpClient(HttpPolicy(requests_per_s=1e3), instead="download it by hand", sleep=naps)
+    for url in ("http://crashes.invalid/a", "http://crashes.invalid/b"):
+        with pytest.raises(UnreachableError, match=r"^crashes\.invalid cannot be reached \(.*\); download it by hand$"):
+            http.get(url)
+    assert len(looks) == 1
+    assert naps.taken_s == []

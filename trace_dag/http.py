@@ -2,15 +2,18 @@
 
 Time-outs, exponential back-off with jitter on what may pass by itself (408, 429, 5xx, lost connections, wrong
 answers), ``Retry-After`` honoured, a polite rate, bounded answers, and a cache on disk keyed by the request that
-never holds a failure. In cache-only mode nothing leaves the machine. Knows no service: what a right answer is, and
-whether it will stay one, the caller says.
+never holds a failure. Where there is no network, that is found out once and said. In cache-only mode nothing leaves
+the machine. Knows no service: what a right answer is, and whether it will stay one, the caller says.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import math
 import os
+import socket
 import tempfile
 import threading
 import time
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
 TRANSIENT_STATUS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
 USER_AGENT: Final = "trace-dag (crash reconstruction research)"
 _SNIPPET: Final = 120
+_UNREACHABLE_FOR_S: Final = 60.0  # for so long a host to which there was no way is not tried again
+_NO_ROUTE: Final = frozenset({errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN})
 _BODY: Final = ".body"
 
 Check = Callable[[bytes], str | None]
@@ -81,23 +86,32 @@ class _AskAgain(TransientFailure):
         self.retry_after_s = retry_after_s
 
 
+class UnreachableError(TransientFailure):
+    """There is no way to a service from this machine, now: it is not asked again at once."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, tried_again=True)
+
+
 @dataclass
 class HttpClient:
     """A client for one service. Safe to use from several threads; the rate holds over all of them.
 
     With ``turns``, a file, it holds over all processes of the machine that were given the same one.
-    ``sleep`` and ``clock`` (monotonic seconds) can be replaced in tests.
+    ``instead`` says what helps where there is no network. ``sleep`` and ``clock`` (monotonic seconds) are for tests.
     """
 
     policy: HttpPolicy = HttpPolicy()
     cache_dir: Path | None = None
     turns: Path | None = None
+    instead: str = ""
     sleep: Callable[[float], None] = time.sleep
     clock: Callable[[], float] = time.monotonic
     _client: httpx.Client | None = field(default=None, init=False, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False)
     _next_free_s: float = field(default=float("-inf"), init=False, repr=False)
     _down: bool = field(default=False, init=False, repr=False)
+    _unreachable: dict[str, tuple[float, str]] = field(default_factory=dict, init=False, repr=False)  # until when; why
 
     def get(
         self,
@@ -127,6 +141,7 @@ class HttpClient:
         """The body of a right answer, from the cache if the same was asked before and the answer ``lasts``.
 
         Raises:
+            UnreachableError: there is no network, or no such host in it.
             TransientFailure: no right answer after all attempts, of a kind that may pass by itself.
             Failure: the request was refused for good (a 4xx), or is not in the cache in cache-only mode.
         """
@@ -189,6 +204,10 @@ class HttpClient:
     ) -> bytes:
         import httpx  # which takes a tenth of a second to load, and nothing is asked in most runs
 
+        host = urlsplit(url).hostname or url
+        until_s, why = self._unreachable.get(host, (-math.inf, ""))
+        if self.clock() < until_s:
+            raise UnreachableError(why)
         self._wait_for_turn()
         try:
             with self._connection().stream(method, url, params=params, data=data) as response:
@@ -204,6 +223,10 @@ class HttpClient:
         except (httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
             raise Failure(f"{method} {url}: no URL that can be asked: {error}") from error
         except httpx.TransportError as error:
+            if (reason := _no_way_to(error)) is not None:
+                why = f"{host} cannot be reached ({reason}){self.instead and f'; {self.instead}'}"
+                self._unreachable[host] = (self.clock() + _UNREACHABLE_FOR_S, why)
+                raise UnreachableError(why) from error
             raise _AskAgain(f"{method} {url}: {type(error).__name__}: {error}") from error
         problem = check(body) if check is not None else None
         if problem is not None:
@@ -342,3 +365,12 @@ def _store(path: Path, body: bytes, request: dict[str, object]) -> None:
             with suppress(OSError):
                 Path(name).unlink()
             raise
+
+
+def _no_way_to(error: BaseException | None) -> str | None:
+    """What the system says where a name cannot be resolved or no route leads there; None for other errors."""
+    while error is not None:
+        if isinstance(error, socket.gaierror) or (isinstance(error, OSError) and error.errno in _NO_ROUTE):
+            return str(error.strerror)
+        error = error.__cause__ or error.__context__
+    return None

@@ -6,6 +6,7 @@ import bz2
 import gzip
 import math
 import random
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -291,6 +292,64 @@ def test_ids_below_0_as_editors_give_them_are_read(tmp_path: Path) -> None:
     assert all(way.id > 0 and min(way.node_ids) > 0 for way in cut.ways)
     alone = [element.replace('id="', 'id="-').replace('ref="', 'ref="-') for element in CROSSROADS]
     assert len(found(extract(save(tmp_path / "new.osm", *alone))).ways) == 2
+
+
+def test_what_an_editor_has_deleted_is_not_on_the_map(tmp_path: Path) -> None:
+    deleted = way(-3, [1, 4], name="Removed Road").replace("<way ", '<way action="delete" visible="true" ')
+    moved = node(5, 0, 120).replace("<node ", '<node action="modify" visible="true" ')
+    cut = found(extract(save(tmp_path / "josm.osm", *CROSSROADS[:4], moved, *CROSSROADS[5:], deleted)))
+    assert [each.tags["name"] for each in cut.ways] == ["Main Street", "Elm Street"]
+    assert cut.nodes[5].latitude_deg == pytest.approx(place(0, 120)[0], abs=1e-6)
+    assert len(cut.relations) == 1
+
+
+def test_of_a_history_the_newest_version_counts_where_it_is_visible(tmp_path: Path) -> None:
+    def version(element: str, number: int, visible: str) -> str:
+        return element.replace('version="1"', f'version="{number}" visible="{visible}"')
+
+    history = [
+        version(node(1, -60, 0), 1, "true"),
+        version(node(1, -100, 0), 2, "true"),
+        *CROSSROADS[1:5],
+        version(way(10, [1, 2], lanes="1"), 1, "true"),
+        version(way(10, [1, 2, 3], lanes="4"), 10, "true"),
+        version(way(10, [1, 2], lanes="2"), 9, "true"),
+        version(way(11, [4, 2, 5]), 1, "true"),
+        version('<way id="11" version="1"></way>', 2, "false"),
+    ]
+    cut = found(extract(save(tmp_path / "history.osm", *history)))
+    assert [(each.id, each.node_ids, each.tags["lanes"]) for each in cut.ways] == [(10, (1, 2, 3), "4")]
+    assert cut.nodes[1].longitude_deg == pytest.approx(place(-100, 0)[1], abs=1e-6)
+
+
+def test_a_history_in_binary_form_is_refused_with_what_makes_a_map_of_it(tmp_path: Path) -> None:
+    path, header = tmp_path / "town.osm.pbf", osmium.io.Header()
+    header.has_multiple_object_versions = True
+    with osmium.SimpleWriter(osmium.io.File(str(path), "osh.pbf"), header=header) as writer:
+        osmium.apply(str(save(tmp_path / "town.osm", *CROSSROADS)), writer)
+    with pytest.raises(UserError, match=r"town\.osm\.pbf: a history file.*osmium time-filter"):
+        MapCatalog.open([path])
+
+
+@pytest.mark.parametrize("suffix", [".osm", ".osm.gz"])
+def test_places_in_the_ways_are_read_as_overpass_gives_them(tmp_path: Path, suffix: str) -> None:
+    def located(number: int) -> str:
+        latitude, longitude = place(*{1: (-100, 0), 2: (0, 0), 3: (100, 0), 4: (0, -100), 5: (0, 100)}[number])
+        return f'<nd ref="{number}" lat="{latitude:.7f}" lon="{longitude:.7f}"/>'
+
+    def geometry(element: str) -> str:
+        bounds = '<bounds minlat="36.9" minlon="-77.1" maxlat="37.1" maxlon="-76.9"/>'
+        return re.sub(r'<nd ref="(\d)"/>', lambda nd: located(int(nd[1])), element).replace("><nd", f">{bounds}<nd", 1)
+
+    member = restriction(20, 10, 2, 11).replace('role="from"/>', f'role="from">{located(1)}{located(2)}</member>')
+    plain = document(geometry(CROSSROADS[5]), geometry(CROSSROADS[6]), member)
+    (tmp_path / f"town{suffix}").write_bytes(gzip.compress(plain) if suffix == ".osm.gz" else plain)
+    cut = found(extract(tmp_path / f"town{suffix}"))
+    whole = found(extract(save(tmp_path / "whole.osm", *CROSSROADS)))
+    assert (cut.ways, cut.relations) == (whole.ways, whole.relations)
+    assert {number: each[1:3] for number, each in cut.nodes.items()} == {
+        number: each[1:3] for number, each in whole.nodes.items()
+    }
 
 
 @pytest.mark.parametrize("text", [b"a", b"<a>", b"-"], ids=["letters", "tags", "dashes"])

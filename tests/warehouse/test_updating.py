@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import re
+import subprocess
+import sys
 from importlib import resources
 from pathlib import Path
 
+import duckdb
 import pytest
 
 from tests.result_tables import result_tables
 from tests.warehouse.test_rebuilding import made, note
 from trace_dag.cohorts.registry import Registry, ReportSource
-from trace_dag.errors import Reason
+from trace_dag.errors import Failure, Reason
 from trace_dag.stage import Stage
 from trace_dag.storage import Storage
 from trace_dag.warehouse.build import build_warehouse
-from trace_dag.warehouse.query import check_warehouse, open_warehouse, rows
+from trace_dag.warehouse.query import check_warehouse, note_built, open_warehouse, rows
 from trace_dag.warehouse.tables import TABLES, Rows
 
 KEYS = [f"2023-51{number:04d}" for number in range(1, 61)]
@@ -96,3 +100,20 @@ def test_damaged_crashes_are_read_until_they_are_whole(tmp_path, monkeypatch, ca
     assert {row["key"] for row in rows(tmp_path / WAREHOUSE, "crashes") if row["final_state"] == "verified"} == set(
         KEYS
     )
+
+
+def test_a_program_that_holds_the_warehouse_is_named(tmp_path):
+    path = tmp_path / WAREHOUSE
+    with duckdb.connect(str(path)) as connection:
+        connection.execute("CREATE TABLE crashes AS SELECT 1")
+    note_built(path, hashlib.sha256(path.read_bytes()).hexdigest())
+    hold = f"import duckdb, sys; c = duckdb.connect({str(path)!r}); print('held', flush=True); sys.stdin.read()"
+    holder = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert holder.stdout.readline() == b"held\n"
+        with pytest.raises(Failure, match=rf"\(process {holder.pid}\) has it open to write; end it"):
+            open_warehouse(path)
+    finally:
+        holder.communicate(b"")
+    with open_warehouse(path) as reader:
+        assert reader.execute("FROM crashes").fetchall() == [(1,)]

@@ -43,10 +43,14 @@ def carry_out(root: str, settings: Mapping[str, Any], select: Callable[[Workspac
     stand = standings(read_records(workspace.storage, selection.asked))
     print_standings(stand)
     failed = [crash for crash in stand.values() if crash.final_state is FinalState.FAILED]
-    for crash in failed[:_FAILURES_SHOWN]:
-        complain(f"failed: {crash.key} in {crash.stage_reached}: {one_line(crash.detail, 200)}")
-    if len(failed) > _FAILURES_SHOWN:
-        complain(f"failed: {len(failed) - _FAILURES_SHOWN} more; see trace-dag status")
+    alike: dict[tuple[object, str], list[str]] = {}
+    for crash in failed:
+        alike.setdefault((crash.stage_reached, crash.detail), []).append(crash.key)
+    for (stage, why), (first, *others) in list(alike.items())[:_FAILURES_SHOWN]:
+        which = f"{first} and {len(others)} more" if others else first
+        complain(f"failed: {which} in {stage}: {one_line(why, 300)}")
+    if len(alike) > _FAILURES_SHOWN:
+        complain(f"failed: {sum(map(len, list(alike.values())[_FAILURES_SHOWN:]))} more; see trace-dag status")
     outdated = [crash for crash in stand.values() if crash.outdated]
     for crash in outdated[:_FAILURES_SHOWN]:
         why = one_line(crash.outdated_because, 200)

@@ -26,6 +26,17 @@ if TYPE_CHECKING:
     from trace_dag.states.estimate import Estimator
 
 CACHE_FOLDER = "cache"
+_MAP_BY_HAND = (
+    "download a map of the state (https://download.geofabrik.de/north-america/us.html) where there is a network, and "
+    "give it to trace-dag ingest --maps FILE --cohort NAME"
+)
+_WITHOUT_NETWORK = {
+    "crashapi": "download the FARS tables of the years (https://www.nhtsa.gov/file-downloads?p=nhtsa/downloads/FARS) "
+    "where there is a network, and give them to trace-dag ingest --fars-csv FILE --cohort NAME",
+    "overpass": _MAP_BY_HAND,
+    "osm-api": _MAP_BY_HAND,
+}
+"""What to do instead of asking each service."""
 
 
 def map_copies(storage: Storage) -> Path:
@@ -114,4 +125,4 @@ def _http(service: str, settings: ServiceSettings, storage: Storage, *, refresh:
         cache_only=settings.cache_only,
         refresh=refresh,
     )
-    return HttpClient(policy, folder, turns=folder / "turns")
+    return HttpClient(policy, folder, turns=folder / "turns", instead=_WITHOUT_NETWORK.get(service, ""))

@@ -16,7 +16,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from trace_dag.errors import Failure, Reason, Rejection, TransientFailure, UserError
-from trace_dag.http import HttpClient
+from trace_dag.http import HttpClient, UnreachableError
 from trace_dag.osm.catalog import box_around, is_on_earth
 from trace_dag.osm.cutting import cut_roads
 from trace_dag.osm.drivable import DRIVABLE_HIGHWAYS, is_drivable
@@ -69,6 +69,8 @@ class OverpassSource:
                 return self.http.post(endpoint, query, check=whats_wrong)
             except Failure as failure:
                 failures.append(failure)
+        if all(isinstance(failure, UnreachableError) for failure in failures):
+            raise failures[0]
         said = "; ".join(str(failure) for failure in failures)
         kind = TransientFailure if any(isinstance(failure, TransientFailure) for failure in failures) else Failure
         raise kind(f"no Overpass endpoint answered: {said}")

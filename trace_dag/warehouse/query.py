@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trace_dag.checksums import checked, with_checksum
-from trace_dag.errors import DamagedFile, UserError
+from trace_dag.errors import DamagedFile, Failure, UserError
 from trace_dag.flow.manifests import agreed
 from trace_dag.storage import Storage
 
@@ -23,6 +23,7 @@ MAX_ROWS = 5_000_000
 """Of one answer: some 2 GB of memory. A national year has 40,000 crashes, its largest table some 100 rows for each."""
 
 _DESCRIBE = re.compile(r'\s*DESC(?:RIBE)?\s+"?(?P<table>\w+)"?\s*;?\s*', re.IGNORECASE)
+_HELD_BY = re.compile(r"Conflicting lock is held in (?P<program>.+) \(PID (?P<pid>\d+)\)")
 _BUILT_AGAIN = "trace-dag verify --repair builds it again from what is stored, and so does trace-dag run"
 
 
@@ -46,6 +47,11 @@ def open_warehouse(path: Path) -> duckdb.DuckDBPyConnection:
             connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
             connection.execute("SET lock_configuration = true")
     except duckdb.Error as error:
+        if held := _HELD_BY.search(str(error)):
+            raise Failure(
+                f"{path}: {held['program']} (process {held['pid']}) has it open to write; end it, or have it open "
+                "the warehouse read-only"
+            ) from error
         raise DamagedFile(str(path), f"DuckDB cannot open it ({_first_line(error)})", _BUILT_AGAIN) from error
     return connection
 
