@@ -75,6 +75,12 @@ def test_a_ring_without_area_that_leaves_the_window_harms_nothing(canvas):
     assert len(of_colour(drawn(canvas.svg(), 40), "#ff0000")) == 100
 
 
+def test_what_lies_outside_the_window_is_not_drawn(canvas):
+    canvas.polygons([SQUARE + 1000.0], Ink("red"), 1.0)
+    canvas.lines([SQUARE + 1000.0], Ink(stroke="black", width_pt=1.0), 2.0)
+    assert paths(canvas) == []
+
+
 def test_higher_things_cover_lower_ones_whatever_the_order_of_drawing(canvas):
     canvas.polygons([SQUARE], Ink("#0000ff"), 2.0)
     canvas.polygons([SQUARE], Ink("#ff0000"), 1.0)

@@ -233,6 +233,8 @@ class Canvas:
             area = closed and len(corners) > 2
             whole = shapely.make_valid(shapely.Polygon(corners)) if area else made[number]
             for part in shapely.get_parts(shapely.intersection(whole, window)):
+                if part.is_empty:  # it lies outside
+                    continue
                 if isinstance(part, shapely.Polygon):
                     cut += [part.exterior]
                 elif isinstance(part, shapely.LineString) and not area:
