@@ -51,6 +51,12 @@ def test_rings_of_one_look_are_one_path_all_one_way_round(canvas):
     assert len({area > 0.0 for area in areas}) == 1
 
 
+def test_what_lies_outside_the_window_is_not_drawn(canvas):
+    canvas.polygons([SQUARE + 100.0], Ink("red"), 1.0)
+    canvas.polygons([SQUARE + 100.0, SQUARE], Ink("blue"), 1.0)
+    assert [len(corners(path.get("d"))) for path in paths(canvas) if path.get("d")] == [1]
+
+
 def test_strokes_have_their_width_in_points_and_lose_needless_points(canvas):
     line = np.column_stack([np.linspace(0.0, 20.0, 41), np.zeros(41)])
     canvas.lines([line, line[:1]], Ink(stroke="black", width_pt=2.0), 1.0)

@@ -136,10 +136,10 @@ def build_benchmark(workspace: Workspace, *, contents: bool = False) -> Benchmar
             workspace.page_listener(done, len(stale))
     digests = {crash.key: crash.digest for crash in crashes if crash.key not in errors}
     kept = digests.keys() - {crash.key for crash in stale}
-    files = {name: file for name, file in before.files.items() if crash_of(name) in kept} | made
+    left = {name: file for name, file in before.files.items() if crash_of(name) in kept | errors.keys()}
+    files = left | made
     index = _write_index(storage, warehouse, table, {crash.key: crash.rights for crash in crashes}, files)
-    gone = before.files.keys() - files.keys() - {file.name for file in index}
-    for name in {name for name in gone if crash_of(name) not in errors}:
+    for name in before.files.keys() - files.keys() - {file.name for file in index}:
         storage.delete(name)
     _remove_others(storage, {"packages": verified, "thumbnails": verified, REPLAYS: {crash.key for crash in crashes}})
     all_files = files | {file.name: file for file in index}

@@ -207,7 +207,7 @@ class Canvas:
         places = np.round(self.places(points)).astype(np.int64)
         starts = np.flatnonzero(np.diff(numbers, prepend=-1)).tolist()
         words = []
-        for start, end in zip(starts, [*starts[1:], len(places)], strict=True):
+        for start, end in zip(starts, [*starts, len(places)][1:], strict=True):  # none where all is cut away
             ring = places[start:end]
             if closed and _turns_left(ring.astype(float)):
                 ring = ring[::-1]
