@@ -56,6 +56,7 @@ def test_gymnasium_finds_nothing_to_warn_of(home, actions):
 
 def test_pettingzoo_finds_nothing_wrong():
     root = sample_runs.finished()
+    assert ParallelCrashEnv(root, KEY).possible_agents
     parallel_api_test(ParallelCrashEnv(root, KEY), num_cycles=70)
     parallel_seed_test(lambda: ParallelCrashEnv(root, KEY), num_cycles=10)
 

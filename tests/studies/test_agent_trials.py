@@ -34,7 +34,7 @@ def agents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_has_the_methods_of_an_agent_is_one_wherever_they_come_from():
-    try_agents(["my_agents:Driver"], AgentLimits())
+    assert try_agents(["my_agents:Driver"], AgentLimits()) is None  # it raises for what is none
 
 
 @pytest.mark.parametrize(
