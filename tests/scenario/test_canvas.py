@@ -88,6 +88,12 @@ def test_a_ring_without_area_that_leaves_the_window_harms_nothing(canvas):
     assert len(of_colour(drawn(canvas.svg(), 40), "#ff0000")) == 100
 
 
+def test_a_ring_without_area_that_leaves_the_window_harms_nothing(canvas):
+    there_and_back = np.array([(0.0, 0.0), (500.0, 0.0), (0.0, 0.0)])
+    canvas.polygons([there_and_back, SQUARE], Ink("red"), 1.0)
+    assert len(of_colour(drawn(canvas.svg(), 40), "#ff0000")) == 100
+
+
 def test_what_lies_outside_the_window_is_not_drawn(canvas):
     canvas.polygons([SQUARE + 1000.0], Ink("red"), 1.0)
     canvas.lines([SQUARE + 1000.0], Ink(stroke="black", width_pt=1.0), 2.0)
